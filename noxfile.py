@@ -1,4 +1,5 @@
-"""What is tried before a release: other interpreters, oldest and newest versions, the files that are uploaded.
+"""What is tried before a release: other interpreters, oldest and newest versions, the files that
+are uploaded.
 
     nox -s tests                 the suite on every interpreter found, with pinned, oldest and newest packages
     nox -s package               the wheel and the source distribution, built and looked into
@@ -6,7 +7,8 @@
     nox -s from_sdist            the suite inside the unpacked source distribution
     nox -s from_wheel            the suite against the installed wheel, without our folders beside it
 
-`make release-check` runs all but the first. An interpreter that is not on the machine is skipped, and said to be.
+`make release-check` runs all but the first. An interpreter that is not on the machine is skipped,
+and said to be.
 """
 
 import re
@@ -31,10 +33,16 @@ nox.options.error_on_missing_interpreters = False
 
 #: The first script of the README.
 SCRIPT = re.search(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)[1]
-#: A record in memory, to a model, a controller and a report: what the core does without the packages of the extras.
-CORE = re.search(r'CORE = """\n(.*?)"""', (ROOT / "tests/project/test_light_install.py").read_text(), re.DOTALL)[1]
-#: Every interpreter with the pins and with the newest; the oldest packages have wheels for the oldest interpreter only.
-COMBINATIONS = [(python, versions) for python in PYTHONS for versions in ("pinned", "newest")] + [("3.11", "oldest")]
+# : A record in memory, to a model, a controller and a report: what the core does without the
+# packages of the extras.
+CORE = re.search(
+    r'CORE = """\n(.*?)"""', (ROOT / "tests/project/test_light_install.py").read_text(), re.DOTALL
+)[1]
+# : Every interpreter with the pins and with the newest; the oldest packages have wheels for the
+# oldest interpreter only.
+COMBINATIONS = [(python, versions) for python in PYTHONS for versions in ("pinned", "newest")] + [
+    ("3.11", "oldest")
+]
 
 
 @nox.session
@@ -43,7 +51,9 @@ def tests(session, versions):
     """The suite, in the checkout."""
     session.install(*VERSIONS[versions], "-e", ".[test,docs]")
     asked = QUIET | {"NLFRF_VERSIONS": versions}
-    session.run("python", "-m", "pytest", "-n", "2", "--dist", "worksteal", *session.posargs, env=asked)
+    session.run(
+        "python", "-m", "pytest", "-n", "2", "--dist", "worksteal", *session.posargs, env=asked
+    )
 
 
 @nox.session
@@ -53,8 +63,11 @@ def package(session):
     shutil.rmtree(ROOT / "dist", ignore_errors=True)
     session.run("python", "-m", "build", "--quiet")
     session.run("twine", "check", "--strict", *map(str, (ROOT / "dist").iterdir()))
-    # W002, files held twice: the licence of the plot library stands beside it, and among the licences of the wheel
-    session.run("check-wheel-contents", "--toplevel", "nlfrf,robust", "--ignore", "W002", str(built("whl")))
+    # W002, files held twice: the licence of the plot library stands beside it, and among the
+    # licences of the wheel
+    session.run(
+        "check-wheel-contents", "--toplevel", "nlfrf,robust", "--ignore", "W002", str(built("whl"))
+    )
 
 
 @nox.session
@@ -78,7 +91,9 @@ def from_sdist(session):
         files.extractall(session.create_tmp(), filter="data")
     session.chdir(Path(session.create_tmp()) / built("tar.gz").name.removesuffix(".tar.gz"))
     session.install("-c", "constraints.txt", "-e", ".[test,docs]")
-    session.run("python", "-m", "pytest", "-n", "2", "--dist", "worksteal", *session.posargs, env=QUIET)
+    session.run(
+        "python", "-m", "pytest", "-n", "2", "--dist", "worksteal", *session.posargs, env=QUIET
+    )
 
 
 @nox.session(python="3.11")
@@ -92,7 +107,18 @@ def from_wheel(session):
     session.install("-c", "constraints.txt", f"{built('whl')}[test,docs]")
     session.chdir(folder)
     session.run(
-        *("python", "-m", "pytest", "-n", "2", "--dist", "worksteal", "tests", "--ignore", "tests/project"),
+        *(
+            "python",
+            "-m",
+            "pytest",
+            "-n",
+            "2",
+            "--dist",
+            "worksteal",
+            "tests",
+            "--ignore",
+            "tests/project",
+        ),
         *("--ignore", "tests/nlfrf/test_doctor.py", *session.posargs),
         env=QUIET,
     )
@@ -102,5 +128,7 @@ def built(suffix):
     """The one file of this kind in dist/."""
     found = sorted((ROOT / "dist").glob(f"*.{suffix}"))
     if len(found) != 1:
-        raise FileNotFoundError(f"dist must hold one file .{suffix}, got {len(found)}; run nox -s package first")
+        raise FileNotFoundError(
+            f"dist must hold one file .{suffix}, got {len(found)}; run nox -s package first"
+        )
     return found[0]

@@ -11,7 +11,8 @@ import subprocess
 import sys
 import time
 
-#: Each command by itself takes other numbers of records, loops and files than the few of here; it prints how many.
+# : Each command by itself takes other numbers of records, loops and files than the few of here; it
+# prints how many.
 COMMANDS = (
     "machine",
     "size",
@@ -70,7 +71,8 @@ COMMANDS = (
     "coverage --records 50 --processes 2",
     "coverage --hard --records 20 --processes 2",
 )
-#: More threads of linear algebra wait for one another by spinning, which the processor's clock counts as work.
+# : More threads of linear algebra wait for one another by spinning, which the processor's clock
+# counts as work.
 QUIET = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
 
 
@@ -78,7 +80,9 @@ def asked(names: list[str]) -> list[str]:
     """The commands of these names, all without one."""
     known = {command.split()[0] for command in COMMANDS}
     if unknown := set(names) - known:
-        raise SystemExit(f"name must be one of {', '.join(sorted(known))}, got {', '.join(sorted(unknown))}")
+        raise SystemExit(
+            f"name must be one of {', '.join(sorted(known))}, got {', '.join(sorted(unknown))}"
+        )
     return [command for command in COMMANDS if not names or command.split()[0] in names]
 
 
@@ -88,7 +92,9 @@ def main(names: list[str]) -> int:
     for command in asked(names):
         print(f"\n== python -m benchmarks.{command}", flush=True)
         begin = time.monotonic()
-        done = subprocess.run([sys.executable, "-m", *f"benchmarks.{command}".split()], env=os.environ | QUIET)
+        done = subprocess.run(
+            [sys.executable, "-m", *f"benchmarks.{command}".split()], env=os.environ | QUIET
+        )
         took[command] = (time.monotonic() - begin) / 60
         failed += [command] * (done.returncode != 0)
     print(f"\n== {sum(took.values()):.0f} minutes")

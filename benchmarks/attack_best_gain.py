@@ -1,9 +1,11 @@
-"""Whether a PID of `design_frf` has the largest integral gain that its demands allow: against differential evolution.
+"""Whether a PID of `design_frf` has the largest integral gain that its demands allow: against
+differential evolution.
 
-Two-mass systems (collocated or not, speed or position), lags with modes and integrators, all with a delay and a
-radius of uncertainty, sampled; PI or PID with positive gains and a given filter time, |S| <= M_S for the whole set.
-The rival searches the gains themselves over eight decades on lines of its own, and counts how its loop winds about -1.
-Also printed: how long a design takes (processor time), which must not grow with what is won.
+Two-mass systems (collocated or not, speed or position), lags with modes and integrators, all with a
+delay and a radius of uncertainty, sampled; PI or PID with positive gains and a given filter time,
+|S| <= M_S for the whole set. The rival searches the gains themselves over eight decades on lines of
+its own, and counts how its loop winds about -1. Also printed: how long a design takes (processor
+time), which must not grow with what is won.
 
 python -m benchmarks.attack_best_gain [--plants 60]
 """
@@ -28,7 +30,9 @@ DECADES = 4  # either way of the gains tried
 
 @value
 class Case:
-    """A plant with its set, and what is asked of the loop: structure, M_S, sampling time, delay, filter time [s]."""
+    """A plant with its set, and what is asked of the loop: structure, M_S, sampling time, delay,
+    filter time [s].
+    """
 
     model: robust.UncertaintyModel
     structure: str
@@ -45,10 +49,14 @@ def case(rng: np.random.Generator) -> Case:
     lag = 10 ** rng.uniform(-2, 0) * speed
     G = control.tf([1], [1 / lag, 1])
     if kind < 3:
-        zeta, resonance, ratio = 10 ** rng.uniform(-2, -0.5), speed * 10 ** rng.uniform(-1, 0.5), rng.uniform(0.3, 0.95)
+        zeta = 10 ** rng.uniform(-2, -0.5)
+        resonance = speed * 10 ** rng.uniform(-1, 0.5)
+        ratio = rng.uniform(0.3, 0.95)
         mode = control.tf([1], [1 / resonance**2, 2 * zeta / resonance, 1])
         if kind != 1:  # collocated: a zero below its pole
-            mode *= control.tf([1 / (ratio * resonance) ** 2, 2 * zeta / (ratio * resonance), 1], [1])
+            mode *= control.tf(
+                [1 / (ratio * resonance) ** 2, 2 * zeta / (ratio * resonance), 1], [1]
+            )
         G = G * mode
     if kind == 2 or (kind == 3 and rng.random() < 0.3):
         G = G * control.tf([speed], [1, 0])
@@ -60,7 +68,9 @@ def case(rng: np.random.Generator) -> Case:
     w = control.tf([most / corner, least], [1 / corner, 1])
     omega = np.geomspace(1e-3, 1.0, 60) * 0.9 * np.pi / dt
     G = G * 10 ** rng.uniform(-3, 3)
-    model = robust.UncertaintyModel(control.ss(G), w, "multiplicative", omega, np.abs(w(1j * omega)))
+    model = robust.UncertaintyModel(
+        control.ss(G), w, "multiplicative", omega, np.abs(w(1j * omega))
+    )
     return Case(
         model=model,
         structure="PI" if rng.random() < 0.25 else "PID",
@@ -72,7 +82,9 @@ def case(rng: np.random.Generator) -> Case:
 
 
 def lines(asked: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Frequencies dense about the modes, the bilinear s, the plant with hold and delay there, the weight."""
+    """Frequencies dense about the modes, the bilinear s, the plant with hold and delay there, the
+    weight.
+    """
     G = control.sample_system(control.ss(asked.model.nominal), asked.dt, "zoh")
     roots = np.abs(asked.model.nominal.poles())
     near = (roots[roots > 1e-6 * roots.max(), None] * np.linspace(0.8, 1.25, 80)).ravel()
@@ -91,9 +103,15 @@ def reached(asked: Case, gains: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     L = g * (gains @ parts)
     distance = np.abs(1 + L) - w * np.abs(L)
     with np.errstate(divide="ignore"):
-        worst = np.where(distance.min(axis=1) > 0, 1 / np.maximum(distance, 1e-300).min(axis=1) / asked.M_S, np.inf)
+        worst = np.where(
+            distance.min(axis=1) > 0,
+            1 / np.maximum(distance, 1e-300).min(axis=1) / asked.M_S,
+            np.inf,
+        )
     F = 1 + L
-    turn = np.sum(np.angle(F[:, 1:] / F[:, :-1]), axis=1)  # up to Nyquist: a quarter for each integrator of the loop
+    turn = np.sum(
+        np.angle(F[:, 1:] / F[:, :-1]), axis=1
+    )  # up to Nyquist: a quarter for each integrator of the loop
     integrators = 1 + (np.abs(asked.model.nominal.poles()).min() < 1e-9 / asked.dt)
     return worst, np.abs(turn - integrators * np.pi / 2) < 1.0
 
@@ -112,7 +130,9 @@ def rival(asked: Case, seed: int, generations: int = 250) -> float:
         K = gains(x.T)
         worst, stable = reached(asked, K)
         return np.where(
-            stable, np.where(worst <= 1, -np.log(K[:, 1] / size / middle), 1e3 + np.minimum(worst, 1e3)), 1e5
+            stable,
+            np.where(worst <= 1, -np.log(K[:, 1] / size / middle), 1e3 + np.minimum(worst, 1e3)),
+            1e5,
         )
 
     found = differential_evolution(
@@ -162,8 +182,15 @@ def main() -> None:
         shares.append(gain / best if best else 1.0)
         seconds.append(took)
     near = np.array(shares) >= NEAR
-    print(f"{near.sum()} of {len(near)} designs have at least {NEAR:g} of the best integral gain known, ", end="")
-    print(f"the worst {min(shares):.2g} of it; {np.median(seconds):.2g} s in the middle, {max(seconds):.2g} s at most")
+    print(
+        f"{near.sum()} of {len(near)} designs have at least {NEAR:g} of the best integral gain"
+        " known, ",
+        end="",
+    )
+    print(
+        f"the worst {min(shares):.2g} of it; {np.median(seconds):.2g} s in the middle,"
+        f" {max(seconds):.2g} s at most"
+    )
     if not near.all():
         print(f"  less: {np.flatnonzero(~near).tolist()} of seed {args.seed}")
 

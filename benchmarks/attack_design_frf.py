@@ -1,9 +1,11 @@
-"""Whether a design of fixed structure is what it says: random plants and demands, judged where its loop has features.
+"""Whether a design of fixed structure is what it says: random plants and demands, judged where its
+loop has features.
 
-Lags, integrators and unstable plants with modes and delays, in units from 1e-8 to 1e8 and speeds from 1e-5 to 1e5,
-continuous and sampled, as a model and as an FRF. "Unstable": met, or a finite gamma, with a pole of the true loop
-outside. "Worse": gamma or a limit missed by more than 1 % somewhere; of an FRF on the lines alone, as it is known
-nowhere else. Both must be 0. Sampled FRFs are left out: what folds down from above Nyquist is not in them.
+Lags, integrators and unstable plants with modes and delays, in units from 1e-8 to 1e8 and speeds
+from 1e-5 to 1e5, continuous and sampled, as a model and as an FRF. "Unstable": met, or a finite
+gamma, with a pole of the true loop outside. "Worse": gamma or a limit missed by more than 1 %
+somewhere; of an FRF on the lines alone, as it is known nowhere else. Both must be 0. Sampled FRFs
+are left out: what folds down from above Nyquist is not in them.
 
 python -m benchmarks.attack_design_frf [--designs 150]
 """
@@ -30,16 +32,24 @@ def plant(rng: np.random.Generator, speed: float) -> tuple[control.StateSpace, i
     for _ in range(rng.integers(0, 3)):
         w, zeta = speed * 10 ** rng.uniform(-0.5, 1.5), 10 ** rng.uniform(-2.5, -0.3)
         mode = control.tf([w * w], [1, 2 * zeta * w, w * w])
-        G = G + 10 ** rng.uniform(-2, 0) * rng.choice([1, -1]) * mode if rng.random() < 0.6 else G * mode
+        G = (
+            G + 10 ** rng.uniform(-2, 0) * rng.choice([1, -1]) * mode
+            if rng.random() < 0.6
+            else G * mode
+        )
     unit = 10 ** rng.uniform(-8, 8) if rng.random() < 0.4 else 1.0
     return control.ss(G * unit), int(kind == 4)
 
 
 def demands(rng: np.random.Generator, G: control.StateSpace, speed: float) -> dict[str, Any]:
     """A performance weight, with the effort or without, or limits on |S|, |T| and |K S|."""
-    M, bandwidth, size = rng.uniform(1.5, 2.5), speed * 10 ** rng.uniform(-1, 0.3), abs(complex(G(1j * speed)))
+    M = rng.uniform(1.5, 2.5)
+    bandwidth = speed * 10 ** rng.uniform(-1, 0.3)
+    size = abs(complex(G(1j * speed)))
     w_P = control.tf([1 / M, bandwidth], [1, bandwidth * 1e-3])
-    return [{"w_P": w_P}, {"w_P": w_P, "w_u": 0.1 / size}, {"M_S": M, "M_T": M, "M_u": 100 / size}][rng.integers(3)]
+    return [{"w_P": w_P}, {"w_P": w_P, "w_u": 0.1 / size}, {"M_S": M, "M_T": M, "M_u": 100 / size}][
+        rng.integers(3)
+    ]
 
 
 def missed(asked: dict[str, Any], design: Any, G: control.StateSpace, omega: np.ndarray) -> float:
@@ -48,11 +58,23 @@ def missed(asked: dict[str, Any], design: Any, G: control.StateSpace, omega: np.
     at = np.exp(1j * omega * dt) if dt else 1j * omega
     g, k = G(at), design.K(at)
     S = 1 / np.abs(1 + g * k)
-    sizes = {"w_P": S, "w_u": np.abs(k) * S, "M_S": S, "M_T": np.abs(g * k) * S, "M_u": np.abs(k) * S}
+    sizes = {
+        "w_P": S,
+        "w_u": np.abs(k) * S,
+        "M_S": S,
+        "M_T": np.abs(g * k) * S,
+        "M_u": np.abs(k) * S,
+    }
     if "w_P" in asked:
         w_u = asked.get("w_u", 0.0)
-        return float(np.hypot(np.abs(asked["w_P"](1j * omega)) * S, w_u * sizes["w_u"]).max() / design.gamma)
-    return max(float(sizes[name].max() / limit) for name, limit in asked.items()) if design.met else 0.0
+        return float(
+            np.hypot(np.abs(asked["w_P"](1j * omega)) * S, w_u * sizes["w_u"]).max() / design.gamma
+        )
+    return (
+        max(float(sizes[name].max() / limit) for name, limit in asked.items())
+        if design.met
+        else 0.0
+    )
 
 
 def frequencies(roots: np.ndarray, dt: float) -> np.ndarray:
@@ -67,7 +89,9 @@ def frequencies(roots: np.ndarray, dt: float) -> np.ndarray:
 
 
 def judged(rng: np.random.Generator) -> str:
-    """What is wrong with one design: "unstable", "worse", "" where nothing is, "none" where there is none."""
+    """What is wrong with one design: "unstable", "worse", "" where nothing is, "none" where there
+    is none.
+    """
     speed = 10 ** rng.uniform(-5, 5) if rng.random() < 0.5 else 1.0
     G, n_unstable = plant(rng, speed)
     asked, from_lines, sampled = demands(rng, G, speed), rng.random() < 0.3, rng.random() < 0.4
@@ -78,7 +102,9 @@ def judged(rng: np.random.Generator) -> str:
     options = {"dt": dt, "delay": delay, "n_unstable": n_unstable if from_lines else 0}
     structure = STRUCTURES[rng.integers(len(STRUCTURES))]
     try:
-        design = robust.design_frf(given, structure, stable=bool(rng.random() < 0.7), **options, **asked)
+        design = robust.design_frf(
+            given, structure, stable=bool(rng.random() < 0.7), **options, **asked
+        )
     except ValueError:
         return "none"
     true = robust.sampled(G, dt, delay=delay) if dt else G
@@ -104,7 +130,9 @@ def main() -> None:
     print(f"{count['unstable']} unstable, {count['worse']} worse than they say")
     for what in ("unstable", "worse"):
         if what in found:
-            print(f"  {what}: {[i for i, one in enumerate(found) if one == what]} of seed {args.seed}")
+            print(
+                f"  {what}: {[i for i, one in enumerate(found) if one == what]} of seed {args.seed}"
+            )
 
 
 if __name__ == "__main__":

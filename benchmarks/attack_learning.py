@@ -1,8 +1,10 @@
-"""Whether a learning filter contracts as it states: random loops and sets, plants of each set, trials with an end.
+"""Whether a learning filter contracts as it states: random loops and sets, plants of each set,
+trials with an end.
 
-Plants are made as systems and sampled, apart from `design_learning`. "Above": |Q (1 - L J_p)| of a plant of the set
-above the factor that was printed, somewhere; must be 0. "Reached": the share of the factor that a plant made for its
-worst frequency has there. "Trials": how much of the changes of the input is left after a trial with an end, most.
+Plants are made as systems and sampled, apart from `design_learning`. "Above": |Q (1 - L J_p)| of a
+plant of the set above the factor that was printed, somewhere; must be 0. "Reached": the share of
+the factor that a plant made for its worst frequency has there. "Trials": how much of the changes of
+the input is left after a trial with an end, most.
 
 python -m benchmarks.attack_learning [--loops 300] [--plants 200] [--first 0]
 """
@@ -28,7 +30,9 @@ FORMS = ("multiplicative", "additive", "inverse-multiplicative", "inverse-additi
 
 
 def random_problem(rng: np.random.Generator) -> dict:
-    """A stable or integrating plant, continuous or sampled, a sampled controller, a set that leaves the loop stable."""
+    """A stable or integrating plant, continuous or sampled, a sampled controller, a set that leaves
+    the loop stable.
+    """
     sampled = rng.random() < 0.5
     form = FORMS[rng.integers(4)] if sampled else FORMS[rng.integers(2)]
     dt = float(10 ** rng.uniform(-3.3, -2))
@@ -53,9 +57,13 @@ def random_problem(rng: np.random.Generator) -> dict:
     if not stable:
         raise ValueError("no gain is stable")
     K = stable[-1] * 10 ** rng.uniform(-1.2, -0.2) * shape
-    corner, high, low = 10 ** rng.uniform(top - 2, top), 10 ** rng.uniform(-0.3, 1), 10 ** rng.uniform(-2, -0.3)
+    corner = 10 ** rng.uniform(top - 2, top)
+    high = 10 ** rng.uniform(-0.3, 1)
+    low = 10 ** rng.uniform(-2, -0.3)
     w = control.ss(control.tf([high / corner, low], [1 / corner, 1]))
-    if form == "additive" and not sampled:  # one that does not fall off has no bound under a sampler
+    if (
+        form == "additive" and not sampled
+    ):  # one that does not fall off has no bound under a sampler
         w = control.ss(w * control.tf([1], [1 / 10**top, 1]))
     nominal = robust.sampled(G, dt) if sampled else G
     w = control.ss(control.sample_system(w, dt, "tustin")) if sampled else w
@@ -67,7 +75,9 @@ def random_problem(rng: np.random.Generator) -> dict:
     return {"model": model, "K": K, "delay": delay, "factor": float(rng.choice([0.5, 0.8, 0.95]))}
 
 
-def gap_of(learning: Learning, plant: control.StateSpace, omega: np.ndarray, known: np.ndarray) -> np.ndarray:
+def gap_of(
+    learning: Learning, plant: control.StateSpace, omega: np.ndarray, known: np.ndarray
+) -> np.ndarray:
     """|Q (1 - L J_p)| (W,) of one plant; known: Q and L there."""
     G = seen_by(learning, plant)
     at = response(G, omega)
@@ -83,7 +93,9 @@ def seen_by(learning: Learning, plant: control.StateSpace) -> control.StateSpace
 
 
 def worst_delta(learning: Learning, omega: float) -> control.StateSpace:
-    """A perturbation of gain one whose plant has the largest |1 - L J_p| at a frequency, all its aliases in phase."""
+    """A perturbation of gain one whose plant has the largest |1 - L J_p| at a frequency, all its
+    aliases in phase.
+    """
     loop, at = learning.loop, np.array([omega])
     centre, radius = (part[0] for part in learning.disc(at))
     L = learning.filter(at)[0]
@@ -104,7 +116,10 @@ def worst_delta(learning: Learning, omega: float) -> control.StateSpace:
     aliased = evaluate_aliases(loop.aliases, at, S=curves.S, KS=curves.K_S, sampled=curves.G)
     frequencies = omega + loop.aliases.spacing * np.concatenate([[0], loop.aliases.single_indices])
     w = loop.aliases.responders[1](np.abs(frequencies))
-    acts = np.where(frequencies < 0, w.conj(), w) * (aliased.hG if loop.aliases.F_includes_plant else aliased.h)[0]
+    acts = (
+        np.where(frequencies < 0, w.conj(), w)
+        * (aliased.hG if loop.aliases.F_includes_plant else aliased.h)[0]
+    )
     keep = np.abs(acts) > 0.003 * np.abs(acts).sum()
     keep[0] = True
     # the delay by whole samples that `alias_terms` holds is part of acts, as it is of G_p
@@ -113,14 +128,19 @@ def worst_delta(learning: Learning, omega: float) -> control.StateSpace:
 
 
 def trial_ratio(learning: Learning, plant: control.StateSpace, rng: np.random.Generator) -> float:
-    """The largest ratio of the changes of the input in two trials one after the other, from a random input, r = 0."""
+    """The largest ratio of the changes of the input in two trials one after the other, from a
+    random input, r = 0.
+    """
     G = seen_by(learning, plant)
     J = control.ss(control.feedback(G, learning.K))
     n = int(max(10 * learning.settling / learning.dt, 400))
     if n > _LONGEST:
         return np.nan
     band = min(learning.omega_Q * learning.dt / np.pi, 0.9)
-    u = np.convolve(rng.standard_normal(n), firwin(101, max(band, 0.02)), "same") * np.hanning(n) ** 2
+    u = (
+        np.convolve(rng.standard_normal(n), firwin(101, max(band, 0.02)), "same")
+        * np.hanning(n) ** 2
+    )
     pulse = dlsim((J.A, J.B, J.C, J.D, learning.dt), np.eye(1, n)[0])[1][:, 0]
     largest, before = 0.0, np.inf
     for k in range(6):
@@ -142,13 +162,17 @@ def attacked(seed: int, number: int, plants: int) -> dict:
         return {"refused": str(error)[:100]}
     model, loop = learning.model, learning.loop
     top = min(2 * learning.omega_Q, loop.omega_max)
-    omega = np.unique(np.append(learning.omega[learning.omega <= top], np.geomspace(top / 1e3, top * 0.999, 50)))
+    omega = np.unique(
+        np.append(learning.omega[learning.omega <= top], np.geomspace(top / 1e3, top * 0.999, 50))
+    )
     omega = omega[:: max(1, omega.size // 200)]
     known = np.array([learning.Q(omega), learning.filter(omega)])
     where = loop.peak(learning.contraction, learning.omega, loop.band).omega
     largest, made = 0.0, []
     for _ in range(plants):
-        Delta = random_delta(rng, model.structure, band=(omega[0], omega[-1]), dt=timebase(model.nominal))
+        Delta = random_delta(
+            rng, model.structure, band=(omega[0], omega[-1]), dt=timebase(model.nominal)
+        )
         plant = model.perturbed(Delta)
         largest = max(largest, float(gap_of(learning, plant, omega, known).max()))
         made.append(plant)
@@ -181,7 +205,10 @@ def main() -> None:
     numbers = range(args.first, args.first + args.loops)
     found = {number: attacked(args.seed, number, args.plants) for number in numbers}
     kept = {number: one for number, one in found.items() if "refused" not in one}
-    print(f"{len(found)} loops: {len(kept)} with a filter, {sum(one['proved'] for one in kept.values())} proved")
+    print(
+        f"{len(found)} loops: {len(kept)} with a filter,"
+        f" {sum(one['proved'] for one in kept.values())} proved"
+    )
     for number, one in found.items():
         if "refused" in one:
             print(f"  {number} refused: {one['refused']}")
@@ -189,15 +216,17 @@ def main() -> None:
         if not one["proved"]:
             print(f"  {number} not proved: {one['reason']}")
     above = [number for number, one in kept.items() if one["above"] > 1]
-    print(f"above the factor: {len(above)} of {len(kept)}, each with {args.plants + 1} plants {above}")
+    print(
+        f"above the factor: {len(above)} of {len(kept)}, each with {args.plants + 1} plants {above}"
+    )
     for form in sorted({one["form"] for one in kept.values()}):
         of = [one for one in kept.values() if one["form"] == form]
         reached, trials = (np.array([one[name] for one in of]) for name in ("reached", "trials"))
         print(
-            f"  {form}: {len(of)} loops; reached {np.median(reached):.3f} of the factor (median), {reached.min():.3f} "
-            f"(least); "
-            f"trials with an end {np.nanmedian(trials):.3f} (median), {np.nanmax(trials):.3f} (most) of it, above in "
-            f"{np.count_nonzero(trials > 1)} of {np.count_nonzero(np.isfinite(trials))}"
+            f"  {form}: {len(of)} loops; reached {np.median(reached):.3f} of the factor (median),"
+            f" {reached.min():.3f} (least); trials with an end {np.nanmedian(trials):.3f} (median),"
+            f" {np.nanmax(trials):.3f} (most) of it, above in {np.count_nonzero(trials > 1)} of"
+            f" {np.count_nonzero(np.isfinite(trials))}"
         )
 
 

@@ -1,15 +1,19 @@
-"""Whether "met" is met: designs from noisy FRFs of random machines, and tunings, judged apart from what made them.
+"""Whether "met" is met: designs from noisy FRFs of random machines, and tunings, judged apart from
+what made them.
 
-Machines with and without a free mode, a spring, one or two modes, two lags or a right-half-plane zero, of either sign
-and with a delay, continuous or behind the hold of the controller. Their FRFs begin below the lowest corner or above it
-and scatter by 2 to 40 % at their first lines; of every other one no line is off by more than its bound. Of each design
-that is met the poles of the true loop are computed, and its largest |S| between the first line and the last.
+Machines with and without a free mode, a spring, one or two modes, two lags or a right-half-plane
+zero, of either sign and with a delay, continuous or behind the hold of the controller. Their FRFs
+begin below the lowest corner or above it and scatter by 2 to 40 % at their first lines; of every
+other one no line is off by more than its bound. Of each design that is met the poles of the true
+loop are computed, and its largest |S| between the first line and the last.
 
-"unstable": met, and the true loop is not. "exceeded": met without "on N lines", and the true |S| is more than 1 %
-above its limit. Both must be 0 while the true FRF lies within the bound on every line; the others are listed apart.
+"unstable": met, and the true loop is not. "exceeded": met without "on N lines", and the true |S| is
+more than 1 % above its limit. Both must be 0 while the true FRF lies within the bound on every
+line; the others are listed apart.
 
-Tunings are those of benchmarks.attack_tune with light modes in weights and sets and with bounds that are systems. Each
-hard limit, at worst over the set where it says so, is looked at around the poles and zeros of all of them.
+Tunings are those of benchmarks.attack_tune with light modes in weights and sets and with bounds
+that are systems. Each hard limit, at worst over the set where it says so, is looked at around the
+poles and zeros of all of them.
 
 python -m benchmarks.attack_met [--designs 2000] [--first 0] [--tunings 300]
 """
@@ -41,7 +45,9 @@ PADE_ORDER = 8
 
 
 class Machine:
-    """A transfer function with a delay [s], continuous or as a controller with a clock sees it behind its hold."""
+    """A transfer function with a delay [s], continuous or as a controller with a clock sees it
+    behind its hold.
+    """
 
     def __init__(self, num: np.ndarray, den: np.ndarray, delay: float, dt: float) -> None:
         self.dt, self.delay = dt, delay
@@ -57,8 +63,12 @@ class Machine:
             return M[:n, :n], M[:n, n:]
 
         F, all_of_it = hold(dt)
-        late = hold(max(dt * (whole + 1) - delay, 0.0))[1]  # what the newest input does within its sample
-        A, B, C = np.block([[F, all_of_it - late], [np.zeros((1, n + 1))]]), np.vstack([late, [[1.0]]]), np.c_[G.C, 0.0]
+        late = hold(max(dt * (whole + 1) - delay, 0.0))[
+            1
+        ]  # what the newest input does within its sample
+        A = np.block([[F, all_of_it - late], [np.zeros((1, n + 1))]])
+        B = np.vstack([late, [[1.0]]])
+        C = np.c_[G.C, 0.0]
         for _ in range(whole):
             A, B = np.block([[A, B], [np.zeros((1, len(A) + 1))]]), np.vstack([0 * B, [[1.0]]])
             C = np.c_[C, 0.0]
@@ -81,7 +91,9 @@ class Machine:
             ]
         )
         p = np.linalg.eigvals(A)
-        return bool(np.abs(p).max() > 1 + 1e-9 if self.dt else p.real.max() > 1e-9 * np.abs(p).max())
+        return bool(
+            np.abs(p).max() > 1 + 1e-9 if self.dt else p.real.max() > 1e-9 * np.abs(p).max()
+        )
 
 
 def random_machine(rng: np.random.Generator) -> tuple[str, np.ndarray, np.ndarray, float, float]:
@@ -93,7 +105,9 @@ def random_machine(rng: np.random.Generator) -> tuple[str, np.ndarray, np.ndarra
         den = np.array([1, w * 10 ** rng.uniform(-2, 0.5), 0])
     elif kind in ("two", "two free"):
         high, dip = w * rng.uniform(3, 8), w * rng.uniform(1.5, 2.8)
-        num = high**2 * (np.array([1, 2 * zeta * dip, dip**2]) if rng.random() < 0.6 else np.array([dip**2]))
+        num = high**2 * (
+            np.array([1, 2 * zeta * dip, dip**2]) if rng.random() < 0.6 else np.array([dip**2])
+        )
         den = np.polymul(den if kind == "two" else [1, 0.3 * w, 0], [1, 2 * zeta * high, high**2])
     elif kind == "lag":
         num, den = np.array([w]), np.array([1, w])
@@ -123,12 +137,16 @@ def random_task(seed: int) -> dict[str, Any]:
         omega = omega[omega * dt < 0.95 * np.pi]
     machine = Machine(num, den, delay, dt)
     G0 = machine.response(omega)
-    scatter = rng.uniform(0.02, 0.4) / (1 + omega / first / rng.uniform(2, 20)) + 10 ** rng.uniform(-3, -1.5)
+    scatter = rng.uniform(0.02, 0.4) / (1 + omega / first / rng.uniform(2, 20)) + 10 ** rng.uniform(
+        -3, -1.5
+    )
     noise = (rng.standard_normal(omega.size) + 1j * rng.standard_normal(omega.size)) / np.sqrt(2)
     if seed % 2 == 0:
         noise *= np.minimum(1, 0.999 * BOUND / np.abs(noise))
     clock = {"fs": 1 / dt, "hold": "zoh"} if dt else {}
-    bla = nlfrf.bla_from_frf(omega / 2 / np.pi, G0 * (1 + scatter * noise), std=scatter * np.abs(G0), **clock)
+    bla = nlfrf.bla_from_frf(
+        omega / 2 / np.pi, G0 * (1 + scatter * noise), std=scatter * np.abs(G0), **clock
+    )
     asked: dict[str, Any] = {"M_S": float(rng.choice([1.6, 2.0, 2.5])), "dt": dt}
     if rng.random() < 0.5:
         asked["omega_c"] = centre / 3
@@ -157,9 +175,16 @@ def judged(seed: int) -> dict[str, Any]:
     try:
         design = robust.design_frf(task["bla"], task["structure"], **task["asked"])
     except ValueError as error:
-        return {**found, "word": "refused", "why": str(error), "seconds": time.perf_counter() - began}
+        return {
+            **found,
+            "word": "refused",
+            "why": str(error),
+            "seconds": time.perf_counter() - began,
+        }
     fine = np.geomspace(omega[0], omega[-1], 8000)
-    L = machine.response(fine) * design.K(np.exp(1j * fine * machine.dt) if machine.dt else 1j * fine)
+    L = machine.response(fine) * design.K(
+        np.exp(1j * fine * machine.dt) if machine.dt else 1j * fine
+    )
     undecided = design.stability is Stability.UNDECIDED
     return {
         **found,
@@ -173,8 +198,12 @@ def judged(seed: int) -> dict[str, Any]:
 
 
 def with_modes(rng: np.random.Generator, dt: float) -> control.StateSpace:
-    """A gain of one with a light mode, where it is 3 to 30 times as large or as small, continuous or of a clock."""
-    w, zeta, times = 10 ** rng.uniform(-0.7, 0.7), 10 ** rng.uniform(-3.5, -1.5), 10 ** rng.uniform(0.5, 1.5)
+    """A gain of one with a light mode, where it is 3 to 30 times as large or as small, continuous
+    or of a clock.
+    """
+    w = 10 ** rng.uniform(-0.7, 0.7)
+    zeta = 10 ** rng.uniform(-3.5, -1.5)
+    times = 10 ** rng.uniform(0.5, 1.5)
     num, den = [1, 2 * zeta * times * w, w**2], [1, 2 * zeta * w, w**2]
     W = control.ss(control.tf(*((num, den) if rng.random() < 0.7 else (den, num))))
     return control.sample_system(W, dt, method="tustin") if dt else W
@@ -189,7 +218,9 @@ def random_modal_tuning(seed: int) -> dict[str, Any]:
     for model in plants.models:
         if isinstance(model, robust.UncertaintyModel):
             weight = model.weight * with_modes(rng, float(model.nominal.dt or 0))
-            model = robust.UncertaintyModel(model.nominal, weight, model.form, model.omega, model.radius / 40)
+            model = robust.UncertaintyModel(
+                model.nominal, weight, model.form, model.omega, model.radius / 40
+            )
         models.append(model)
     task["plant"] = robust.tuning.Plants(models, inputs=plants.inputs, outputs=plants.outputs)
     hard = []
@@ -199,12 +230,18 @@ def random_modal_tuning(seed: int) -> dict[str, Any]:
             bound = bound * with_modes(rng, dt if rng.random() < 0.5 else 0.0)
         elif rng.random() < 0.5:
             weight = with_modes(rng, dt if rng.random() < 0.5 else 0.0)
-        hard.append(robust.tuning.Limit(limit.inputs, limit.outputs, bound, weight=weight, worst=limit.worst))
+        hard.append(
+            robust.tuning.Limit(
+                limit.inputs, limit.outputs, bound, weight=weight, worst=limit.worst
+            )
+        )
     return {**task, "hard": hard}
 
 
 def judged_tuning(seed: int) -> dict[str, Any]:
-    """What is said of one tuning, and the largest ratio of a hard limit on a grid of its own over what was said."""
+    """What is said of one tuning, and the largest ratio of a hard limit on a grid of its own over
+    what was said.
+    """
     try:
         design = robust.tune(**random_modal_tuning(seed))
     except ValueError as error:
@@ -217,12 +254,20 @@ def judged_tuning(seed: int) -> dict[str, Any]:
         model, parts = design.plant.models[one.plant], [one.limit.bound, one.limit.weight]
         parts += [model.weight, model.nominal] if isinstance(model, robust.UncertaintyModel) else []
         roots = [
-            to_s_plane(np.append(poles(x), zeros(x)), x.dt or 0) for x in parts if isinstance(x, control.StateSpace)
+            to_s_plane(np.append(poles(x), zeros(x)), x.dt or 0)
+            for x in parts
+            if isinstance(x, control.StateSpace)
         ]
         s = np.concatenate([np.zeros(0, complex), *roots])
         s = s[np.isfinite(s) & (np.abs(s.imag) * design.dt < np.pi) & (s.real != 0)]
-        omega = dense_frequencies(np.append(p, np.exp(s * design.dt) if design.dt else s), design.dt, one.limit.band)
-        if one.limit.worst and one.limit.outputs == ("f",) and not (design.dt and not model.nominal.dt):
+        omega = dense_frequencies(
+            np.append(p, np.exp(s * design.dt) if design.dt else s), design.dt, one.limit.band
+        )
+        if (
+            one.limit.worst
+            and one.limit.outputs == ("f",)
+            and not (design.dt and not model.nominal.dt)
+        ):
             gains, broken = worst_gains(design, one.plant, omega)
             unstable |= broken
         elif one.limit.worst:
@@ -236,10 +281,16 @@ def judged_tuning(seed: int) -> dict[str, Any]:
 
 
 def worst_gains(design: Any, plant: int, omega: np.ndarray) -> tuple[np.ndarray, bool]:
-    """(W,) largest |S| over perturbations of modulus one, tried all around, and whether one of them destabilises."""
+    """(W,) largest |S| over perturbations of modulus one, tried all around, and whether one of them
+    destabilises.
+    """
     model, K = design.plant.models[plant], design.controller("y", "f")
     at = np.exp(1j * omega * design.dt) if design.dt else 1j * omega
-    late = np.exp(-1j * omega * design.delay) if design.dt else control.tf(*control.pade(design.delay, 8))(at)
+    late = (
+        np.exp(-1j * omega * design.delay)
+        if design.dt
+        else control.tf(*control.pade(design.delay, 8))(at)
+    )
     G, w, k = model.nominal(at) * late, np.abs(model.weight(at)), K(at)
     turns = np.exp(2j * np.pi * np.arange(360) / 360)[:, None]
     size = w / np.abs(G) if model.form == "additive" else w
@@ -256,18 +307,27 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0)
     args = parser.parse_args()
     warnings.simplefilter("ignore")
-    for what, judge, count in (("designs", judged, args.designs), ("tunings", judged_tuning, args.tunings)):
+    for what, judge, count in (
+        ("designs", judged, args.designs),
+        ("tunings", judged_tuning, args.tunings),
+    ):
         found = [judge(seed) for seed in range(args.first, args.first + count)]
         words = Counter(str(one["word"]) for one in found)
         met = [one for one in found if one["word"] == "met"]
-        print(f"{count} {what}: {', '.join(f'{n} {word}' for word, n in sorted(words.items()))}; ", end="")
+        print(
+            f"{count} {what}: {', '.join(f'{n} {word}' for word, n in sorted(words.items()))}; ",
+            end="",
+        )
         print(f"{sum(bool(one.get('on_lines')) for one in met)} met on lines only")
         wrong = {
             "unstable": [one for one in met if one["unstable"]],
             "exceeded": [one for one in met if one["over"] > ALLOWED and not one.get("on_lines")],
         }
         for word, bad in wrong.items():
-            for where, inside in (("within the bound on every line", True), ("off by more than it on a line", False)):
+            for where, inside in (
+                ("within the bound on every line", True),
+                ("off by more than it on a line", False),
+            ):
                 seeds = [one["seed"] for one in bad if one.get("within", True) is inside]
                 print(f"  {word}, the FRF {where}: {len(seeds)} {seeds or ''}")
 

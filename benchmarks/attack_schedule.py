@@ -1,12 +1,15 @@
-"""Whether a scheduled loop stays stable below the rate that was proved: periodic and random trajectories of many loops.
+"""Whether a scheduled loop stays stable below the rate that was proved: periodic and random
+trajectories of many loops.
 
-Loops are closed here sample by sample, apart from `prove_schedule`: the plant by exponentials of short steps while the
-operating point moves, the perturbation as a number or an all-pass. "Grew": trajectories below a proved rate whose
-period has a spectral radius above one; must be 0. "Refuted": trajectories of a refutation that do not grow here.
+Loops are closed here sample by sample, apart from `prove_schedule`: the plant by exponentials of
+short steps while the operating point moves, the perturbation as a number or an all-pass. "Grew":
+trajectories below a proved rate whose period has a spectral radius above one; must be 0. "Refuted":
+trajectories of a refutation that do not grow here.
 
 With --cases a file of machines (matrices as polynomials) is proved at stated rates, and timed.
 
-python -m benchmarks.attack_schedule [--loops 40] [--trajectories 60] [--first 0] [--cases machines.json]
+python -m benchmarks.attack_schedule [--loops 40] [--trajectories 60] [--first 0] [--cases
+machines.json]
 """
 
 from __future__ import annotations
@@ -30,7 +33,9 @@ _STEPS = 160  # of a continuous trajectory
 
 
 def random_loop(rng: np.random.Generator) -> dict:
-    """A mass on a spring, or two masses, that go with the position; a PID-like controller that follows or does not."""
+    """A mass on a spring, or two masses, that go with the position; a PID-like controller that
+    follows or does not.
+    """
     stiffness = 10 ** rng.uniform(1, 3)
     spread, damping = rng.uniform(0.1, 0.5), 10 ** rng.uniform(-3, -1)
     two = rng.random() < 0.5
@@ -41,7 +46,12 @@ def random_loop(rng: np.random.Generator) -> dict:
         c = 2 * damping * np.sqrt(stiffness)
         if not two:
             return control.ss([[0, 1], [-k, -c]], [[0], [force]], [[1, 0]], 0)
-        A = [[0, 0, 1, 0], [0, 0, 0, 1], [-2 * k, 2 * k, -2 * c, c], [2 * k, -2 * k - stiffness / 5, c, -2 * c]]
+        A = [
+            [0, 0, 1, 0],
+            [0, 0, 0, 1],
+            [-2 * k, 2 * k, -2 * c, c],
+            [2 * k, -2 * k - stiffness / 5, c, -2 * c],
+        ]
         return control.ss(A, [[0], [0], [force], [0]], [[1, 0, 0, 0]], 0)
 
     turn = np.sqrt(stiffness)
@@ -54,7 +64,9 @@ def random_loop(rng: np.random.Generator) -> dict:
         g = gain * (1 + spread * p if follows else 1)
         fast = 8 * turn
         if not dt:
-            return control.ss([[-fast]], [[1.0]], [[-g * lead * fast**2]], [[g * (1 + lead * fast)]])
+            return control.ss(
+                [[-fast]], [[1.0]], [[-g * lead * fast**2]], [[g * (1 + lead * fast)]]
+            )
         a = np.exp(-fast * dt)
         return control.ss([[a]], [[1 - a]], [[-g * lead * fast]], [[g * (1 + lead * fast)]], dt)
 
@@ -68,7 +80,9 @@ def random_loop(rng: np.random.Generator) -> dict:
     }
 
 
-def random_trajectory(rng: np.random.Generator, proof: ScheduleProof, rate: float) -> tuple[np.ndarray, float]:
+def random_trajectory(
+    rng: np.random.Generator, proof: ScheduleProof, rate: float
+) -> tuple[np.ndarray, float]:
     """Vertices of a period at a rate, and the time between them."""
     low, high = proof.plant.points[[0, -1]]
     poles = np.abs(np.linalg.eigvals(proof.plant.at((low + high) / 2).A))
@@ -100,7 +114,9 @@ def radius(proof: ScheduleProof, points: np.ndarray, step: float, delta: float |
     ends = np.append(points, points[0])
     made = None
     for a, b in pairwise(ends):
-        steps = (a + (b - a) * (np.arange(_SUBSTEPS) + 0.5) / _SUBSTEPS).clip(*plant.points[[0, -1]])
+        steps = (a + (b - a) * (np.arange(_SUBSTEPS) + 0.5) / _SUBSTEPS).clip(
+            *plant.points[[0, -1]]
+        )
         law = K.at(a)
         n, q = plant.order, law.nstates
         C, W = plant.at(a).C, 0.0 if weight is None else float(weight.D[0, 0])
@@ -115,7 +131,10 @@ def radius(proof: ScheduleProof, points: np.ndarray, step: float, delta: float |
             both = np.eye(n + 1)
             for p in steps:
                 here = plant.at(p)
-                both = expm(np.block([[here.A, here.B], [np.zeros((1, n + 1))]]) * step / _SUBSTEPS) @ both
+                both = (
+                    expm(np.block([[here.A, here.B], [np.zeros((1, n + 1))]]) * step / _SUBSTEPS)
+                    @ both
+                )
             late = round(proof.delay / K.dt)
             flow = sampled_loop(both[:n, :n], both[:n, n:], C, law, late, W, delta)
         made = flow if made is None else flow @ made
@@ -123,7 +142,13 @@ def radius(proof: ScheduleProof, points: np.ndarray, step: float, delta: float |
 
 
 def sampled_loop(
-    Phi: np.ndarray, Gamma: np.ndarray, C: np.ndarray, law: control.StateSpace, late: int, W: float, delta: float | str
+    Phi: np.ndarray,
+    Gamma: np.ndarray,
+    C: np.ndarray,
+    law: control.StateSpace,
+    late: int,
+    W: float,
+    delta: float | str,
 ) -> np.ndarray:
     """One sample of x, controller, delay and all-pass."""
     n, q = Phi.shape[0], law.nstates
@@ -167,12 +192,17 @@ def attack(loops: int, trajectories: int, first: int) -> None:
             tried += 1
             if (size := radius(proof, points, step, delta)) > 1 + 1e-9:
                 grew += 1
-                print(f"seed {seed}: radius {size:.6f} below a proved rate of {top:g}, Delta {delta}")
-    print(f"loops {loops}, proved {proved}, broken by a trajectory {refuted}, of these wrong {wrong}")
+                print(
+                    f"seed {seed}: radius {size:.6f} below a proved rate of {top:g}, Delta {delta}"
+                )
+    print(
+        f"loops {loops}, proved {proved}, broken by a trajectory {refuted}, of these wrong {wrong}"
+    )
     print(f"trajectories below the proved rate {tried}, grew {grew}")
     if gaps:
         print(
-            f"slowest trajectory that grows over the proved rate: median {np.median(gaps):.2f}, least {min(gaps):.2f}"
+            f"slowest trajectory that grows over the proved rate: median {np.median(gaps):.2f},"
+            f" least {min(gaps):.2f}"
         )
 
 
@@ -192,7 +222,13 @@ def case(name: str, machine: dict, *, weighted: bool) -> tuple[LpvModel, LpvMode
 
     if "plant" not in machine:
         A = np.array(machine["A"])
-        return model({"A": A, "B": np.zeros((1, A.shape[1], 1)), "C": np.zeros((1, 1, A.shape[1]))}, 0.0), 0.0, 0.0
+        return (
+            model(
+                {"A": A, "B": np.zeros((1, A.shape[1], 1)), "C": np.zeros((1, 1, A.shape[1]))}, 0.0
+            ),
+            0.0,
+            0.0,
+        )
     dt = machine["dt"]
     W = control.ss(*(np.array(machine["weight"][each]).reshape(1, 1) for each in "ABCD"), dt)
     plant = model(machine["plant"], 0.0, weight=W if weighted else None)
@@ -204,7 +240,10 @@ def prove_cases(path: str) -> None:
     with open(path, encoding="utf-8") as file:
         machines = json.load(file)
     for name, weighted, rate, degree in (
-        *(("oscillator", False, rate, d) for d, rate in ((1, 0.72), (2, 0.88), (3, 0.93), (3, 1.0), (4, 0.96))),
+        *(
+            ("oscillator", False, rate, d)
+            for d, rate in ((1, 0.72), (2, 0.88), (3, 0.93), (3, 1.0), (4, 0.96))
+        ),
         *(("gantry", False, rate, d) for d, rate in ((1, 4.0), (1, 18.0), (2, 19.5))),
         *(("gantry", True, rate, d) for d, rate in ((1, 4.0), (1, 8.5), (2, 12.0))),
     ):
@@ -214,11 +253,19 @@ def prove_cases(path: str) -> None:
         took = time.perf_counter() - began
         broken = "" if proof.broken is None else f", grows at {proof.broken.rate:.4g}"
         what = f"{name}{', every Delta' if weighted else ''}"
-        print(f"{what:22} degree {degree}  rate {rate:5g}/s  {proof.outcome!s:10} {took:5.1f} s{broken}", flush=True)
+        print(
+            f"{what:22} degree {degree}  rate {rate:5g}/s  {proof.outcome!s:10} {took:5.1f}"
+            f" s{broken}",
+            flush=True,
+        )
     for weighted in (False, True):
         plant, K, delay = case("gantry", machines["gantry"], weighted=weighted)
         began = time.perf_counter()
-        print(prove_schedule(plant, K, rate=4.0, delay=delay), f"\n  {time.perf_counter() - began:.1f} s", flush=True)
+        print(
+            prove_schedule(plant, K, rate=4.0, delay=delay),
+            f"\n  {time.perf_counter() - began:.1f} s",
+            flush=True,
+        )
 
 
 def main() -> None:

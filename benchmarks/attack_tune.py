@@ -1,7 +1,9 @@
-"""Whether a tuned design is what it says: random structures, plants, sets and limits, looked at on a dense grid.
+"""Whether a tuned design is what it says: random structures, plants, sets and limits, looked at on
+a dense grid.
 
-Loops are made again from blocks and plants, apart from `tune`. "Unstable": met, with a pole outside. "Violated": met,
-with a hard limit above its bound somewhere. "Low": a ratio that the dense grid finds larger than was said. All must be
+Loops are made again from blocks and plants, apart from `tune`. "Unstable": met, with a pole
+outside. "Violated": met, with a hard limit above its bound somewhere. "Low": a ratio that the dense
+grid finds larger than was said. All must be
 0. Worst cases over a set are compared with `check` (--worst).
 
 python -m benchmarks.attack_tune [--designs 300] [--first 0]
@@ -21,7 +23,9 @@ from tests.support.random_tunings import random_tuning, violation, worst_distanc
 def judged(seed: int, number: int, time_cap: float) -> tuple[str, float]:
     """What is wrong with one design, and how far its worst case is from that of `check`."""
     try:
-        design = robust.tune(**random_tuning(np.random.default_rng([seed, number]), n_starts=1, time_cap=time_cap))
+        design = robust.tune(
+            **random_tuning(np.random.default_rng([seed, number]), n_starts=1, time_cap=time_cap)
+        )
     except ValueError:
         return "refused", 0.0
     found = violation(design)
@@ -42,12 +46,18 @@ def main() -> None:
     numbers = range(args.first, args.first + args.designs)
     found = [judged(args.seed, number, args.time_cap) for number in numbers]
     words = [word for word, _ in found]
-    count = {word: words.count(word) for word in ("met", "not met", "refused", "unstable", "violated", "low")}
+    count = {
+        word: words.count(word)
+        for word in ("met", "not met", "refused", "unstable", "violated", "low")
+    }
     print(f"{len(found)} designs: " + ", ".join(f"{n} {word}" for word, n in count.items()))
     print(f"worst case over a set: at most {max(away for _, away in found):.1e} from that of check")
     for word in ("unstable", "violated", "low"):
         if word in words:
-            print(f"  {word}: {[k for k, one in zip(numbers, words, strict=True) if one == word]} of seed {args.seed}")
+            print(
+                f"  {word}: {[k for k, one in zip(numbers, words, strict=True) if one == word]} of"
+                f" seed {args.seed}"
+            )
 
 
 if __name__ == "__main__":

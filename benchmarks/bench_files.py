@@ -1,4 +1,6 @@
-"""Files and imports: CSV against pandas, long records against their size, what `import nlfrf` takes beyond NumPy."""
+"""Files and imports: CSV against pandas, long records against their size, what `import nlfrf` takes
+beyond NumPy.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ from tests.support.long_records import written
 
 SIZES = {"4 thousand rows": (2048, 2), "a million rows": (250_000, 4)}
 SHORTER, LONG = (1 << 20, 4), (1 << 22, 4)  # samples of a period, periods
-#: Memory before, its peaks after loading and after identify [kB], and the processor's time of both [s].
+# : Memory before, its peaks after loading and after identify [kB], and the processor's time of both
+# [s].
 MEASURED = """
 import resource, sys, time, nlfrf, pandas, scipy.fft
 def peak(): return next(line.split()[1] for line in open('/proc/self/status') if line.startswith('VmHWM'))
@@ -34,7 +37,9 @@ print(before, loaded, peak(), middle - begin, spent() - middle)
 
 
 def against_pandas(folder: Path) -> None:
-    """The table alone, then with clock, period, lines and the faults of both channels looked for."""
+    """The table alone, then with clock, period, lines and the faults of both channels looked
+    for.
+    """
     import pandas as pd
 
     for label, size in SIZES.items():
@@ -49,16 +54,29 @@ def against_pandas(folder: Path) -> None:
             20 if size[0] < 10_000 else 5,
         )
         print(
-            f"CSV, {label}: pandas.read_csv {1e3 * times['pandas']:.1f} ms; the table with its layout found "
-            f"{times['read'] / times['pandas']:.2f} times that; load_record, which finds clock, period and lines and "
-            f"looks for faults, {times['load'] / times['pandas']:.1f} times"
+            f"CSV, {label}: pandas.read_csv {1e3 * times['pandas']:.1f} ms; the table with its"
+            f" layout found {times['read'] / times['pandas']:.2f} times that; load_record, which"
+            " finds clock, period and lines and looks for faults,"
+            f" {times['load'] / times['pandas']:.1f} times"
         )
 
 
 def long_records(folder: Path) -> None:
-    """What a process that loads and identifies takes of memory over the file, and of time one over the other."""
-    cases = [(SHORTER, ".npz", True), (SHORTER, ".h5", False), (SHORTER, ".h5", True), (SHORTER, ".csv", True)]
-    for size, suffix, kept in [(SHORTER, ".npz", False), *cases, (LONG, ".npz", False), (LONG, ".npz", True)]:
+    """What a process that loads and identifies takes of memory over the file, and of time one over
+    the other.
+    """
+    cases = [
+        (SHORTER, ".npz", True),
+        (SHORTER, ".h5", False),
+        (SHORTER, ".h5", True),
+        (SHORTER, ".csv", True),
+    ]
+    for size, suffix, kept in [
+        (SHORTER, ".npz", False),
+        *cases,
+        (LONG, ".npz", False),
+        (LONG, ".npz", True),
+    ]:
         path = folder / f"long{suffix}"
         record = written(path, *size, kept=kept)
         held = record.u.nbytes + record.y.nbytes
@@ -73,10 +91,11 @@ def long_records(folder: Path) -> None:
         load, identify = (min(float(one[i]) for one in said) for i in (3, 4))
         file = max(held, path.stat().st_size)
         print(
-            f"{suffix}{' of nlfrf.save' if kept else ', streams alone'}, {size[0] * size[1] / 1e6:.0f} M samples, "
-            f"{path.stat().st_size / 1e6:.0f} MB: peak memory {(loaded - before) / file:.2f} times the file to load, "
-            f"{(identified - before) / file:.2f} with identify; loaded in {load:.2f} s, {load / identify:.1f} times "
-            f"identify ({identify:.2f} s)"
+            f"{suffix}{' of nlfrf.save' if kept else ', streams alone'},"
+            f" {size[0] * size[1] / 1e6:.0f} M samples, {path.stat().st_size / 1e6:.0f} MB: peak"
+            f" memory {(loaded - before) / file:.2f} times the file to load,"
+            f" {(identified - before) / file:.2f} with identify; loaded in {load:.2f} s,"
+            f" {load / identify:.1f} times identify ({identify:.2f} s)"
         )
         path.unlink()
 

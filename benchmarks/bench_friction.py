@@ -1,4 +1,6 @@
-"""Speed of the friction bench: compilation, one period, against LSODA at the same accuracy, the whole reproduction."""
+"""Speed of the friction bench: compilation, one period, against LSODA at the same accuracy, the
+whole reproduction.
+"""
 
 from __future__ import annotations
 
@@ -38,11 +40,17 @@ FIRST = "import nlfrf, numpy; nlfrf.rig.run(nlfrf.paper_rig(), numpy.ones(99), f
 
 
 def first_use():
-    """A fresh process with an empty cache of compiled code, and the same again with what it left there [s]."""
+    """A fresh process with an empty cache of compiled code, and the same again with what it left
+    there [s].
+    """
     with tempfile.TemporaryDirectory() as folder:
         environment = {**os.environ, "NUMBA_CACHE_DIR": folder}
         return [
-            best(lambda: subprocess.run([sys.executable, "-c", FIRST], env=environment, check=True), 1, of_children)
+            best(
+                lambda: subprocess.run([sys.executable, "-c", FIRST], env=environment, check=True),
+                1,
+                of_children,
+            )
             for _ in "12"
         ]
 
@@ -55,7 +63,13 @@ def one_period_each():
             ms = multisine(fs=4096, n_samples=16384, f_min=1, f_max=143.5, rms=rms, rng=1)
             drive, memory = force_over_period(ms, 1, "band-limited"), initial_memory(rig)
             times.append(
-                1e3 * best(lambda r=rig, m=memory, d=drive: integrate_rig(r, m, drive=d, h=1 / 4096, substeps=1), 15)
+                1e3
+                * best(
+                    lambda r=rig, m=memory, d=drive: integrate_rig(
+                        r, m, drive=d, h=1 / 4096, substeps=1
+                    ),
+                    15,
+                )
             )
         print(f"  {name:<32}" + "".join(f"{t:8.1f} ms" for t in times))
 
@@ -94,23 +108,31 @@ def against_lsoda():
         elapsed = time.process_time() - begin
         error = np.sqrt(np.mean((theirs.y[0] - exact) ** 2)) / exact.std()
         for oversampling in (1, 2, 4, 8):
-            ours = np.sqrt(np.mean((run(rig, u, fs=fs, oversampling=oversampling).x - exact) ** 2)) / exact.std()
+            ours = (
+                np.sqrt(np.mean((run(rig, u, fs=fs, oversampling=oversampling).x - exact) ** 2))
+                / exact.std()
+            )
             if ours <= error:
                 break
         mine = best(lambda k=oversampling: run(rig, u, fs=fs, oversampling=k), 9)
         print(
-            f"  LSODA at rtol {rtol:g}: {elapsed:.2f} s, error {error:.1e}; "
-            f"ours {1e3 * mine:.2f} ms, error {ours:.1e}: {elapsed / mine:.0f} times faster (target 100)"
+            f"  LSODA at rtol {rtol:g}: {elapsed:.2f} s, error {error:.1e}; ours {1e3 * mine:.2f}"
+            f" ms, error {ours:.1e}: {elapsed / mine:.0f} times faster (target 100)"
         )
 
 
 def main():
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--full", action="store_true", help="also the reproduction with 100 realisations")
+    parser.add_argument(
+        "--full", action="store_true", help="also the reproduction with 100 realisations"
+    )
     options = parser.parse_args()
     cold, warm = first_use()
-    print(f"First use in a fresh process: {cold:.1f} s (target 20); from the cache on disk: {warm:.1f} s")
+    print(
+        f"First use in a fresh process: {cold:.1f} s (target 20); from the cache on disk:"
+        f" {warm:.1f} s"
+    )
     print("One 4 s period at 4096 Hz, one core; 0.025, 0.25 and 2.5 N rms")
     one_period_each()
     print("LuGre, 1 s at 4096 Hz")

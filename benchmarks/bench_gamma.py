@@ -2,9 +2,10 @@
 
 python -m benchmarks.bench_gamma [--problems N] [--seed S] [--data FOLDER]
 
-Four families: states in units over many decades, coordinates nearly singular, modes that nearly cancel, poles over many
-decades; of random plants, and of the problems of COMPleib where FOLDER holds them. A claim is false where gamma is said
-to be certified and a frequency is found at which the loop of P and K as they are has more gain.
+Four families: states in units over many decades, coordinates nearly singular, modes that nearly
+cancel, poles over many decades; of random plants, and of the problems of COMPleib where FOLDER
+holds them. A claim is false where gamma is said to be certified and a frequency is found at which
+the loop of P and K as they are has more gain.
 """
 
 from __future__ import annotations
@@ -105,7 +106,10 @@ def judge(name, P, n_y, n_u, count):
     count["certified, 1 % or more above what evaluation finds"] += loose
     if false or loose or not found.certified or before < 0.99 * true:
         said = "certified" if found.certified else found.reason
-        print(f"{name}: doubles {before:.6g}, gamma {found.gamma:.6g}, evaluated {true:.6g} at {where:.4g}: {said}")
+        print(
+            f"{name}: doubles {before:.6g}, gamma {found.gamma:.6g}, evaluated {true:.6g} at"
+            f" {where:.4g}: {said}"
+        )
 
 
 def main():
@@ -119,7 +123,10 @@ def main():
     count, begin = Counter(), time.time()
     for problem in problems(given.problems, given.seed, given.data):
         judge(*problem, count)
-    print("; ".join(f"{name} {number}" for name, number in count.items()), f"in {time.time() - begin:.0f} s")
+    print(
+        "; ".join(f"{name} {number}" for name, number in count.items()),
+        f"in {time.time() - begin:.0f} s",
+    )
 
 
 if __name__ == "__main__":

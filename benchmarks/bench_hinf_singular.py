@@ -1,9 +1,11 @@
-"""H-infinity synthesis on plants with deficient D12 and D21, unreached outputs, dead or repeated channels.
+"""H-infinity synthesis on plants with deficient D12 and D21, unreached outputs, dead or repeated
+channels.
 
 python -m benchmarks.bench_hinf_singular [--problems N] [--seed S]
 
-Each result is held against a closed form where there is one (the plant without the repeated channels, the norm that no
-controller changes), and against the norm of the closed loop, put together and evaluated by numpy alone.
+Each result is held against a closed form where there is one (the plant without the repeated
+channels, the norm that no controller changes), and against the norm of the closed loop, put
+together and evaluated by numpy alone.
 """
 
 from __future__ import annotations
@@ -29,20 +31,30 @@ def faults_of(family, seed):
     try:
         found = hinfsyn(P, n_y, n_u)
     except ValueError as error:
-        return ([] if "stabilisable by a controller" in str(error) else [f"refused: {error}"]), np.nan
+        return (
+            [] if "stabilisable by a controller" in str(error) else [f"refused: {error}"]
+        ), np.nan
     if not found.found:
         return [f"nothing found: {found.reason}"], np.nan
     gain, growth = closed_loop_gain(P, found.K, n_y, n_u)
     faults = [f"pole beyond the boundary by {growth:.2g}"] * bool(growth >= 1e-9)
-    faults += [f"gain {gain:.6g} above gamma {found.gamma:.6g}"] * bool(gain > found.gamma * (1 + 1e-5) + 1e-9)
-    faults += [f"bound {found.gamma_min:.6g} above gamma {found.gamma:.6g}"] * bool(found.gamma_min > found.gamma)
+    faults += [f"gain {gain:.6g} above gamma {found.gamma:.6g}"] * bool(
+        gain > found.gamma * (1 + 1e-5) + 1e-9
+    )
+    faults += [f"bound {found.gamma_min:.6g} above gamma {found.gamma:.6g}"] * bool(
+        found.gamma_min > found.gamma
+    )
     if known is not None:
         least = (best := hinfsyn(*known)).gamma if isinstance(known, tuple) else hinf_norm(known)[0]
         low = best.gamma_min if isinstance(known, tuple) else least
-        faults += [f"gamma {found.gamma:.6g}, known {least:.6g}"] * bool(found.gamma > NEAR * least + 1e-9)
+        faults += [f"gamma {found.gamma:.6g}, known {least:.6g}"] * bool(
+            found.gamma > NEAR * least + 1e-9
+        )
         above = found.gamma_min > least * (1 + 1e-6) + 1e-9
         faults += [f"bound {found.gamma_min:.6g} above what is known, {least:.6g}"] * bool(above)
-        faults += [f"bound {found.gamma_min:.6g} far below {low:.6g}"] * bool(found.gamma_min < 0.97 * low)
+        faults += [f"bound {found.gamma_min:.6g} far below {low:.6g}"] * bool(
+            found.gamma_min < 0.97 * low
+        )
     faults += [f"not certified: {found.reason}"] * (not found.certified)
     return faults, found.gamma / found.gamma_min if found.gamma_min else np.nan
 
@@ -64,9 +76,16 @@ def main():
             count["faults"] += bool(faults)
             if faults:
                 print(f"{family} {given.seed}/{k}: {'; '.join(faults)}")
-        text = f"median {np.median(ratios):.4f}, largest {np.max(ratios):.4g}" if ratios else "without a bound"
+        text = (
+            f"median {np.median(ratios):.4f}, largest {np.max(ratios):.4g}"
+            if ratios
+            else "without a bound"
+        )
         print(f"{family}: gamma over its lower bound {text}, of {len(ratios)}")
-    print(", ".join(f"{number} {name}" for name, number in count.items()), f"in {time.process_time() - begin:.0f} s")
+    print(
+        ", ".join(f"{number} {name}" for name, number in count.items()),
+        f"in {time.process_time() - begin:.0f} s",
+    )
 
 
 if __name__ == "__main__":

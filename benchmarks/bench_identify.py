@@ -1,4 +1,6 @@
-"""Speed of `identify` against a bare rfft of the same record, and against peers that are installed, in one run."""
+"""Speed of `identify` against a bare rfft of the same record, and against peers that are installed,
+in one run.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,12 @@ import nlfrf
 from benchmarks.timing import best, in_turn
 
 #: Wanted, as a share of the time of the peer.
-WANTED = {"fast": 0.6, "fast, roughness": 0.6, "fast, first record of its grid": 0.6, "robust, M = 7": 0.2}
+WANTED = {
+    "fast": 0.6,
+    "fast, roughness": 0.6,
+    "fast, first record of its grid": 0.6,
+    "robust, M = 7": 0.2,
+}
 PEER = "best-linear-approximation"
 
 
@@ -19,7 +26,12 @@ def record_of(n_samples, n_periods, n_realizations, n_lines):
     """A static cubic with noise on its output, on a special-odd grid of about n_lines lines."""
     rng = np.random.default_rng(0)
     ms = nlfrf.multisine(
-        fs=n_samples, n_samples=n_samples, f_min=1, f_max=4 * n_lines, n_realizations=n_realizations, rng=rng
+        fs=n_samples,
+        n_samples=n_samples,
+        f_min=1,
+        f_max=4 * n_lines,
+        n_realizations=n_realizations,
+        rng=rng,
     )
     u = np.repeat(ms.u[:, None], n_periods, axis=1)
     y = u + 0.1 * u**3 + 0.01 * rng.standard_normal(u.shape)
@@ -27,7 +39,9 @@ def record_of(n_samples, n_periods, n_realizations, n_lines):
 
 
 def peer(record):
-    """The package best-linear-approximation on the same record, where it is installed (Python 3.12 or later)."""
+    """The package best-linear-approximation on the same record, where it is installed (Python 3.12
+    or later).
+    """
     try:
         from best_linear_approximation import robust
     except ImportError:
@@ -43,16 +57,26 @@ def of_its_own(record):
 
 
 def several_channels():
-    """A matrix of six by six with covariance against a bare rfft of its record; wanted at most 2.5."""
+    """A matrix of six by six with covariance against a bare rfft of its record; wanted at
+    most 2.5.
+    """
     print("6 inputs, 6 outputs, with covariance")
     for n_samples, n_lines, n_periods in ((16384, 500, 2), (65536, 500, 4), (65536, 5000, 4)):
         rng = np.random.default_rng(0)
-        ms = nlfrf.multisine(fs=n_samples, n_samples=n_samples, f_min=1, f_max=4 * n_lines, n_inputs=6, rng=rng)
+        ms = nlfrf.multisine(
+            fs=n_samples, n_samples=n_samples, f_min=1, f_max=4 * n_lines, n_inputs=6, rng=rng
+        )
         u = np.repeat(ms.u[:, :, None], n_periods, axis=2)
         y = np.tensordot(rng.standard_normal((6, 6)), u + 0.05 * u**3, axes=(1, 0))
-        record = nlfrf.Record(u=u, y=y + 0.01 * rng.standard_normal(y.shape), fs=n_samples, lines=ms.lines)
+        record = nlfrf.Record(
+            u=u, y=y + 0.01 * rng.standard_normal(y.shape), fs=n_samples, lines=ms.lines
+        )
         times = in_turn(
-            {"ours": lambda record=record: nlfrf.identify(record), "bare": lambda r=record: bare_rfft(r)}, 5
+            {
+                "ours": lambda record=record: nlfrf.identify(record),
+                "bare": lambda r=record: bare_rfft(r),
+            },
+            5,
         )
         print(
             f"  N = {n_samples}, P = {n_periods}, F = {n_lines}: {1e3 * times['ours']:.0f} ms, "
@@ -93,7 +117,10 @@ def main():
     print("what depends on the grid alone is remembered, but for the first record of each")
     for name, (record, _) in cases.items():
         size = "M = 7" if record is several else "M = 1"
-        said = f"  {name:<30} {1e3 * times[name]:6.2f} ms, {times[name] / times[f'bare {size}']:5.1f} times a bare rfft"
+        said = (
+            f"  {name:<30} {1e3 * times[name]:6.2f} ms, {times[name] / times[f'bare {size}']:5.1f}"
+            " times a bare rfft"
+        )
         if f"peer {size}" in times:
             said += f", {times[name] / times[f'peer {size}']:.2f} times {PEER}"
             said += f" (wanted {WANTED[name]:g})" if name in WANTED else ""
@@ -109,7 +136,10 @@ def main():
     ours = best(lambda: nlfrf.identify(large), 7)
     bare = best(lambda: bare_rfft(large), 7)
     print("N = 65536, P = 4, M = 10, F = 5000")
-    print(f"  {1e3 * ours:.0f} ms, {ours / bare:.2f} times the bare rfft of {1e3 * bare:.0f} ms (target 2.5)")
+    print(
+        f"  {1e3 * ours:.0f} ms, {ours / bare:.2f} times the bare rfft of {1e3 * bare:.0f} ms"
+        " (target 2.5)"
+    )
     print("2^22 samples in one record")
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     long = record_of(1 << 21, 2, 1, 1000)
@@ -118,8 +148,8 @@ def main():
     elapsed = best(lambda: nlfrf.identify(long), 1)
     after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     print(
-        f"  {elapsed:.2f} s; peak memory {(after - before) / size:.1f} times the record's {size / 1024:.0f} MB, "
-        f"{(made - before) / size:.1f} of them to make it (target 6)"
+        f"  {elapsed:.2f} s; peak memory {(after - before) / size:.1f} times the record's"
+        f" {size / 1024:.0f} MB, {(made - before) / size:.1f} of them to make it (target 6)"
     )
     several_channels()
 

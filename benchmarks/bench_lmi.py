@@ -2,11 +2,12 @@
 
     python -m benchmarks.bench_lmi [--loops 300] [--first 0]
 
-Each loop: order 4 to 24, continuous or sampled, 2 to 5 blocks (full, repeated, real numbers) in units that lie decades
-apart, modes over three decades or a random state matrix; scaled to an upper bound of mu on a dense grid between 0.4 and
-1.2. Counted: the share proved below one of those whose bound is below 0.9, proofs not verified over the rationals, and
-proofs that a perturbation of size one contradicts. Perturbations are searched for at the peaks of the lower bound of
-mu, by random ones and by ascent of the poles, and judged by the poles of the closed loop.
+Each loop: order 4 to 24, continuous or sampled, 2 to 5 blocks (full, repeated, real numbers) in
+units that lie decades apart, modes over three decades or a random state matrix; scaled to an upper
+bound of mu on a dense grid between 0.4 and 1.2. Counted: the share proved below one of those whose
+bound is below 0.9, proofs not verified over the rationals, and proofs that a perturbation of size
+one contradicts. Perturbations are searched for at the peaks of the lower bound of mu, by random
+ones and by ascent of the poles, and judged by the poles of the closed loop.
 """
 
 from __future__ import annotations
@@ -31,8 +32,13 @@ N_ASCENTS = 4  # starts of the ascent of the poles
 def random_blocks(rng):
     """Two to five blocks, some of them real numbers in every third loop at most."""
     while True:
-        blocks = [KINDS[k] for k in rng.choice(len(KINDS), rng.integers(2, 6), p=(0.45, 0.1, 0.15, 0.1, 0.2))]
-        if 2 <= sum(block[0] for block in blocks) <= 8 and any(block[2] != "real" for block in blocks):
+        blocks = [
+            KINDS[k]
+            for k in rng.choice(len(KINDS), rng.integers(2, 6), p=(0.45, 0.1, 0.15, 0.1, 0.2))
+        ]
+        if 2 <= sum(block[0] for block in blocks) <= 8 and any(
+            block[2] != "real" for block in blocks
+        ):
             return blocks
 
 
@@ -47,7 +53,9 @@ def state_matrix(rng, n):
         if n - k == 1 or rng.random() < 0.3:
             A[k, k], k = -w, k + 1
         else:
-            A[k : k + 2, k : k + 2] = w * np.array([[0.0, 1.0], [-1.0, -2 * 10 ** rng.uniform(-2, 0)]])
+            A[k : k + 2, k : k + 2] = w * np.array(
+                [[0.0, 1.0], [-1.0, -2 * 10 ** rng.uniform(-2, 0)]]
+            )
             k += 2
     return A
 
@@ -56,11 +64,15 @@ def dense_grid(N):
     """Frequencies [rad/s] of the check, with points between them and beyond."""
     omega = structure_grid(N)
     between = np.sqrt(omega[1:-1] * omega[2:])
-    return np.unique(np.concatenate([omega, between, [omega[1] / 100], [] if N.dt else [omega[-1] * 100]]))
+    return np.unique(
+        np.concatenate([omega, between, [omega[1] / 100], [] if N.dt else [omega[-1] * 100]])
+    )
 
 
 def feedback_loop(rng, dt):
-    """N of a random plant under integral control, and its random blocks; None where it is unstable."""
+    """N of a random plant under integral control, and its random blocks; None where it is
+    unstable.
+    """
     k, n = int(rng.integers(2, 5)), int(rng.integers(2, 9))
     A = state_matrix(rng, n)
     B, C = rng.standard_normal((n, k)), rng.standard_normal((k, n))
@@ -78,7 +90,9 @@ def feedback_loop(rng, dt):
     p = np.linalg.eigvals(A)
     if (np.abs(p).max() > 1 - 1e-5) if dt else (p.real.max() > -1e-5):
         return None
-    B = np.block([[G.B, -G.B @ K.D], [np.zeros((k, k)), K.B]])  # forces at the inputs, disturbances at the outputs
+    B = np.block(
+        [[G.B, -G.B @ K.D], [np.zeros((k, k)), K.B]]
+    )  # forces at the inputs, disturbances at the outputs
     C = np.block([[-K.D @ G.C, -K.C], [G.C, np.zeros((k, k))]])  # what K asks for, what is measured
     D = np.block([[np.zeros((k, k)), -K.D], [np.zeros((k, k)), np.eye(k)]])
     rows, cols, blocks, weights = [], [], [], []
@@ -87,14 +101,18 @@ def feedback_loop(rng, dt):
         read, drive = (side + rng.choice(k, min(size, k), replace=False) for size in block[:2])
         if block[2] != "full":
             drive = read
-        rows, cols, blocks = [*rows, *read], [*cols, *drive], [*blocks, (len(read), len(drive), block[2])]
+        rows = [*rows, *read]
+        cols = [*cols, *drive]
+        blocks = [*blocks, (len(read), len(drive), block[2])]
         weights += [random_weight(rng, crossover, dt, block[2], bool(side))] * len(read)
     N = control.StateSpace(A, B[:, cols], C[rows], D[np.ix_(rows, cols)], dt)
     return control.append(*weights) * N, blocks
 
 
 def random_weight(rng, crossover, dt, kind, output):
-    """A weight of an uncertainty that grows with the frequency, of performance that falls, of a parameter constant."""
+    """A weight of an uncertainty that grows with the frequency, of performance that falls, of a
+    parameter constant.
+    """
     low, high = 10 ** rng.uniform(-1.5, -0.3), 10 ** rng.uniform(0, 1)
     if kind == "real" or rng.random() < 0.2:
         return control.StateSpace([], [], [], [[low]], dt)
@@ -110,7 +128,8 @@ def random_system(rng, dt):
     rows, cols = [b[0] for b in blocks], [b[1] for b in blocks]
     A = state_matrix(rng, n)
     speed = np.sqrt(np.abs(A).max(axis=1))[:, None]  # modes of like weight
-    B, C = rng.standard_normal((n, sum(cols))) * speed, rng.standard_normal((sum(rows), n)) * speed.T
+    B = rng.standard_normal((n, sum(cols))) * speed
+    C = rng.standard_normal((sum(rows), n)) * speed.T
     D = rng.choice([0.0, 0.1]) * rng.standard_normal((sum(rows), sum(cols)))
     units = 10.0 ** rng.uniform(-2, 2, len(blocks))
     left, right = np.repeat(units, rows)[:, None], np.repeat(units, cols)
@@ -127,13 +146,16 @@ def random_loop(seed):
         if found is not None and 4 <= found[0].nstates <= 24:
             break
     N, blocks = found
-    goal, peak = rng.uniform(0.4, 1.2), robust.mu.upper(response_by_channel(N, dense_grid(N)), blocks).value.max()
+    goal = rng.uniform(0.4, 1.2)
+    peak = robust.mu.upper(response_by_channel(N, dense_grid(N)), blocks).value.max()
     root = np.sqrt(goal / peak)
     return control.StateSpace(N.A, root * N.B, root * N.C, root**2 * N.D, N.dt), blocks, goal
 
 
 def perturbation_systems(deltas, omega, blocks, dt):
-    """States (A, B, C, D) of real systems of gain one that are these matrices (T, n_in, n_out) at omega (T,)."""
+    """States (A, B, C, D) of real systems of gain one that are these matrices (T, n_in, n_out) at
+    omega (T,).
+    """
     parts, r, c, T = [], 0, 0, len(deltas)
     for rows, cols, kind in blocks:
         block = deltas[:, c : c + cols, r : r + rows]
@@ -143,14 +165,20 @@ def perturbation_systems(deltas, omega, blocks, dt):
             parts.append((np.zeros((T, 0, 0)), np.zeros((T, 0, rows)), np.zeros((T, rows, 0)), D))
         elif kind == "repeated":
             number = block[:, 0, :1] / np.maximum(np.abs(block[:, 0, :1]), 1e-300)
-            parts.append(tuple(each[:, :, None] * np.eye(rows) for each in passes(number, omega, dt)))
+            parts.append(
+                tuple(each[:, :, None] * np.eye(rows) for each in passes(number, omega, dt))
+            )
         else:
             U, _, Vh = np.linalg.svd(block)
             a1, b1, c1, d1 = passes(Vh[:, 0], omega, dt)  # one number out of what the block reads
             a2, b2, c2, d2 = passes(U[:, :, 0], omega, dt)  # into what it drives
             n1, n2, diag = rows, cols, lambda x: x[:, :, None] * np.eye(x.shape[1])
             A = np.zeros((T, n1 + n2, n1 + n2))
-            A[:, :n1, :n1], A[:, n1:, n1:], A[:, n1:, :n1] = diag(a1), diag(a2), b2[:, :, None] * c1[:, None]
+            A[:, :n1, :n1], A[:, n1:, n1:], A[:, n1:, :n1] = (
+                diag(a1),
+                diag(a2),
+                b2[:, :, None] * c1[:, None],
+            )
             B = np.concatenate([diag(b1), b2[:, :, None] * d1[:, None]], axis=1)
             C = np.concatenate([d2[:, :, None] * c1[:, None], diag(c2)], axis=2)
             parts.append((A, B, C, d2[:, :, None] * d1[:, None]))
@@ -168,11 +196,17 @@ def block_diagonal(parts):
 
 
 def random_deltas(rng, blocks, n):
-    """(n, n_in, n_out) matrices of the structure, each block of size one, real numbers anywhere up to one."""
+    """(n, n_in, n_out) matrices of the structure, each block of size one, real numbers anywhere up
+    to one.
+    """
     out = []
     for rows, cols, kind in blocks:
         if kind == "real":
-            out.append(np.where(rng.random(n) < 0.7, rng.choice([-1.0, 1.0], n), rng.uniform(-1, 1, n))[:, None, None])
+            out.append(
+                np.where(rng.random(n) < 0.7, rng.choice([-1.0, 1.0], n), rng.uniform(-1, 1, n))[
+                    :, None, None
+                ]
+            )
         elif kind == "repeated":
             out.append(np.exp(2j * np.pi * rng.random(n))[:, None, None] * np.eye(rows))
         else:
@@ -189,7 +223,9 @@ def random_deltas(rng, blocks, n):
 
 
 def breaks(N, blocks, seed):
-    """Whether a perturbation of size 0.999 of the structure was found that makes the loop unstable."""
+    """Whether a perturbation of size 0.999 of the structure was found that makes the loop
+    unstable.
+    """
     rng, dt = np.random.default_rng(seed), float(N.dt or 0)
     omega = dense_grid(N)[1:]
     omega = omega[omega < np.pi / dt * 0.999] if dt else omega
@@ -207,7 +243,9 @@ def breaks(N, blocks, seed):
             spread = 10 ** rng.uniform(-3, 0.3, len(tried))[:, None, None]
             near = rng.random(len(tried)) < 0.7
             tried = np.where(near[:, None, None], deltas[base] + spread * tried, tried)
-            at = np.where(near, where[base] * np.exp(0.3 * spread[:, 0, 0] * rng.standard_normal(len(at))), at)
+            at = np.where(
+                near, where[base] * np.exp(0.3 * spread[:, 0, 0] * rng.standard_normal(len(at))), at
+            )
         deltas, where = np.concatenate([deltas, tried]), np.concatenate([where, at])
     where = np.minimum(where, np.pi / dt * 0.999) if dt else where
     return bool(broken(N, perturbation_systems(deltas, where, blocks, dt), 0.999).any())
@@ -222,7 +260,10 @@ def main(loops, first):
         proof = robust.mu.certify(N, blocks, 1.0)
         seconds.append(time.process_time() - begin)
         near_20 += [seconds[-1]] * (18 <= N.nstates <= 22)
-        about = f"loop {seed}: {N.nstates} states, {blocks}, dt {N.dt}, bound {bound:.3f}, {seconds[-1]:.1f} s"
+        about = (
+            f"loop {seed}: {N.nstates} states, {blocks}, dt {N.dt}, bound {bound:.3f},"
+            f" {seconds[-1]:.1f} s"
+        )
         told["bound below 0.9"] += bound < 0.9
         if not proof.holds:
             if bound < 0.9:
@@ -235,7 +276,10 @@ def main(loops, first):
             print(f"{about}: {proof.method}, NOT verified", flush=True)
         if breaks(N, blocks, seed):
             told["CONTRADICTED"] += 1
-            print(f"{about}: proved by {proof.method}, and a perturbation of size 0.999 breaks it", flush=True)
+            print(
+                f"{about}: proved by {proof.method}, and a perturbation of size 0.999 breaks it",
+                flush=True,
+            )
     print(f"{loops} loops: {', '.join(f'{name} {count}' for name, count in told.items())}")
     print(
         f"seconds of a proof: median {np.median(seconds):.2f}, largest {max(seconds):.1f}; "

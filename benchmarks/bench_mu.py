@@ -1,4 +1,5 @@
-"""The structured singular value in numbers, beside dkpy and SLICOT (AB13MD) where they are installed.
+"""The structured singular value in numbers, beside dkpy and SLICOT (AB13MD) where they are
+installed.
 
 python -m benchmarks.bench_mu                          # peers in this environment
 python -m benchmarks.bench_mu --peer PYTHON            # peers in another one: the interpreter that has dkpy or slycot
@@ -23,7 +24,8 @@ from robust.mu.gain import gain_bound
 from tests.robust.synthesis.test_hinfsyn import random_plant
 from tests.support.distillation import WITH_PERFORMANCE, controller, plant
 
-#: Runs in the other interpreter: reads N (61, 4, 4) and writes seconds and values of each peer it finds.
+# : Runs in the other interpreter: reads N (61, 4, 4) and writes seconds and values of each peer it
+# finds.
 PEER = """
 import json, sys, time
 import numpy as np
@@ -62,9 +64,14 @@ def distillation(peer, every):
     N = np.moveaxis(matrices, 0, 2)
     mine = robust.mu.upper(N, WITH_PERFORMANCE).value
     seconds = best(lambda: robust.mu.upper(N, WITH_PERFORMANCE))
-    print(f"robust.mu.upper, SP 8.11.3: 61 frequencies in {1e3 * seconds:.1f} ms, {1e3 * seconds / 61:.3f} ms each")
+    print(
+        f"robust.mu.upper, SP 8.11.3: 61 frequencies in {1e3 * seconds:.1f} ms,"
+        f" {1e3 * seconds / 61:.3f} ms each"
+    )
     text = json.dumps({"N": np.stack([matrices.real, matrices.imag], axis=-1).tolist()})
-    done = subprocess.run([peer, "-c", PEER, str(every)], input=text, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [peer, "-c", PEER, str(every)], input=text, capture_output=True, text=True, check=False
+    )
     if done.returncode:
         print(f"  the peers' interpreter failed: {done.stderr.strip().splitlines()[-1]}")
         return
@@ -74,7 +81,10 @@ def distillation(peer, every):
             continue
         theirs = np.array(result[1])
         off = np.max(np.abs((mine if theirs.size == 61 else mine[::every]) / theirs - 1))
-        print(f"  {name}: {1e3 * result[0]:.1f} ms, {result[0] / seconds:.1f} times as long; off by {off:.1e} relative")
+        print(
+            f"  {name}: {1e3 * result[0]:.1f} ms, {result[0] / seconds:.1f} times as long; off by"
+            f" {off:.1e} relative"
+        )
 
 
 def random_family(blocks, W, performance=0):
@@ -85,7 +95,9 @@ def random_family(blocks, W, performance=0):
 
 
 def random_blocks():
-    """Time and agreement of both bounds on random problems; the lower one beside that of 25 times as many starts."""
+    """Time and agreement of both bounds on random problems; the lower one beside that of 25 times
+    as many starts.
+    """
     for blocks in (
         [(1, 1)] * 3,
         [(2, 1), (1, 2), (2, 2)],
@@ -106,14 +118,16 @@ def random_blocks():
         each = best(lambda few=few, blocks=blocks: robust.mu.lower(few, blocks), 1) / 30
         many = np.maximum(found, robust.mu.lower(few, blocks, n_starts=150, rng=1).value)
         print(
-            f"{blocks}: upper {1e3 * upper:.2f} ms each, lower {1e3 * each:.1f} ms each; lower over upper "
-            f"{(found / bound).min():.3f} at least, {np.median(found / bound):.3f} in the middle; over that of many "
-            f"starts {(found / many).min():.4f} at least"
+            f"{blocks}: upper {1e3 * upper:.2f} ms each, lower {1e3 * each:.1f} ms each; lower over"
+            f" upper {(found / bound).min():.3f} at least, {np.median(found / bound):.3f} in the"
+            f" middle; over that of many starts {(found / many).min():.4f} at least"
         )
 
 
 def worst_gains():
-    """400 frequencies of the worst gain over a set, its worst case, and how far apart both bounds are."""
+    """400 frequencies of the worst gain over a set, its worst case, and how far apart both bounds
+    are.
+    """
     for blocks in (
         [(2, 2)],
         [(1, 1)] * 4,
@@ -123,16 +137,20 @@ def worst_gains():
     ):
         N = random_family(blocks, 400, 2)
         rows, cols = (sum(b[k] for b in blocks) for k in (0, 1))
-        N = N / robust.mu.upper(N[:rows, :cols], blocks).value * np.random.default_rng(1).uniform(0.3, 0.9, 400)
+        N = (
+            N
+            / robust.mu.upper(N[:rows, :cols], blocks).value
+            * np.random.default_rng(1).uniform(0.3, 0.9, 400)
+        )
         seconds = best(lambda N=N, blocks=blocks: gain_bound(N, blocks), 1)
         begin = time.process_time()
         found = robust.mu.worst_gain(N[:, :, :40], blocks)
         both = time.process_time() - begin
         ratio = found.lower / found.upper
         print(
-            f"robust.mu.worst_gain, {blocks}: 400 frequencies in {seconds:.2f} s; with a worst case "
-            f"{1e3 * both / 40:.1f} ms each, which has {ratio.min():.3f} of the bound at least, "
-            f"{np.median(ratio):.4f} in the middle"
+            f"robust.mu.worst_gain, {blocks}: 400 frequencies in {seconds:.2f} s; with a worst case"
+            f" {1e3 * both / 40:.1f} ms each, which has {ratio.min():.3f} of the bound at least,"
+            f" {np.median(ratio):.4f} in the middle"
         )
 
 
@@ -157,21 +175,32 @@ def synthesis():
             found = hinfsyn(P, 2, 2)
             seconds = best(lambda P=P: hinfsyn(P, 2, 2), 3)
             kind = "discrete" if dt else "continuous"
-            print(f"hinfsyn, {n} states, {kind}: {seconds:.2f} s, gamma {found.gamma:.5g} of {found.gamma_min:.5g}")
+            print(
+                f"hinfsyn, {n} states, {kind}: {seconds:.2f} s, gamma {found.gamma:.5g} of"
+                f" {found.gamma_min:.5g}"
+            )
     for order in (2, 4):
         begin = time.process_time()
         design = dk_iteration(plant(), WITH_PERFORMANCE, 2, 2, order=order)
         rounds = ", ".join(f"{mu:.4f}" for _, mu, _ in design.history)
         seconds = time.process_time() - begin
-        print(f"dk_iteration, SP 8.11.3, order {order}: mu {rounds} in {seconds:.1f} s; {design.K.nstates} states")
+        print(
+            f"dk_iteration, SP 8.11.3, order {order}: mu {rounds} in {seconds:.1f} s;"
+            f" {design.K.nstates} states"
+        )
 
 
 def main():
     """Everything."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--peer", default=sys.executable, help="interpreter that has dkpy or slycot")
     parser.add_argument(
-        "--every", type=int, default=6, help="dkpy takes seconds a frequency: every so-manieth is timed"
+        "--peer", default=sys.executable, help="interpreter that has dkpy or slycot"
+    )
+    parser.add_argument(
+        "--every",
+        type=int,
+        default=6,
+        help="dkpy takes seconds a frequency: every so-manieth is timed",
     )
     given = parser.parse_args()
     distillation(given.peer, given.every)

@@ -1,10 +1,12 @@
-"""Random records through the screening: sound ones, and ones with lost samples, silence, wraps, outliers or hits.
+"""Random records through the screening: sound ones, and ones with lost samples, silence, wraps,
+outliers or hits.
 
     python -m benchmarks.bench_screening [--records 400] [--seed 0]
 
-The plants have one or two modes anywhere in the band and a damping of 0.01 to 0.5, half of them a cubic spring and
-drag. They start from rest and run for two to eight periods with noise of 0 to 5 % of y. Each row counts what was found;
-"silent" are wrong answers without a warning, neither from the record nor from `identify`.
+The plants have one or two modes anywhere in the band and a damping of 0.01 to 0.5, half of them a
+cubic spring and drag. They start from rest and run for two to eight periods with noise of 0 to 5 %
+of y. Each row counts what was found; "silent" are wrong answers without a warning, neither from the
+record nor from `identify`.
 """
 
 from __future__ import annotations
@@ -19,12 +21,11 @@ import numpy as np
 
 import nlfrf
 
-FS, N, LONGEST, WARM = (
-    1024.0,
-    1024,
-    8,
-    8,
-)  # sampling frequency [Hz], samples of a period, periods, and those before them
+# sampling frequency [Hz], samples of a period, periods, and those before them
+FS = 1024.0
+N = 1024
+LONGEST = 8
+WARM = 8
 STEPS = 2  # of the integration in each sample
 BATCH = 500
 EVERY = 4  # records of which one has the faults that take long
@@ -44,7 +45,9 @@ TURNS = (
 
 
 class Run(NamedTuple):
-    """One record: excited lines, input, output from rest, number of periods, generator, and the FRF on these lines."""
+    """One record: excited lines, input, output from rest, number of periods, generator, and the FRF
+    on these lines.
+    """
 
     lines: np.ndarray
     u: np.ndarray
@@ -82,7 +85,9 @@ def designs(n, rng):
 
 
 def one_batch(n, rng):
-    """Records of n plants x'' = w^2 (u - x - c x^3) - 2 zeta w x' - q |x'| x', two modes each, by Runge and Kutta."""
+    """Records of n plants x'' = w^2 (u - x - c x^3) - 2 zeta w x' - q |x'| x', two modes each, by
+    Runge and Kutta.
+    """
     played = designs(n, rng)
     u = np.stack([ms.u[0] for ms in played])
     w = 2 * np.pi * 10 ** rng.uniform(np.log10(1.5), np.log10(200), (2, n))
@@ -112,7 +117,9 @@ def one_batch(n, rng):
         a4 = acceleration(x + h * (v + h / 2 * a2), v + h * a3, force[2])
         x, v = x + h * v + h * h / 6 * (a1 + a2 + a3), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
     changes = np.sum(np.diff(y.reshape(WARM + LONGEST, N, n), axis=0) ** 2, axis=1)
-    settles = changes[-3:].max(axis=0) < np.maximum(changes[1], 1e-6 * np.sum(y[-N:] ** 2, axis=0))  # no subharmonics
+    settles = changes[-3:].max(axis=0) < np.maximum(
+        changes[1], 1e-6 * np.sum(y[-N:] ** 2, axis=0)
+    )  # no subharmonics
     for i, ms in enumerate(played):
         if not settles[i]:
             continue
@@ -121,7 +128,9 @@ def one_batch(n, rng):
         settled, lines = y[-N:, i], ms.lines.excited
         noisy = y[:, i] + noise * np.std(settled) * own.standard_normal(len(y))
         G = np.fft.rfft(settled)[lines] / np.fft.rfft(u[i])[lines]
-        yield Run(lines, np.tile(u[i], WARM + LONGEST), noisy, int(own.integers(2, LONGEST + 1)), own, G)
+        yield Run(
+            lines, np.tile(u[i], WARM + LONGEST), noisy, int(own.integers(2, LONGEST + 1)), own, G
+        )
 
 
 def stick_slip(n, rng):
@@ -142,7 +151,9 @@ def stick_slip(n, rng):
 
 
 def screen(u, y, **options):
-    """What was said of a record: the refusal or the warnings, whether it was refused, and the record."""
+    """What was said of a record: the refusal or the warnings, whether it was refused, and the
+    record.
+    """
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always")
         refusal, record = [], None
@@ -169,7 +180,9 @@ def judge(u, y, run, factor=1.0, wanted="", **options):
 
 
 def sound_kinds(u, y, rng):
-    """Two outputs that are sound and look as if they were not: number of the kind, input and output."""
+    """Two outputs that are sound and look as if they were not: number of the kind, input and
+    output.
+    """
     turn, start = TURNS[rng.integers(len(TURNS))]
     y = (y - np.median(y)) / np.std(y)
     level = rng.uniform(0.1, 1)
@@ -197,21 +210,27 @@ def lost(run, where, settled, rng):
     """Input and output of a run with 1 to 100 samples lost from one or both, anywhere."""
     u, y = run.cut(WARM - 1 if settled else 0, more=1)
     n, at = round(10 ** rng.uniform(0, 2)), int(rng.integers(run.n_periods * N))
-    u, y = (np.delete(x, np.s_[at : at + n]) if where in (name, "both") else x for x, name in ((u, "u"), (y, "y")))
+    u, y = (
+        np.delete(x, np.s_[at : at + n]) if where in (name, "both") else x
+        for x, name in ((u, "u"), (y, "y"))
+    )
     return u[: run.n_periods * N], y[: run.n_periods * N]
 
 
 def silent(run, rng):
     """Input and output of a run with silence before and often behind, and noise on both."""
     u, y = run.cut()
-    before, behind = int(rng.uniform(0.25, 3.3) * N), int(rng.choice([0.0, rng.uniform(0.2, 1.5)]) * N)
+    before = int(rng.uniform(0.25, 3.3) * N)
+    behind = int(rng.choice([0.0, rng.uniform(0.2, 1.5)]) * N)
     noise = 10 ** rng.uniform(-5, -2.5) * rng.integers(2)
     pad = [np.concatenate([np.zeros(before), x, np.zeros(behind)]) for x in (u, y)]
     return [x + noise * np.std(x) * rng.standard_normal(x.size) for x in pad]
 
 
 def wrapped(run, rng):
-    """Input, output that wraps, its factor, and its largest step in turns; the amplitude is 0.05 to 2 turns."""
+    """Input, output that wraps, its factor, and its largest step in turns; the amplitude is 0.05 to
+    2 turns.
+    """
     u, y = run.cut(WARM - 1)
     turn, start = TURNS[rng.integers(len(TURNS))]
     factor = turn * 10 ** rng.uniform(-1.3, 0.3) / np.std(y)
@@ -224,9 +243,13 @@ def spiked(y, rng):
     """An output with a spike, or a few marks of no value."""
     y = y.copy()
     if rng.integers(2):
-        y[rng.integers(y.size)] = rng.choice([-1, 1]) * 10 ** rng.uniform(0.5, 4) * np.abs(y - np.median(y)).max()
+        y[rng.integers(y.size)] = (
+            rng.choice([-1, 1]) * 10 ** rng.uniform(0.5, 4) * np.abs(y - np.median(y)).max()
+        )
     else:
-        y[rng.integers(y.size, size=rng.integers(1, 30))] = rng.choice([999.0, -9999.0, 1e10]) * np.std(y)
+        y[rng.integers(y.size, size=rng.integers(1, 30))] = rng.choice(
+            [999.0, -9999.0, 1e10]
+        ) * np.std(y)
     return y
 
 
@@ -240,7 +263,9 @@ def hit(rng):
 
 def tally(title, found):
     """Print a row of counts."""
-    print(f"{title:<50}" + ", ".join(f"{n} {word}" for word, n in sorted(found.items())), flush=True)
+    print(
+        f"{title:<50}" + ", ".join(f"{n} {word}" for word, n in sorted(found.items())), flush=True
+    )
 
 
 def main(arguments=None) -> dict[str, Counter]:
@@ -264,12 +289,24 @@ def main(arguments=None) -> dict[str, Counter]:
         count("sound, from rest, resample=True", "worse" if worse else "as good")
         if re.search(SCREENED, said + cured):
             count("sound, false alarms of wraps, outliers, hits", "from rest")
-        for where, settled in (("y", True), *((("both", True), ("u", True), ("y", False)) if k % EVERY == 0 else ())):
+        for where, settled in (
+            ("y", True),
+            *((("both", True), ("u", True), ("y", False)) if k % EVERY == 0 else ()),
+        ):
             title = f"samples lost from {where}, {'settled' if settled else 'from rest'}"
-            count(title, judge(*lost(run, where, settled, rng), run, wanted="lost or repeated|samples of y were lost"))
+            count(
+                title,
+                judge(
+                    *lost(run, where, settled, rng),
+                    run,
+                    wanted="lost or repeated|samples of y were lost",
+                ),
+            )
         for i, u, looks in sound_kinds(*run.cut(WARM - 1), rng):
             found = re.search(SCREENED, screen(u, looks)[0])
-            count("sound, false alarms of wraps, outliers, hits", f"of kind {i}" if found else "none")
+            count(
+                "sound, false alarms of wraps, outliers, hits", f"of kind {i}" if found else "none"
+            )
         if k % EVERY:
             continue
         u, y = silent(run, rng)

@@ -2,8 +2,8 @@
 
     python -m benchmarks.bench_servo [axes]
 
-A run is 2 s of a preset under its drive: 8000 periods at 4 kHz, one integration step each, friction on every mass.
-The time is that of one process, warm, by the processor's clock.
+A run is 2 s of a preset under its drive: 8000 periods at 4 kHz, one integration step each, friction
+on every mass. The time is that of one process, warm, by the processor's clock.
 """
 
 from __future__ import annotations
@@ -26,7 +26,9 @@ SECONDS = 2
 
 
 def costs():
-    """Milliseconds of a run of each preset, and as multiples of one of the rig in a loop at 1 kHz."""
+    """Milliseconds of a run of each preset, and as multiples of one of the rig in a loop at 1
+    kHz.
+    """
     runs = {}
     for name in PRESETS:
         axis = servo_axis(name)
@@ -38,8 +40,8 @@ def costs():
     spent = in_turn(runs, 15)
     for name in PRESETS:
         print(
-            f"  {name:13} {1e3 * spent[name]:5.1f} ms a run, {spent[name] / spent['rig']:.1f} times a loop of the rig; "
-            f"10 000 runs {1e4 * spent[name]:.0f} s"
+            f"  {name:13} {1e3 * spent[name]:5.1f} ms a run, {spent[name] / spent['rig']:.1f} times"
+            f" a loop of the rig; 10 000 runs {1e4 * spent[name]:.0f} s"
         )
 
 
@@ -74,11 +76,16 @@ def some_axis(rng):
 
 
 def attack(seed):
-    """Whether all that a random axis gives is finite, and the energy it gained when left alone, over the largest."""
+    """Whether all that a random axis gives is finite, and the energy it gained when left alone,
+    over the largest.
+    """
     rng = np.random.default_rng(seed)
     axis = some_axis(rng)
     trace = run(axis, 1e-4 * rng.standard_normal(800).cumsum())
-    finite = all(np.isfinite(getattr(trace, name)).all() for name in ("x", "v", "friction", "current", "position"))
+    finite = all(
+        np.isfinite(getattr(trace, name)).all()
+        for name in ("x", "v", "friction", "current", "position")
+    )
     free = replace(axis, drive=replace(axis.drive, lag=0.0, limit=np.inf))
     force = np.where(np.arange(1200) < 300, 30 * rng.standard_normal(1200), 0.0)
     alone = run(free, {"torque": force}, oversampling=8)
@@ -88,7 +95,11 @@ def attack(seed):
     stored = 0.0
     for law in rig.friction:
         if law is not None and not isinstance(law, Coulomb):
-            K0 = float(np.sum(getattr(law, "stiffness", 0.0))) or getattr(law, "sigma0", 0.0) or law.curve.K0
+            K0 = (
+                float(np.sum(getattr(law, "stiffness", 0.0)))
+                or getattr(law, "sigma0", 0.0)
+                or law.curve.K0
+            )
             top = float(np.sum(getattr(law, "strength", 0.0))) or getattr(law, "Fs", 0.0) or law.Fc
             stored += 2 * top**2 / K0
     late = energy[304:]
@@ -104,8 +115,14 @@ def main():
     n = int(sys.argv[1]) if len(sys.argv) > 1 else 300
     found = [attack(seed) for seed in range(n)]
     finite, diverged, gained = (np.array([one[i] for one in found]) for i in range(3))
-    print(f"{n} random axes: {np.count_nonzero(~finite)} gave a number that is none, {np.sum(diverged)} ran away")
-    print(f"  energy gained when left alone, largest {gained.max():.1e} of the largest energy (seed {gained.argmax()})")
+    print(
+        f"{n} random axes: {np.count_nonzero(~finite)} gave a number that is none,"
+        f" {np.sum(diverged)} ran away"
+    )
+    print(
+        f"  energy gained when left alone, largest {gained.max():.1e} of the largest energy (seed"
+        f" {gained.argmax()})"
+    )
 
 
 if __name__ == "__main__":

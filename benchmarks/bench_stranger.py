@@ -1,16 +1,19 @@
-"""Servo axes that share no code with the packages, through files and commands, as `docs/howto/servo_axis.md` has it.
+"""Servo axes that share no code with the packages, through files and commands, as
+`docs/howto/servo_axis.md` has it.
 
-    python -m benchmarks.bench_stranger [--kind random] [--first 0] [--count 40] [--folder FOLDER] [--rig axis_rig.py]
+    python -m benchmarks.bench_stranger [--kind random] [--first 0] [--count 40] [--folder FOLDER]
+    [--rig axis_rig.py]
         [--attack friction]
 
-The rig is a file of its own, outside this project: `play`, `random_axis`, `hunting_axis`, `with_load` and `rests`. Each
-axis has a folder with its files, played once; a second run checks the same traces again. The data sheet of an axis has
-its true mass and force constant, and its gains. What is printed is the table of counts; every axis without a verdict is
-listed with its reason.
+The rig is a file of its own, outside this project: `play`, `random_axis`, `hunting_axis`,
+`with_load` and `rests`. Each axis has a folder with its files, played once; a second run checks the
+same traces again. The data sheet of an axis has its true mass and force constant, and its gains.
+What is printed is the table of counts; every axis without a verdict is listed with its reason.
 
-An attack plays what the files leave out: friction that has grown by 30 % when the axis moves (`friction`), a low-pass
-of 0.5 ms that the file does not name (`filter`), a ripple of 30 % of the Coulomb friction (`ripple`), a play of 2 um
-between the axis and its encoder (`backlash`). The truth is that of the axis as it is in the end, at its encoder.
+An attack plays what the files leave out: friction that has grown by 30 % when the axis moves
+(`friction`), a low-pass of 0.5 ms that the file does not name (`filter`), a ripple of 30 % of the
+Coulomb friction (`ripple`), a play of 2 um between the axis and its encoder (`backlash`). The truth
+is that of the axis as it is in the end, at its encoder.
 """
 
 from __future__ import annotations
@@ -101,11 +104,11 @@ def run(command: str, *arguments: object) -> tuple[int, str, str]:
 
 def write_files(axis: Any, folder: Path) -> None:
     """axis.toml and gains.toml, from the data sheet."""
-    load = f"load_inertia = {axis.load!r}\nstiffness = {axis.stiffness!r}\ndamping = {float(axis.damping)!r}\n" * bool(
-        axis.load
+    load = (
+        f"load_inertia = {axis.load!r}\nstiffness = {axis.stiffness!r}\ndamping ="
+        f" {float(axis.damping)!r}\n" * bool(axis.load)
     )
-    (folder / "axis.toml").write_text(
-        f"""motion = "linear"
+    (folder / "axis.toml").write_text(f"""motion = "linear"
 motor_inertia = {axis.mass!r}
 motor_damping = 0.0
 resolution = {axis.resolution!r}
@@ -119,18 +122,15 @@ delay_periods = {float(axis.delay_periods)!r}
 torque_constant = {axis.force_constant!r}
 limit = {axis.max_current!r}
 velocity_feedforward = {axis.feedforward!r}
-"""
-    )
-    (folder / "gains.toml").write_text(
-        f"""fs = "{axis.fs!r} Hz"
+""")
+    (folder / "gains.toml").write_text(f"""fs = "{axis.fs!r} Hz"
 kv = "{axis.kv!r} 1/s"
 kp = "{axis.kp!r} A/(m/s)"
 tn = "{axis.tn!r} s"
 torque_constant = "{axis.force_constant!r} N/A"
 lag = "{axis.lag!r} s"
 delay = "{axis.delay_periods / axis.fs!r} s"
-"""
-    )
+""")
 
 
 def play(rig: ModuleType, axis: Any, folder: Path, attack: str = "none") -> None:
@@ -187,7 +187,9 @@ def play(rig: ModuleType, axis: Any, folder: Path, attack: str = "none") -> None
         u, y, _ = rig.play(axis if grows else replace(axis, **ATTACKS[attack](axis)), data[:, 1])
         table = np.c_[data[:, 0], u, y]
         head = "t [s],force set point [N],position [m]"
-        np.savetxt(folder / f"{trace}.csv", table, delimiter=",", header=head, comments="", fmt="%.10g")
+        np.savetxt(
+            folder / f"{trace}.csv", table, delimiter=",", header=head, comments="", fmt="%.10g"
+        )
 
 
 def truth(rig: ModuleType, axis: Any, folder: Path) -> tuple[float, float]:
@@ -200,7 +202,9 @@ def truth(rig: ModuleType, axis: Any, folder: Path) -> tuple[float, float]:
 
 
 def bound_of_truth(axis: Any) -> float:
-    """T4 with the true numbers [m]: the peak gain of the linear loop times the largest friction force."""
+    """T4 with the true numbers [m]: the peak gain of the linear loop times the largest friction
+    force.
+    """
     from nlfrf.rig import Drive
     from robust import friction_plant, prove_friction
     from robust.friction import Bounded
@@ -219,7 +223,9 @@ def bound_of_truth(axis: Any) -> float:
     )
     plant = friction_behind_lag(friction_plant(axis.mass + axis.load, 0.0, axis.viscous), axis.lag)
     largest = axis.Fc if axis.law == "dahl" else axis.Fs
-    found = prove_friction(plant, cascade(settings, output_unit="N"), Bounded(largest), delay=settings.delay)
+    found = prove_friction(
+        plant, cascade(settings, output_unit="N"), Bounded(largest), delay=settings.delay
+    )
     return float(found.error_bound)
 
 
@@ -258,7 +264,9 @@ def play_advice(axis: Any, advice: str) -> Any | None:
 
 
 def swing_of(rig: ModuleType, axis: Any) -> float:
-    """Swing in the end, over the histories of the rig; one move alone without an integral part, which nothing winds."""
+    """Swing in the end, over the histories of the rig; one move alone without an integral part,
+    which nothing winds.
+    """
     if axis.tn < NEVER:
         return float(rig.rests(axis)[1])
     axis = replace(axis, resolution=1e-13)
@@ -284,7 +292,9 @@ def inside(interval: Any, true: float) -> bool:
     return bool(interval) and None not in interval and interval[0] <= true <= interval[1]
 
 
-def compare(rig: ModuleType, axis: Any, folder: Path, counts: Counts, listed: dict[str, list[float]]) -> str:
+def compare(
+    rig: ModuleType, axis: Any, folder: Path, counts: Counts, listed: dict[str, list[float]]
+) -> str:
     """Check one axis, count what is right and what is false; a row for the list."""
     code, found, err, taken = check(folder, *(["--masses", 2] if axis.load else []))
     error, swing = truth(rig, axis, folder)
@@ -297,8 +307,14 @@ def compare(rig: ModuleType, axis: Any, folder: Path, counts: Counts, listed: di
     proved = outcome in ("rests", "settles") and (outcome == "rests" or within < FAR * reference)
     counts.of("friction: proved or refuted", proved or outcome == "refuted")
     answers, force = found.get("answers", {}), friction.get("force") or {}
-    late = [[found.get(name, {}).get(part) for part in ("delay_periods", "lag")] for name in ("given", "settings")]
-    counts.of("the records refute the model, and it is said", bool(force.get("contradiction")) or late[0] != late[1])
+    late = [
+        [found.get(name, {}).get(part) for part in ("delay_periods", "lag")]
+        for name in ("given", "settings")
+    ]
+    counts.of(
+        "the records refute the model, and it is said",
+        bool(force.get("contradiction")) or late[0] != late[1],
+    )
     counts["false of"] += 1
     false = (outcome == "rests" and swing > SMALL) or (outcome == "settles" and error > within)
     counts["false"] += false
@@ -312,7 +328,9 @@ def compare(rig: ModuleType, axis: Any, folder: Path, counts: Counts, listed: di
             right = simulated == "hunts" and 0.5 < amplitude / (swing / 2) < 2
             counts.of("simulated: hunters named, amplitude within 2", right)
             if (advised := play_advice(axis, friction.get("advice") or "")) is not None:
-                counts.of("advice played: rests, or half the swing", swing_of(rig, advised) < swing / 2)
+                counts.of(
+                    "advice played: rests, or half the swing", swing_of(rig, advised) < swing / 2
+                )
             else:
                 counts.of("advice played: rests, or half the swing", False)
         elif swing < SMALL:
@@ -323,7 +341,9 @@ def compare(rig: ModuleType, axis: Any, folder: Path, counts: Counts, listed: di
     counts.of("mass in its interval", inside(friction.get("mass_interval"), total))
     delay = friction.get("delay")
     true = axis.delay_periods / axis.fs + axis.lag
-    counts.of("delay within 5 % of a period", delay is not None and abs(delay - true) < 0.05 / axis.fs)
+    counts.of(
+        "delay within 5 % of a period", delay is not None and abs(delay - true) < 0.05 / axis.fs
+    )
     largest = axis.Fc if axis.law == "dahl" else axis.Fs
     interval = friction.get("Fs_interval")
     counts.of("Fs in its interval", inside(interval, largest))
@@ -338,15 +358,18 @@ def compare(rig: ModuleType, axis: Any, folder: Path, counts: Counts, listed: di
     listed["seconds"].append(taken)
     reason = friction.get("reason") or err.strip()
     return (
-        f"{axis.law:8s} {'FALSE ' * false}{outcome:8s} within {within:9.3g} (T4 of the truth {reference:.3g}, error "
-        f"{error:.2g}, swing {swing:.2g}) exit {code} in {taken:.1f} s | {linear.get('verdict', '')[:40]} | Fs "
-        f"{interval} of {largest:.4g} | {answers.get('traces', '')[:60]} | {reason[:300]}"
+        f"{axis.law:8s} {'FALSE ' * false}{outcome:8s} within {within:9.3g} (T4 of the truth"
+        f" {reference:.3g}, error {error:.2g}, swing {swing:.2g}) exit {code} in {taken:.1f} s |"
+        f" {linear.get('verdict', '')[:40]} | Fs {interval} of {largest:.4g} |"
+        f" {answers.get('traces', '')[:60]} | {reason[:300]}"
     )
 
 
 def main() -> None:
     """Print a row for each axis, then the counts."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--kind", default="random", choices=("random", "hunting", "load"))
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--count", type=int, default=40)
@@ -354,13 +377,22 @@ def main() -> None:
     parser.add_argument("--rig", type=Path, default=RIG)
     parser.add_argument("--attack", default="none", choices=tuple(ATTACKS))
     given = parser.parse_args()
-    rig = load_rig(with_backlash(given.rig, given.folder) if given.attack == "backlash" else given.rig)
+    rig = load_rig(
+        with_backlash(given.rig, given.folder) if given.attack == "backlash" else given.rig
+    )
     counts = Counts()
     listed: dict[str, list[float]] = {}
-    for name in ("within over error of hunters", "width of Fs", "Fs read", "K0 used over the true one", "seconds"):
+    for name in (
+        "within over error of hunters",
+        "width of Fs",
+        "Fs read",
+        "K0 used over the true one",
+        "seconds",
+    ):
         listed[name] = []
     for seed in range(given.first, given.first + given.count):
-        axis, folder = axis_of(rig, given.kind, seed), given.folder / given.attack / f"{given.kind}-{seed}"
+        axis = axis_of(rig, given.kind, seed)
+        folder = given.folder / given.attack / f"{given.kind}-{seed}"
         try:
             play(rig, axis, folder, given.attack)
             axis = replace(axis, **ATTACKS[given.attack](axis))

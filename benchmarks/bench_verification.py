@@ -1,4 +1,5 @@
-"""Proofs to the last bit under attack: what `check` certifies is verified, what is above the limit never is.
+"""Proofs to the last bit under attack: what `check` certifies is verified, what is above the limit
+never is.
 
 python -m benchmarks.bench_verification            # 500 loops of each kind, some minutes
 python -m benchmarks.bench_verification 50         # fewer
@@ -31,7 +32,9 @@ LINES = np.array([0.5, 1.0])
 
 
 def stable_cases(seed):
-    """Random loops of at most twelve states, stable for certain; a third of the continuous ones behind a delay."""
+    """Random loops of at most twelve states, stable for certain; a third of the continuous ones
+    behind a delay.
+    """
     rng = np.random.default_rng(seed)
     while True:
         case = random_case(rng)
@@ -72,7 +75,9 @@ def certificates(n_loops, seed=0):
         rng, case = next(cases)
         w_P = demanding(rng, case) if case["target"] < 1 and rng.random() < 0.5 else None
         perturbation = str(rng.choice(["LTI", "statistical", "operator"]))
-        report = check(model_of(case, case["w"], perturbation), case["K"], delay=case["delay"], w_P=w_P)
+        report = check(
+            model_of(case, case["w"], perturbation), case["K"], delay=case["delay"], w_P=w_P
+        )
         for certificate in report.proofs.certificates:
             count["asked"] += 1
             if certificate.holds:
@@ -82,17 +87,22 @@ def certificates(n_loops, seed=0):
                 count["certified"] += 1
                 count["verified"] += found.verified
                 if not found.verified:
-                    print(f"  not verified: {case['kind']}, {case['form']}, {certificate.subject}: {found.failed}")
+                    print(
+                        f"  not verified: {case['kind']}, {case['form']}, {certificate.subject}:"
+                        f" {found.failed}"
+                    )
     share = 100 * count["verified"] / count["certified"]
     print(
-        f"{n_loops} loops: {count['certified']} certificates, {count['verified']} verified ({share:.1f} %, target 95), "
-        f"{np.median(seconds):.3f} s median (target 0.2), {np.quantile(seconds, 0.99):.2f} s of 99 %, "
-        f"{max(seconds):.2f} s at most"
+        f"{n_loops} loops: {count['certified']} certificates, {count['verified']} verified"
+        f" ({share:.1f} %, target 95), {np.median(seconds):.3f} s median (target 0.2),"
+        f" {np.quantile(seconds, 0.99):.2f} s of 99 %, {max(seconds):.2f} s at most"
     )
 
 
 def above(n_loops, seed=1):
-    """How many loops with a peak between 1 + 1e-9 and 1 + 1e-6 are verified, and as far below it."""
+    """How many loops with a peak between 1 + 1e-9 and 1 + 1e-6 are verified, and as far below
+    it.
+    """
     count, cases, rng = Counter(), stable_cases(seed), np.random.default_rng(seed)
     while count["above"] < n_loops:
         _, case = next(cases)
@@ -101,11 +111,14 @@ def above(n_loops, seed=1):
         if not 1e-9 < float(peak - 1) < 1e-6:
             continue
         count["above"] += 1
-        bad = verify_loop(stability_claim(model_of(case, w), case["K"], w_P=None, delay=case["delay"])).verified
+        bad = verify_loop(
+            stability_claim(model_of(case, w), case["K"], w_P=None, delay=case["delay"])
+        ).verified
         count["verified above"] += bad
         if bad:
             print(
-                f"  VERIFIED ABOVE: {case['kind']}, {case['form']}, delay {case['delay']}, peak 1 + {float(peak - 1)}"
+                f"  VERIFIED ABOVE: {case['kind']}, {case['form']}, delay {case['delay']}, peak 1 +"
+                f" {float(peak - 1)}"
             )
         below = just_above(case, -excess)[0]
         if highest(case, below) < 1:
@@ -125,7 +138,9 @@ def highest(case, w):
 
 
 def poles(n_loops, seed=2):
-    """Stability of loops of 15 to 30 states within 1e-2 to 1e-9 of a gain at the boundary, against 450 digits."""
+    """Stability of loops of 15 to 30 states within 1e-2 to 1e-9 of a gain at the boundary, against
+    450 digits.
+    """
     rng, count, seconds, done = np.random.default_rng(seed), Counter(), [], 0
 
     def exactly(G, K):
@@ -146,10 +161,17 @@ def poles(n_loops, seed=2):
             count["decided"] += 1
             count["wrong"] += found.holds != true
             count["undecided"] += not (found.holds or found.violated)
-            floats = decide_stability(control.StateSpace(*closed_loop(G, beside, ("e",), ("r",)), G.dt))
+            floats = decide_stability(
+                control.StateSpace(*closed_loop(G, beside, ("e",), ("r",)), G.dt)
+            )
             count["undecided in floating point"] += floats.state is Stability.UNDECIDED
-            count["wrong in floating point"] += floats.state is not Stability.UNDECIDED and floats.stable != true
-    print(f"{n_loops} ill-conditioned loops beside the boundary: {dict(count)}; {np.median(seconds):.3f} s median")
+            count["wrong in floating point"] += (
+                floats.state is not Stability.UNDECIDED and floats.stable != true
+            )
+    print(
+        f"{n_loops} ill-conditioned loops beside the boundary: {dict(count)};"
+        f" {np.median(seconds):.3f} s median"
+    )
 
 
 if __name__ == "__main__":

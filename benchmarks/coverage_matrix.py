@@ -2,10 +2,11 @@
 
     python -m benchmarks.coverage_matrix [runs] [part of a row's name]
 
-The stage: masses 1 and 1.5 kg, modes at 28.9 and 49.8 Hz with 2.1 and 1.5 % damping, coupled by a spring, outputs that
-mix the axes; cubic springs, or LuGre friction on both axes at two levels; and static polynomials of two and three
-inputs. The truth is the mean over all runs. Asked for: 93 (less three standard errors over runs) to 99.8 %, a width of
-at most 1.5 (the median bound over that of a known scatter); a cell that misses is marked.
+The stage: masses 1 and 1.5 kg, modes at 28.9 and 49.8 Hz with 2.1 and 1.5 % damping, coupled by a
+spring, outputs that mix the axes; cubic springs, or LuGre friction on both axes at two levels; and
+static polynomials of two and three inputs. The truth is the mean over all runs. Asked for: 93 (less
+three standard errors over runs) to 99.8 %, a width of at most 1.5 (the median bound over that of a
+known scatter); a cell that misses is marked.
 """
 
 from __future__ import annotations
@@ -51,7 +52,9 @@ def rates(x1, x2, v1, v2, z1, z2, u1, u2, cubic, lugre, on):
 
 @numba.njit(cache=True, fastmath=True)
 def drive(r, noise, cubic, lugre, on, kp, kd, u_out, y_out, substeps):
-    """Run one experiment r (2, n) through the stage, under u = r - kp y - kd dy/dt by a sampled controller."""
+    """Run one experiment r (2, n) through the stage, under u = r - kp y - kd dy/dt by a sampled
+    controller.
+    """
     h = 1.0 / FS / substeps
     x1 = x2 = v1 = v2 = z1 = z2 = before1 = before2 = 0.0
     for t in range(r.shape[1]):
@@ -65,11 +68,17 @@ def drive(r, noise, cubic, lugre, on, kp, kd, u_out, y_out, substeps):
             a1, a2, d1, d2 = rates(x1, x2, v1, v2, z1, z2, u1, u2, cubic, lugre, on)
             g = h / 2
             w1, w2 = v1 + g * a1, v2 + g * a2
-            b1, b2, e1, e2 = rates(x1 + g * v1, x2 + g * v2, w1, w2, z1 + g * d1, z2 + g * d2, u1, u2, cubic, lugre, on)
+            b1, b2, e1, e2 = rates(
+                x1 + g * v1, x2 + g * v2, w1, w2, z1 + g * d1, z2 + g * d2, u1, u2, cubic, lugre, on
+            )
             q1, q2 = v1 + g * b1, v2 + g * b2
-            c1, c2, k1, k2 = rates(x1 + g * w1, x2 + g * w2, q1, q2, z1 + g * e1, z2 + g * e2, u1, u2, cubic, lugre, on)
+            c1, c2, k1, k2 = rates(
+                x1 + g * w1, x2 + g * w2, q1, q2, z1 + g * e1, z2 + g * e2, u1, u2, cubic, lugre, on
+            )
             m1, m2 = v1 + h * c1, v2 + h * c2
-            p1, p2, l1, l2 = rates(x1 + h * q1, x2 + h * q2, m1, m2, z1 + h * k1, z2 + h * k2, u1, u2, cubic, lugre, on)
+            p1, p2, l1, l2 = rates(
+                x1 + h * q1, x2 + h * q2, m1, m2, z1 + h * k1, z2 + h * k2, u1, u2, cubic, lugre, on
+            )
             x1 += h / 6 * (v1 + 2 * w1 + 2 * q1 + m1)
             x2 += h / 6 * (v2 + 2 * w2 + 2 * q2 + m2)
             v1 += h / 6 * (a1 + 2 * b1 + 2 * c1 + p1)
@@ -78,8 +87,12 @@ def drive(r, noise, cubic, lugre, on, kp, kd, u_out, y_out, substeps):
             z2 += h / 6 * (d2 + 2 * e2 + 2 * k2 + l2)
 
 
-def stage_records(ms, *, friction=False, linear=False, gains=(0.0, 0.0), snrs=SNRS, rng=None, n_discard=3):
-    """`Record`s of one run of the stage, one for each snr [dB]; by reference where there are gains."""
+def stage_records(
+    ms, *, friction=False, linear=False, gains=(0.0, 0.0), snrs=SNRS, rng=None, n_discard=3
+):
+    """`Record`s of one run of the stage, one for each snr [dB]; by reference where there are
+    gains.
+    """
     rng = np.random.default_rng(rng)
     M, total = ms.n_experiments, (PERIODS + n_discard) * N
     r = np.tile(ms.u, (1, 1, PERIODS + n_discard))
@@ -117,26 +130,38 @@ def static_record(ms, snr=np.inf, rng=None):
     rng = np.random.default_rng(rng)
     u = np.repeat(ms.u[:, :, None], PERIODS, axis=2)
     a, b, c = u[0], u[1], u[-1]
-    y = np.stack([a + 0.3 * b + 0.1 * a**3 + 0.1 * a * b**2, b - 0.2 * c + 0.1 * b**2 * c + 0.05 * c**3 + 0.1 * a * b])
+    y = np.stack(
+        [
+            a + 0.3 * b + 0.1 * a**3 + 0.1 * a * b**2,
+            b - 0.2 * c + 0.1 * b**2 * c + 0.05 * c**3 + 0.1 * a * b,
+        ]
+    )
     noise = (
         0.0
         if np.isinf(snr)
-        else 10 ** (-snr / 20) * rng.standard_normal(y.shape) * y.std(axis=(1, 2, 3))[:, None, None, None]
+        else 10 ** (-snr / 20)
+        * rng.standard_normal(y.shape)
+        * y.std(axis=(1, 2, 3))[:, None, None, None]
     )
     return nlfrf.Record(u=u, y=y + noise, fs=ms.fs, lines=ms.lines)
 
 
 def tally(frms, quiet, resonances):
-    """(runs, 9) coverages: entries, matrices, entries and matrices of a new set, all lines and near; then widths."""
+    """(runs, 9) coverages: entries, matrices, entries and matrices of a new set, all lines and
+    near; then widths.
+    """
     truth = np.mean([frm.G for frm in frms], axis=0)
     n, f = len(frms), frms[0].f
     near = np.any(np.abs(f[:, None] - np.array(resonances)) < NEAR, axis=1)
-    spread = np.sqrt(np.mean([np.abs(frm.G - truth) ** 2 for frm in frms], axis=0) * 3.0)  # F(2, inf) at 95 %
+    spread = np.sqrt(
+        np.mean([np.abs(frm.G - truth) ** 2 for frm in frms], axis=0) * 3.0
+    )  # F(2, inf) at 95 %
     rows = []
     for e, frm in enumerate(frms):
         # the others' mean: the run itself is not part of its truth
         d = (frm.G - truth) * n / (n - 1)
-        # a new set, as the machine meets it: without measurement noise, and with the scatter of one set
+        # a new set, as the machine meets it: without measurement noise, and with the scatter of one
+        # set
         new = (quiet[(e + 1) % n] - truth) * frm.experiment.n_realizations**0.5 - (frm.G - truth)
         row = []
         for apart, of in ((d, "bla"), (new, "realization")):
@@ -149,7 +174,9 @@ def tally(frms, quiet, resonances):
 def held(frm, d, of):
     """(F,) whether d (n_y, n_u, F) lies in the block of the matrix."""
     left, right = frm.block(of=of)
-    Z = np.linalg.solve(np.moveaxis(left, 2, 0), np.moveaxis(d, 2, 0)) @ np.linalg.inv(np.moveaxis(right, 2, 0))
+    Z = np.linalg.solve(np.moveaxis(left, 2, 0), np.moveaxis(d, 2, 0)) @ np.linalg.inv(
+        np.moveaxis(right, 2, 0)
+    )
     return np.linalg.norm(Z, 2, (1, 2)) <= 1
 
 
@@ -168,11 +195,15 @@ MACHINES = {
 
 
 def groups() -> Iterator[tuple[str, Callable[[int], Iterator[nlfrf.Record]]]]:
-    """Name of each group of rows, and what makes the records of run e, one for each level of noise."""
+    """Name of each group of rows, and what makes the records of run e, one for each level of
+    noise.
+    """
 
     def stage(kind, R, rms, friction, design="orthogonal", **more):
         def make(e):
-            ms = played(kind, FS, N, **BAND, rms=rms, n_inputs=2, n_realizations=R, design=design, rng=e)
+            ms = played(
+                kind, FS, N, **BAND, rms=rms, n_inputs=2, n_realizations=R, design=design, rng=e
+            )
             return stage_records(ms, friction=friction, rng=e, **more)
 
         return make
@@ -193,7 +224,10 @@ def groups() -> Iterator[tuple[str, Callable[[int], Iterator[nlfrf.Record]]]]:
                 yield f"{kind:11} {name} R={R} open", stage(kind, R, rms, friction)
     for R in (1, 2):
         for name, (rms, friction) in MACHINES.items():
-            yield f"zippered    {name} R={R} open", stage("random-odd", R, rms, friction, design="zippered")
+            yield (
+                f"zippered    {name} R={R} open",
+                stage("random-odd", R, rms, friction, design="zippered"),
+            )
 
 
 def main(runs=150, only=""):
@@ -201,7 +235,10 @@ def main(runs=150, only=""):
     if runs < 2:
         raise SystemExit(f"runs must be at least 2, the truth is their mean, got {runs}")
     warnings.simplefilter("ignore", nlfrf.DataWarning)
-    print(f"{runs} runs each; coverage in % (standard error over runs) at 95 %, all lines, then near the resonances")
+    print(
+        f"{runs} runs each; coverage in % (standard error over runs) at 95 %, all lines, then near"
+        " the resonances"
+    )
     heads = ("entries", "near", "matrix", "near", "new: entries", "near", "matrix", "near")
     print(" " * 46 + "  ".join(f"{head:12}" for head in heads) + "  width")
     missed = rows = 0
@@ -209,7 +246,9 @@ def main(runs=150, only=""):
         if only and only not in name:
             continue
         # columns of noise levels; the first is without noise
-        frms = list(zip(*([nlfrf.identify(record) for record in make(e)] for e in range(runs)), strict=True))
+        frms = list(
+            zip(*([nlfrf.identify(record) for record in make(e)] for e in range(runs)), strict=True)
+        )
         quiet = [frm.G for frm in frms[0]]
         for snr, some in zip(SNRS, frms, strict=True):
             row = tally(some, quiet, () if "static" in name else RESONANCES)
@@ -217,9 +256,12 @@ def main(runs=150, only=""):
             width = float(np.median(row[:, 8]))
             bad = (mean < 93 - 3 * error) | (mean > 99.8)
             cells = "  ".join(
-                f"{a:5.1f} ({b:3.1f}){'!' if wrong else ' '}" for a, b, wrong in zip(mean, error, bad, strict=True)
+                f"{a:5.1f} ({b:3.1f}){'!' if wrong else ' '}"
+                for a, b, wrong in zip(mean, error, bad, strict=True)
             )
-            print(f"{name} {snr:4g} dB  {cells}  {width:5.2f}{'!' if width > 1.5 else ''}", flush=True)
+            print(
+                f"{name} {snr:4g} dB  {cells}  {width:5.2f}{'!' if width > 1.5 else ''}", flush=True
+            )
             missed, rows = missed + int(bad.any() or width > 1.5), rows + 1
     print(f"{missed} of {rows} rows miss")
 

@@ -1,12 +1,14 @@
-"""Files of every kind drawn by chance, through the public functions: right, warned of, refused, or wrong in silence.
+"""Files of every kind drawn by chance, through the public functions: right, warned of, refused, or
+wrong in silence.
 
 python -m benchmarks.doors --files 2000 --seed 0   # counts by kind, and every silent wrong answer
 python -m benchmarks.doors --write 17 folder       # the file of one seed, and how it is read
 python -m benchmarks.doors --kind "outliers"       # one kind alone
 
-Right is NumPy's FRF of the system behind the file: within 2 % on most lines, and on nearly all within that, the noise
-or the bound of the record. A warning or a refusal counts where it names the kind; a refusal also where the cure that
-it names, tried as it stands, ends right. What `nlfrf inspect` prints is run for a share of the files.
+Right is NumPy's FRF of the system behind the file: within 2 % on most lines, and on nearly all
+within that, the noise or the bound of the record. A warning or a refusal counts where it names the
+kind; a refusal also where the cure that it names, tried as it stands, ends right. What `nlfrf
+inspect` prints is run for a share of the files.
 """
 
 from __future__ import annotations
@@ -39,7 +41,9 @@ from robust import cli as controlling
 COMMAND_SHARE = 0.05  # of the files, on which the commands are run, too
 TOLERANCE, SIGMAS = 0.02, 4.0
 MOST, NEARLY_ALL = 0.75, 0.95  # shares of the lines within tolerance, and within it or the bound
-NEARLY_ALL_LINES = 0.9  # share of the lines that an estimate must have, and of its own that must be true ones
+NEARLY_ALL_LINES = (
+    0.9  # share of the lines that an estimate must have, and of its own that must be true ones
+)
 #: Warnings of faults of the samples, of which sound records must have next to none.
 FAULT_WORDS = re.compile(r"outlier|spike|wrap|whole turn|\bhits?\b|hammer", re.I)
 WRONG = "wrong without a word"
@@ -82,13 +86,19 @@ def compare(case, bla):
         same = np.abs(bla.f / run.f[near] - 1) < 1e-3
         near = near[same]
         if same.mean() < NEARLY_ALL_LINES or np.unique(near).size < NEARLY_ALL_LINES * run.f.size:
-            return f"lines {bla.f[0]:.4g} to {bla.f[-1]:.4g} Hz, not {run.f[0]:.4g} to {run.f[-1]:.4g} Hz"
+            return (
+                f"lines {bla.f[0]:.4g} to {bla.f[-1]:.4g} Hz, not {run.f[0]:.4g} to"
+                f" {run.f[-1]:.4g} Hz"
+            )
         truths = [run.G[near]] if case.table else [run.G[near], run.measured()[near]]
         scatter = case.gain * run.scatter[near] * (not case.table)
     scale = case.gain * np.abs(truths[0])
     known = np.maximum(TOLERANCE * scale, SIGMAS * scatter)
     error = np.min([np.abs(bla.G[same] - case.gain * one) for one in truths], axis=0)
-    if np.mean(error <= known) < MOST or np.mean(error <= np.maximum(known, bla.bound()[same])) < NEARLY_ALL:
+    if (
+        np.mean(error <= known) < MOST
+        or np.mean(error <= np.maximum(known, bla.bound()[same])) < NEARLY_ALL
+    ):
         share = 100 * error / scale
         return f"off by {np.median(share):.3g} % at the median line, {share.max():.3g} % at most"
     return ""
@@ -99,10 +109,15 @@ def estimate(case, path, *, u=None, y=None, **options):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            bla, error = nlfrf.identify(nlfrf.load_record(path, u=u or case.u, y=y or case.y, **options)), None
+            bla = nlfrf.identify(nlfrf.load_record(path, u=u or case.u, y=y or case.y, **options))
+            error = None
         except Exception as raised:
             bla, error = None, raised
-    return bla, [str(one.message) for one in caught if issubclass(one.category, nlfrf.DataWarning)], error
+    return (
+        bla,
+        [str(one.message) for one in caught if issubclass(one.category, nlfrf.DataWarning)],
+        error,
+    )
 
 
 def judge(case, path):
@@ -141,7 +156,12 @@ def refusal(case, path, error, said):
         wrong = "" if bla is None else compare(case, bla)
         named = any(re.search(case.words, one, re.I) for one in more)
         if bla is not None and wrong and not named:
-            return Result(case, Outcome.SILENT, said + more, f"by the cure {options}: {wrong}; refused: {text}")
+            return Result(
+                case,
+                Outcome.SILENT,
+                said + more,
+                f"by the cure {options}: {wrong}; refused: {text}",
+            )
         if bla is not None:
             return Result(case, Outcome.REFUSED, said + more, text)
         text = f"{text}; and by its cure {options}: {again}"
@@ -150,12 +170,18 @@ def refusal(case, path, error, said):
 
 
 def names_of(case, path):
-    """The channels of a file that hold the input and the output, as one finds them who looks at the numbers."""
+    """The channels of a file that hold the input and the output, as one finds them who looks at the
+    numbers.
+    """
     arrays = read_channels(path).arrays
     found = {}
     for key, stream in (("u", case.run.u), ("y", case.run.y)):
         for name, array in arrays.items():
-            same = array.shape == stream.shape and array.dtype.kind in "fiu" and np.isfinite(array).all()
+            same = (
+                array.shape == stream.shape
+                and array.dtype.kind in "fiu"
+                and np.isfinite(array).all()
+            )
             if same and np.ptp(array) > 0 and abs(np.corrcoef(array, stream)[0, 1]) > 0.9999:
                 found[key] = name
                 break
@@ -176,9 +202,18 @@ def invoke(app, words):
 
 
 def printed_command(printed, case, out):
-    """The command that `nlfrf inspect` printed, word by word, with what it leaves to the user filled in."""
-    words = next((shlex.split(line[5:]) for line in printed.splitlines() if line.startswith("run:")), [])
-    filled = {"HERTZ": f"{case.run.fs:.12g}", "POLES": "2", "RELATIVE-STD": "0.02", "AVERAGES": "16"}
+    """The command that `nlfrf inspect` printed, word by word, with what it leaves to the user
+    filled in.
+    """
+    words = next(
+        (shlex.split(line[5:]) for line in printed.splitlines() if line.startswith("run:")), []
+    )
+    filled = {
+        "HERTZ": f"{case.run.fs:.12g}",
+        "POLES": "2",
+        "RELATIVE-STD": "0.02",
+        "AVERAGES": "16",
+    }
     words = [filled.get(word, word) for word in words]
     if "-o" in words:
         words[words.index("-o") + 1] = str(out)
@@ -202,7 +237,11 @@ def commands(case, path):
     code, _, said, error = invoke(measuring.app, words[1:])
     if code:
         known = isinstance(error, ValueError)
-        return f"its command is refused: {error}" if known else f"its command ends with {code}: {error!r}"
+        return (
+            f"its command is refused: {error}"
+            if known
+            else f"its command ends with {code}: {error!r}"
+        )
     file = read_channels(path)
     if strictly_rising(file.arrays.get(y, np.zeros(2))):
         return f"it proposes the rising column {y} as output"
@@ -218,7 +257,9 @@ def strictly_rising(stream):
 
 
 def judge_frf(case, path):
-    """The outcome of a table of an FRF: no command takes it for a record, and `robust model` takes it as it is."""
+    """The outcome of a table of an FRF: no command takes it for a record, and `robust model` takes
+    it as it is.
+    """
     out, model = path.with_name("bla.npz"), path.with_name("model.json")
     code, printed, _, error = invoke(measuring.app, ["inspect", str(path)])
     text = str(error) if code else printed
@@ -233,14 +274,21 @@ def judge_frf(case, path):
     code, _, said, error = invoke(controlling.app, words[1:])
     if not code:
         one = robust.load(model).records[0]
-        wrong = compare(case, SimpleNamespace(f=one.omega / (2 * np.pi), G=one.G, unit="", bound=lambda: 0 * one.omega))
+        wrong = compare(
+            case,
+            SimpleNamespace(
+                f=one.omega / (2 * np.pi), G=one.G, unit="", bound=lambda: 0 * one.omega
+            ),
+        )
         if wrong:
             return Result(case, Outcome.WARNED_WRONG if said else Outcome.SILENT, said, wrong)
         return Result(case, Outcome.OTHER if said else Outcome.RIGHT, said)
     if not isinstance(error, ValueError | None):
         return Result(case, Outcome.CRASH, said, repr(error))
     named = re.search(case.words, f"{text} {error}", re.I)
-    return Result(case, Outcome.REFUSED if named else Outcome.DEAD_END, said, f"{text} {error}"[-300:])
+    return Result(
+        case, Outcome.REFUSED if named else Outcome.DEAD_END, said, f"{text} {error}"[-300:]
+    )
 
 
 def result_of(case, folder, *, with_commands=False):
@@ -252,7 +300,9 @@ def result_of(case, folder, *, with_commands=False):
     if not with_commands:
         return result
     did = commands(case, path)
-    outcome = Outcome.SILENT if WRONG in did and result.outcome is not Outcome.CRASH else result.outcome
+    outcome = (
+        Outcome.SILENT if WRONG in did and result.outcome is not Outcome.CRASH else result.outcome
+    )
     return replace(result, commands=did, outcome=outcome)
 
 
@@ -266,7 +316,9 @@ def run_cases(cases, *, share=COMMAND_SHARE):
         for i, case in enumerate(cases):
             with tempfile.TemporaryDirectory() as folder:
                 every = round(1 / share) if share else 0
-                results.append(result_of(case, folder, with_commands=bool(every and i % every == 0)))
+                results.append(
+                    result_of(case, folder, with_commands=bool(every and i % every == 0))
+                )
     return results
 
 
@@ -279,7 +331,9 @@ def print_table(results):
     print(f"{'kind':<48}{'files':>6}" + "".join(f"{head:>10}" for head in heads))
     for name in KINDS:
         if row := counts[name]:
-            print(f"{name:<48}{row.total():>6}" + "".join(f"{row[one] or '':>10}" for one in Outcome))
+            print(
+                f"{name:<48}{row.total():>6}" + "".join(f"{row[one] or '':>10}" for one in Outcome)
+            )
     total = Counter(one.outcome for one in results)
     print(f"{'all':<48}{total.total():>6}" + "".join(f"{total[one] or '':>10}" for one in Outcome))
 
@@ -292,8 +346,9 @@ def print_sound(results):
     right = sum(one.outcome is Outcome.RIGHT for one in sound)
     faults = sum(any(FAULT_WORDS.search(text) for text in [*one.said, one.detail]) for one in sound)
     print(
-        f"sound files: {right} of {len(sound)} right without a warning ({100 * right / len(sound):.1f} %); "
-        f"{faults} with words of outliers, wraps or hits ({100 * faults / len(sound):.2f} %)"
+        f"sound files: {right} of {len(sound)} right without a warning"
+        f" ({100 * right / len(sound):.1f} %); {faults} with words of outliers, wraps or hits"
+        f" ({100 * faults / len(sound):.2f} %)"
     )
     return right >= SOUND_SHARE * len(sound) and faults <= FAULT_SHARE * len(sound)
 
@@ -302,16 +357,27 @@ def print_details(results, *, most):
     """Silent wrong answers, all of them; and by kind some of what else is not as it should be."""
     for one in results:
         if one.outcome is Outcome.SILENT:
-            print(f"  seed {one.case.seed} ({one.case.kind}): {one.detail or one.commands} {one.said or ''}")
-            print(f'    python -m benchmarks.doors --kind "{one.case.kind}" --write {one.case.seed} FOLDER')
+            print(
+                f"  seed {one.case.seed} ({one.case.kind}): {one.detail or one.commands}"
+                f" {one.said or ''}"
+            )
+            print(
+                f'    python -m benchmarks.doors --kind "{one.case.kind}" --write {one.case.seed}'
+                " FOLDER"
+            )
     shown = Counter()
     for one in results:
         bad = one.outcome in (Outcome.CRASH, Outcome.DEAD_END) or (
-            one.case.sound and one.outcome is not Outcome.RIGHT and one.outcome is not Outcome.SILENT
+            one.case.sound
+            and one.outcome is not Outcome.RIGHT
+            and one.outcome is not Outcome.SILENT
         )
         if bad and (shown[one.case.kind] < most or one.outcome is Outcome.CRASH):
             shown[one.case.kind] += 1
-            print(f"  seed {one.case.seed} ({one.case.kind}): {one.outcome.value}: {one.detail[:300]} {one.said or ''}")
+            print(
+                f"  seed {one.case.seed} ({one.case.kind}): {one.outcome.value}: {one.detail[:300]}"
+                f" {one.said or ''}"
+            )
     tried = [one for one in results if one.commands]
     for one in tried[: 4 * most]:
         print(f"  seed {one.case.seed} ({one.case.kind}): {one.commands[:200]}")
@@ -323,8 +389,12 @@ def main():
     parser.add_argument("--files", type=int, default=2000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--kind", choices=list(KINDS), help="this kind alone")
-    parser.add_argument("--details", type=int, default=3, help="refusals and warnings of each kind that are printed")
-    parser.add_argument("--write", nargs=2, metavar=("SEED", "FOLDER"), help="write the file of one seed")
+    parser.add_argument(
+        "--details", type=int, default=3, help="refusals and warnings of each kind that are printed"
+    )
+    parser.add_argument(
+        "--write", nargs=2, metavar=("SEED", "FOLDER"), help="write the file of one seed"
+    )
     given = parser.parse_args()
     make = draw if given.kind is None else lambda seed: draw_kind(given.kind, seed)
     if given.write:
@@ -341,7 +411,8 @@ def main():
     silent = sum(one.outcome is Outcome.SILENT for one in results)
     tried = sum(bool(one.commands) for one in results)
     print(
-        f"silent wrong answers: {silent}; commands that did not end right: {tried}; {time.perf_counter() - begin:.0f} s"
+        f"silent wrong answers: {silent}; commands that did not end right: {tried};"
+        f" {time.perf_counter() - begin:.0f} s"
     )
     print_details(results, most=given.details)
     return int(silent > 0 or not met)

@@ -1,4 +1,6 @@
-"""Plants drawn by chance: a law between two linear parts, or in the spring of a mass; each number is another plant."""
+"""Plants drawn by chance: a law between two linear parts, or in the spring of a mass; each number
+is another plant.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ def drawn(number):
         parts[rng.integers(3)] = True
         law = (rng.uniform(0.3, 1), *(rng.uniform(0.2, 1, 3) * (0.02, 1.5, 0.6) * parts))
         damping = max(zeta[0], 0.025)
-        said = f"mode {f_n[0]:.0f} Hz {damping:.3f}, spring " + " ".join(f"{part:.2g}" for part in law)
+        said = f"mode {f_n[0]:.0f} Hz {damping:.3f}, spring " + " ".join(
+            f"{part:.2g}" for part in law
+        )
         return (lambda u, fs: spring(u, fs, law, damping, f_n[0], SETTLED)), said
     name = list(LAWS)[rng.integers(len(LAWS))]
     share, a = rng.uniform(0.1, 1.0), rng.random()
@@ -48,7 +52,9 @@ def drawn_case(number):
     """(grid, M, P, SNR [dB], what differs of the design, no file played again) from a number."""
     rng = np.random.default_rng([1977, number])
     f_min = rng.choice([0.5, 2.0, 8.0, 20.0])
-    change = dict(n_samples=2048, f_min=float(f_min), f_max=float(f_min + rng.choice([40.0, 80.0, 160.0])))
+    change = dict(
+        n_samples=2048, f_min=float(f_min), f_max=float(f_min + rng.choice([40.0, 80.0, 160.0]))
+    )
     kind = GRIDS[number % len(GRIDS)]
     periods, snr = ((1, None), (1, None), (2, 30), (2, 15))[rng.integers(4)]
     return kind, int(rng.choice([1, 1, 1, 2, 5])), periods, snr, change, 0

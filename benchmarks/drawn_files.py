@@ -1,7 +1,9 @@
-"""Measurement files drawn by chance, each with the FRF that belongs to it: ordinary ones, faulty ones, many layouts.
+"""Measurement files drawn by chance, each with the FRF that belongs to it: ordinary ones, faulty
+ones, many layouts.
 
-`draw(seed)` gives one `Case`. A `Run` is the record behind it: a resonance driven by a multisine, in steady state or
-from rest, with noise, friction, offsets and quantisation. What a writer does to it is the kind of the file.
+`draw(seed)` gives one `Case`. A `Run` is the record behind it: a resonance driven by a multisine,
+in steady state or from rest, with noise, friction, offsets and quantisation. What a writer does to
+it is the kind of the file.
 """
 
 from __future__ import annotations
@@ -31,12 +33,34 @@ LANGUAGES = (
 )
 #: Channels that are no part of the experiment, and their units.
 EXTRAS = {"temperature": "°C", "status": "-", "enable": "-", "spare": "V", "bus voltage": "V"}
-RATES = (200, 256, 400, 500, 512, 800, 1000, 1024, 1200, 2000, 2048, 2500, 4000, 5000, 8000, 10000, 20000, 25600, 50000)
+RATES = (
+    200,
+    256,
+    400,
+    500,
+    512,
+    800,
+    1000,
+    1024,
+    1200,
+    2000,
+    2048,
+    2500,
+    4000,
+    5000,
+    8000,
+    10000,
+    20000,
+    25600,
+    50000,
+)
 
 
 @dataclass
 class Run:
-    """Streams u, y (n,) and what is known of them: rate [Hz], samples of a period, lines [Hz], FRF, and its scatter."""
+    """Streams u, y (n,) and what is known of them: rate [Hz], samples of a period, lines [Hz], FRF,
+    and its scatter.
+    """
 
     fs: float
     N: int
@@ -60,7 +84,10 @@ class Run:
 
     def measured(self) -> np.ndarray:
         """The FRF of the streams by NumPy, over all periods but the first."""
-        U, Y = (np.fft.rfft(one.reshape(-1, self.N)[1:].mean(axis=0))[self.lines] for one in (self.u, self.y))
+        U, Y = (
+            np.fft.rfft(one.reshape(-1, self.N)[1:].mean(axis=0))[self.lines]
+            for one in (self.u, self.y)
+        )
         return Y / U
 
     def at(self, f: np.ndarray) -> np.ndarray:
@@ -84,7 +111,9 @@ class Case:
     words: str = "."  # what a warning or a refusal that names the kind says, as a pattern
     allowed: str = "$^"  # what a warning of a sound file may say
     gain: float = 1.0  # from the run to the file
-    any_lines: bool = False  # hits have no lines of their own: the system decides at those of the estimate
+    any_lines: bool = (
+        False  # hits have no lines of their own: the system decides at those of the estimate
+    )
     table: str = ""  # how an FRF stands in a table, empty for records
     seed: int = 0
 
@@ -105,7 +134,9 @@ class Case:
 
 
 def friction(u, fs, rng):
-    """Velocity of a mass under a force u (n,) that must overcome Coulomb friction, after two more periods of it."""
+    """Velocity of a mass under a force u (n,) that must overcome Coulomb friction, after two more
+    periods of it.
+    """
     level, v = rng.uniform(0.1, 0.8) * np.std(u), 0.0
     rate, sharp = rng.uniform(0.05, 0.3), 0.05 * np.std(u)
     out = np.empty(u.size)
@@ -117,7 +148,9 @@ def friction(u, fs, rng):
 
 
 def record(rng, like="plain", *, P=None, smooth=False, fs=None):
-    """One `Run`: "plain", "resonant", "noisy", "friction", "high crest", "quantised", "from rest" or "drifting"."""
+    """One `Run`: "plain", "resonant", "noisy", "friction", "high crest", "quantised", "from rest"
+    or "drifting".
+    """
     N = int(rng.integers(200, 401))
     P = int(rng.integers(2 if like == "from rest" else 3, 6)) if P is None else P
     fs = float(rng.choice(RATES)) if fs is None else fs
@@ -155,7 +188,10 @@ def record(rng, like="plain", *, P=None, smooth=False, fs=None):
     if like == "drifting":
         y = y + rng.uniform(-0.1, 0.1) * np.std(y) * np.linspace(0, 1, y.size)
     if like == "quantised":
-        u, y = (np.round(one / (step := 2 * np.abs(one).max() / 2 ** rng.integers(8, 13))) * step for one in (u, y))
+        u, y = (
+            np.round(one / (step := 2 * np.abs(one).max() / 2 ** rng.integers(8, 13))) * step
+            for one in (u, y)
+        )
     U = np.fft.rfft(u[:N])[lines]
     G = np.fft.rfft(clean[:N])[lines] / U if like in ("friction",) else H[lines]
     floor = noise if like != "quantised" else np.hypot(noise, np.ptp(y) / 2**8)
@@ -221,7 +257,9 @@ def in_unit(t, rng, units=("s", "ms", "us")):
 
 
 def table(rng, run, *, u=None, y=None, names=None, stated=None, t=None):
-    """An ordinary table of columns: text, the names of input and output, and the unit of the FRF where stated."""
+    """An ordinary table of columns: text, the names of input and output, and the unit of the FRF
+    where stated.
+    """
     how = dialect(rng)
     sep, end = how["sep"], how["end"]
     time, one, two, unit_u, unit_y = LANGUAGES[rng.integers(len(LANGUAGES))]
@@ -235,18 +273,33 @@ def table(rng, run, *, u=None, y=None, names=None, stated=None, t=None):
         t, unit_t = t / {"s": 1.0, "ms": 1e3, "us": 1e6}[unit_t], ""
     left, right = rng.choice(["[]", "()"])
     extras = extra_columns(rng, t.size)
-    columns = [(time, unit_t, time_cells(t, decimal=how["decimal"])), (one, unit_u, run.u if u is None else u)]
-    columns += [(two, unit_y, run.y if y is None else y), *((name, EXTRAS[name], stream) for name, stream in extras)]
+    columns = [
+        (time, unit_t, time_cells(t, decimal=how["decimal"])),
+        (one, unit_u, run.u if u is None else u),
+    ]
+    columns += [
+        (two, unit_y, run.y if y is None else y),
+        *((name, EXTRAS[name], stream) for name, stream in extras),
+    ]
     if rng.random() < 0.3:
         columns[1:] = [columns[k] for k in 1 + rng.permutation(len(columns) - 1)]
     quote = '"' if rng.random() < 0.2 else ""
-    head = [f"{name} {left}{unit}{right}" if style == "brackets" else name for name, unit, _ in columns]
+    head = [
+        f"{name} {left}{unit}{right}" if style == "brackets" else name for name, unit, _ in columns
+    ]
     text = sep.join(f"{quote}{cell}{quote}" for cell in head) + end
     if style == "row":
         text += sep.join(unit for _, unit, _ in columns) + end
     if rng.random() < 0.3:
-        lines = ["Date: 2024-03-01", "Operator: N. N.", "Test bench 3", "Remark: sweep after warm-up"]
-        text = "".join(f"{line}{end}" for line in rng.permutation(lines)[: rng.integers(1, 4)]) + text
+        lines = [
+            "Date: 2024-03-01",
+            "Operator: N. N.",
+            "Test bench 3",
+            "Remark: sweep after warm-up",
+        ]
+        text = (
+            "".join(f"{line}{end}" for line in rng.permutation(lines)[: rng.integers(1, 4)]) + text
+        )
     text += rows(*(stream for *_, stream in columns), **how)
     encoding = str(rng.choice(["utf-8", "utf-8-sig", "latin-1", "utf-16"], p=[0.5, 0.2, 0.2, 0.1]))
     unit = f"{unit_y}/{unit_u}" if style != "none" else None
@@ -283,7 +336,16 @@ def draw_kind(name, seed):
     return case
 
 
-LIKE = ("plain", "resonant", "noisy", "friction", "high crest", "quantised", "from rest", "drifting")
+LIKE = (
+    "plain",
+    "resonant",
+    "noisy",
+    "friction",
+    "high crest",
+    "quantised",
+    "from rest",
+    "drifting",
+)
 TRANSIENT = r"transient|from rest|first period"
 
 
@@ -294,7 +356,9 @@ def sound_table(like):
         run = record(rng, like)
         content, u, y, unit = table(rng, run)
         suffix = str(rng.choice([".csv", ".txt", ".dat", ".tsv", ".asc"]))
-        return Case("", run, f"run{suffix}", content, u, y, sound=True, unit=unit, allowed=TRANSIENT)
+        return Case(
+            "", run, f"run{suffix}", content, u, y, sound=True, unit=unit, allowed=TRANSIENT
+        )
 
     return make
 
@@ -308,7 +372,9 @@ def blanks(rng):
     run = record(rng, str(rng.choice(LIKE)), fs=float(rng.choice(RATES[3:])))
     time, u, y = "t", "u", "y"
     mark = str(rng.choice(["", "# ", "% "]))
-    text = f"{mark}{time} {u} {y}\n" + rows(time_cells(run.t), run.u, run.y, sep=" " * int(rng.integers(1, 4)))
+    text = f"{mark}{time} {u} {y}\n" + rows(
+        time_cells(run.t), run.u, run.y, sep=" " * int(rng.integers(1, 4))
+    )
     return Case("", run, "run.txt", text, u, y, sound=True, allowed=TRANSIENT)
 
 
@@ -319,11 +385,17 @@ def rate_above(rng):
     sep, end = how["sep"], how["end"]
     number = f"{run.fs:g}".replace(".", how["decimal"])
     step = f"{1e3 / run.fs:.12g}".replace(".", how["decimal"])
-    said = [f"Sample rate{sep}{number} Hz", f"Sampling interval (ms){sep}{step}", f"fs [Hz]{sep}{number}"]
+    said = [
+        f"Sample rate{sep}{number} Hz",
+        f"Sampling interval (ms){sep}{step}",
+        f"fs [Hz]{sep}{number}",
+    ]
     lines = [str(rng.choice(said)), f"Device{sep}DAQ 7", "Comment: none"]
     _, u, y, *_ = LANGUAGES[rng.integers(len(LANGUAGES))]
     text = "".join(f"{line}{end}" for line in rng.permutation(lines)) + sep.join([u, y]) + end
-    return Case("", run, "run.csv", text + rows(run.u, run.y, **how), u, y, sound=True, allowed=TRANSIENT)
+    return Case(
+        "", run, "run.csv", text + rows(run.u, run.y, **how), u, y, sound=True, allowed=TRANSIENT
+    )
 
 
 @kind("sound table, index with an empty name", 3.0)
@@ -332,26 +404,48 @@ def index(rng):
     how = dialect(rng)
     sep, end = how["sep"], how["end"]
     head = sep.join([str(rng.choice(["", '""', "index", "#"])), "time", "force", "position"]) + end
-    text = head + rows(np.arange(run.u.size), time_cells(run.t, decimal=how["decimal"]), run.u, run.y, **how)
+    text = head + rows(
+        np.arange(run.u.size), time_cells(run.t, decimal=how["decimal"]), run.u, run.y, **how
+    )
     return Case("", run, "run.csv", text, "force", "position", sound=True, allowed=TRANSIENT)
 
 
 @kind("sound position in degrees or counts", 4.0)
 def positions(rng):
-    run = record(rng, str(rng.choice(["plain", "noisy", "from rest", "friction"])), smooth=bool(rng.random() < 0.5))
-    turn, unit = [(360.0, "deg"), (2 * np.pi, "rad"), (1.0, "rev"), (4096.0, "counts"), (65536.0, "counts")][
-        rng.integers(5)
-    ]
+    run = record(
+        rng,
+        str(rng.choice(["plain", "noisy", "from rest", "friction"])),
+        smooth=bool(rng.random() < 0.5),
+    )
+    turn, unit = [
+        (360.0, "deg"),
+        (2 * np.pi, "rad"),
+        (1.0, "rev"),
+        (4096.0, "counts"),
+        (65536.0, "counts"),
+    ][rng.integers(5)]
     gain = rng.uniform(0.2, 0.95) * turn / np.ptp(run.y) * (1 if rng.random() < 0.5 else 10)
     y = gain * (run.y - run.y.min()) + rng.uniform(0.0, 0.05) * turn + turn * rng.integers(-2, 3)
     if unit == "counts":
         y = np.round(y).astype(int)
         run.scatter = np.hypot(
-            run.scatter, 0.3 / gain * np.sqrt(run.N) / np.abs(np.fft.rfft(run.u[: run.N])[run.lines])
+            run.scatter,
+            0.3 / gain * np.sqrt(run.N) / np.abs(np.fft.rfft(run.u[: run.N])[run.lines]),
         )
     name = str(rng.choice(["angle", "position", "encoder"]))
     content, u, name, unit_of_G = table(rng, run, y=y, names=("current", name), stated=("A", unit))
-    return Case("", run, "run.csv", content, u, name, sound=True, unit=unit_of_G, gain=gain, allowed=TRANSIENT)
+    return Case(
+        "",
+        run,
+        "run.csv",
+        content,
+        u,
+        name,
+        sound=True,
+        unit=unit_of_G,
+        gain=gain,
+        allowed=TRANSIENT,
+    )
 
 
 def made(rng, likes=LIKE):
@@ -388,8 +482,14 @@ def arrays(rng):
         content = {"t": run.t, u: run.u, y: run.y}
     if way in (2, 4) and run.fs <= 150:
         run = record(rng, fs=1000.0)
-        content = {"t": run.t, u: run.u, y: run.y} if way == 4 else {"data": np.column_stack([run.t, run.u, run.y])}
-    return Case("", run, "run.mat", lambda p: savemat(p, content), u, y, sound=True, allowed=TRANSIENT)
+        content = (
+            {"t": run.t, u: run.u, y: run.y}
+            if way == 4
+            else {"data": np.column_stack([run.t, run.u, run.y])}
+        )
+    return Case(
+        "", run, "run.mat", lambda p: savemat(p, content), u, y, sound=True, allowed=TRANSIENT
+    )
 
 
 @kind("sound .h5, .parquet or .wav", 4.0)
@@ -407,7 +507,9 @@ def columns(rng):
                     file[name].attrs["unit"] = unit
                 file.attrs["fs"] = run.fs
 
-        return Case("", run, "run.h5", write, u, y, sound=True, unit=f"{unit_y}/{unit_u}", allowed=TRANSIENT)
+        return Case(
+            "", run, "run.h5", write, u, y, sound=True, unit=f"{unit_y}/{unit_u}", allowed=TRANSIENT
+        )
     if way == 1:
 
         def write(path):
@@ -416,16 +518,35 @@ def columns(rng):
 
             named = [("time", run.t, "s"), (u, run.u, unit_u), (y, run.y, unit_y)]
             fields = [pa.field(n, pa.float64(), metadata={"unit": unit}) for n, _, unit in named]
-            table = pa.Table.from_arrays([pa.array(a) for _, a, _ in named], schema=pa.schema(fields))
+            table = pa.Table.from_arrays(
+                [pa.array(a) for _, a, _ in named], schema=pa.schema(fields)
+            )
             parquet.write_table(table, path)
 
-        return Case("", run, "run.parquet", write, u, y, sound=True, unit=f"{unit_y}/{unit_u}", allowed=TRANSIENT)
+        return Case(
+            "",
+            run,
+            "run.parquet",
+            write,
+            u,
+            y,
+            sound=True,
+            unit=f"{unit_y}/{unit_u}",
+            allowed=TRANSIENT,
+        )
     from scipy.io import wavfile
 
     scale = 1.2 * max(np.abs(run.u).max(), np.abs(run.y).max())
     data = (np.column_stack([run.u, run.y]) / scale).astype(np.float32)
     return Case(
-        "", run, "run.wav", lambda p: wavfile.write(p, int(run.fs), data), "ch1", "ch2", sound=True, allowed=TRANSIENT
+        "",
+        run,
+        "run.wav",
+        lambda p: wavfile.write(p, int(run.fs), data),
+        "ch1",
+        "ch2",
+        sound=True,
+        allowed=TRANSIENT,
     )
 
 
@@ -437,12 +558,22 @@ def uff(run, *, x, step, unit_x, names, units, start=(0.0, 0.0)):
 
         file = pyuff.UFF(str(path))
         for name, data, unit, begin in zip(names, (run.u, run.y), units, start, strict=True):
-            about = dict(binary=0, func_type=1, rsp_node=1, rsp_dir=3, ref_dir=0, ref_node=0, id1=name)
+            about = dict(
+                binary=0, func_type=1, rsp_node=1, rsp_dir=3, ref_dir=0, ref_node=0, id1=name
+            )
             about |= dict(abscissa_spacing=1, abscissa_min=begin, abscissa_inc=step)
             about |= dict(ordinate_axis_units_lab=unit, abscissa_axis_units_lab=unit_x)
-            about |= dict(rsp_ent_name="NONE", ref_ent_name="NONE", ord_data_type=4, num_pts=data.size, data=data)
+            about |= dict(
+                rsp_ent_name="NONE",
+                ref_ent_name="NONE",
+                ord_data_type=4,
+                num_pts=data.size,
+                data=data,
+            )
             about |= dict(x=x + begin)  # pyuff takes the start from here
-            about |= dict(abscissa_spec_data_type=17, ordinate_spec_data_type=13, orddenom_spec_data_type=0)
+            about |= dict(
+                abscissa_spec_data_type=17, ordinate_spec_data_type=13, orddenom_spec_data_type=0
+            )
             file.write_sets(pyuff.prepare_58(**about), "add")
 
     return write
@@ -468,7 +599,12 @@ def tdms(run, *, names, units, step, more=({}, {})):
 def lvm(run, *, names, units, x_columns="One", delays=(0.0, 0.0), decimal="."):
     """The text of a LabVIEW measurement file."""
     head = ["LabVIEW Measurement\t", "Writer_Version\t2", "Reader_Version\t2", "Separator\tTab"]
-    head += [f"Decimal_Separator\t{decimal}", "Multi_Headings\tYes", f"X_Columns\t{x_columns}", "Time_Pref\tRelative"]
+    head += [
+        f"Decimal_Separator\t{decimal}",
+        "Multi_Headings\tYes",
+        f"X_Columns\t{x_columns}",
+        "Time_Pref\tRelative",
+    ]
     head += ["***End_of_Header***\t", "\t", "Channels\t2\t\t"]
     multi = x_columns == "Multi"
     gap = "\t\t" if multi else "\t"
@@ -500,16 +636,27 @@ def instruments(rng):
             "",
             run,
             "run.uff",
-            uff(run, x=run.t, step=1 / run.fs, unit_x=str(rng.choice(["s", "sec", "NONE"])), names=(u, y), units=units),
+            uff(
+                run,
+                x=run.t,
+                step=1 / run.fs,
+                unit_x=str(rng.choice(["s", "sec", "NONE"])),
+                names=(u, y),
+                units=units,
+            ),
             u,
             y,
             **more,
         )
     if way == "tdms":
-        return Case("", run, "run.tdms", tdms(run, names=(u, y), units=units, step=1 / run.fs), u, y, **more)
+        return Case(
+            "", run, "run.tdms", tdms(run, names=(u, y), units=units, step=1 / run.fs), u, y, **more
+        )
     if way == "lvm":
         x_columns = str(rng.choice(["One", "Multi", "No"]))
-        content = lvm(run, names=(u, y), units=units, x_columns=x_columns, decimal=str(rng.choice([".", ","])))
+        content = lvm(
+            run, names=(u, y), units=units, x_columns=x_columns, decimal=str(rng.choice([".", ","]))
+        )
         return Case("", run, "run.lvm", content, u, y, **more)
 
     def write(path):
@@ -565,10 +712,19 @@ def names_less(rng):
         inner.insert(0, ("time", time_cells(run.t)))
     inner += extra_columns(rng, run.u.size, 2) if sep != " " else []
     head = sep.join(f"{quote}{name}{quote}" for name, _ in inner) + "\n"
-    text = head + rows(*(index_column(style, run) for style in left), *(stream for _, stream in inner), sep=sep)
+    text = head + rows(
+        *(index_column(style, run) for style in left), *(stream for _, stream in inner), sep=sep
+    )
     options = {} if timed else {"fs": run.fs}
     return Case(
-        "", run, str(rng.choice(["run.csv", "run.txt"])), text, "force", "position", options=options, words=HEADER
+        "",
+        run,
+        str(rng.choice(["run.csv", "run.txt"])),
+        text,
+        "force",
+        "position",
+        options=options,
+        words=HEADER,
     )
 
 
@@ -576,8 +732,18 @@ def names_less(rng):
 def names_more(rng):
     run, command = chain(rng)
     sep = str(rng.choice([",", ";", "\t"]))
-    inner = [("time", time_cells(run.t)), ("command", command), ("force", run.u), ("position", run.y)]
-    head = sep.join([*(name for name, _ in inner), str(rng.choice(["comment", "Bemerkung", "shapers:", "flag"]))])
+    inner = [
+        ("time", time_cells(run.t)),
+        ("command", command),
+        ("force", run.u),
+        ("position", run.y),
+    ]
+    head = sep.join(
+        [
+            *(name for name, _ in inner),
+            str(rng.choice(["comment", "Bemerkung", "shapers:", "flag"])),
+        ]
+    )
     text = head + "\n" + rows(*(stream for _, stream in inner), sep=sep)
     return Case("", run, "run.csv", text, "force", "position", words=HEADER)
 
@@ -593,21 +759,45 @@ def unit_of_abscissa(rng):
     step, words, way = float(x[1]), r"unit|second|\bfs\b|\bms\b|\bmin\b", rng.integers(4)
     more = dict(words=words, unit=f"{units[1]}/{units[0]}")
     if way == 0:
-        return Case("", run, "run.uff", uff(run, x=x, step=step, unit_x=unit, names=(u, y), units=units), u, y, **more)
+        return Case(
+            "",
+            run,
+            "run.uff",
+            uff(run, x=x, step=step, unit_x=unit, names=(u, y), units=units),
+            u,
+            y,
+            **more,
+        )
     if way == 1:
         about = {"wf_xname": "Time", "wf_xunit_string": unit}
         return Case(
-            "", run, "run.tdms", tdms(run, names=(u, y), units=units, step=step, more=(about, about)), u, y, **more
+            "",
+            run,
+            "run.tdms",
+            tdms(run, names=(u, y), units=units, step=step, more=(about, about)),
+            u,
+            y,
+            **more,
         )
     how = dialect(rng)
     sep, end = how["sep"], how["end"]
     if way == 2:
         text = sep.join([time, u, y]) + end + sep.join([unit, *units]) + end
         return Case(
-            "", run, "run.csv", text + rows(time_cells(x, decimal=how["decimal"]), run.u, run.y, **how), u, y, **more
+            "",
+            run,
+            "run.csv",
+            text + rows(time_cells(x, decimal=how["decimal"]), run.u, run.y, **how),
+            u,
+            y,
+            **more,
         )
     number = f"{step:.12g}".replace(".", how["decimal"])
-    lines = [f"Horizontal Units{sep}{unit}", f"Sample Interval{sep}{number}", f"Vertical Units{sep}{units[0]}"]
+    lines = [
+        f"Horizontal Units{sep}{unit}",
+        f"Sample Interval{sep}{number}",
+        f"Vertical Units{sep}{units[0]}",
+    ]
     text = "".join(f"{line}{end}" for line in rng.permutation(lines))
     stamped = rng.random() < 0.5
     text += sep.join([*(["Time"] if stamped else []), u, y]) + end
@@ -619,8 +809,15 @@ def unit_of_abscissa(rng):
 def brackets(rng):
     run, time, u, y, *units = made(rng, ("plain", "resonant", "noisy"))
     u, y = (name.encode("ascii", "ignore").decode() for name in (u, y))
-    tags = [("[ch 1]", "[ch 2]"), ("[ai0]", "[ai1]"), ("(left)", "(right)"), ("[Dev1/ai0]", "[Dev1/ai1]")]
-    one, two = (f"{name} {tag}" for name, tag in zip((u, y), tags[rng.integers(len(tags))], strict=True))
+    tags = [
+        ("[ch 1]", "[ch 2]"),
+        ("[ai0]", "[ai1]"),
+        ("(left)", "(right)"),
+        ("[Dev1/ai0]", "[Dev1/ai1]"),
+    ]
+    one, two = (
+        f"{name} {tag}" for name, tag in zip((u, y), tags[rng.integers(len(tags))], strict=True)
+    )
     more = dict(unit=f"{units[1]}/{units[0]}", words=r"unit|bracket")
     way = rng.integers(4)
     if way == 0:
@@ -658,24 +855,50 @@ def wraps(rng):
     y = run.y - run.y.mean()
     most = 0.3 * turn / np.abs(np.diff(y)).max()
     least = 0.6 * turn / np.abs(y).max()
-    gain = rng.uniform(0.5, 1.0) * most if rng.random() < 0.6 or most < least else rng.uniform(0.1, 0.5) * least
+    gain = (
+        rng.uniform(0.5, 1.0) * most
+        if rng.random() < 0.6 or most < least
+        else rng.uniform(0.1, 0.5) * least
+    )
     crossing = low + rng.choice([0.0, turn]) + rng.uniform(-0.5, 0.5) * gain * np.std(y)
     y = gain * y + crossing
     y = (y - low) % turn + low
-    y = np.round(y) % turn if whole and low == 0 else (np.round(y) - low) % turn + low if whole else y
+    y = (
+        np.round(y) % turn
+        if whole and low == 0
+        else (np.round(y) - low) % turn + low
+        if whole
+        else y
+    )
     steps = 0.3 / gain if whole else 0.0  # standard deviation of what is rounded
-    run.scatter = np.hypot(run.scatter, steps * np.sqrt(run.N) / np.abs(np.fft.rfft(run.u[: run.N])[run.lines]))
+    run.scatter = np.hypot(
+        run.scatter, steps * np.sqrt(run.N) / np.abs(np.fft.rfft(run.u[: run.N])[run.lines])
+    )
     name = str(rng.choice(["angle", "position", "encoder", "phi"]))
     bare = rng.random() < 0.3
     column = name if bare else f"{name} [{unit}]"
-    text = f"time [s],current [A],{column}\n" + rows(time_cells(run.t), run.u, y.astype(int) if whole else y)
+    text = f"time [s],current [A],{column}\n" + rows(
+        time_cells(run.t), run.u, y.astype(int) if whole else y
+    )
     unit = None if bare else f"{unit}/A"
-    return Case("", run, "run.csv", text, "current", name, unit=unit, gain=gain, words=r"\bwrap|\bturns?\b|counter")
+    return Case(
+        "",
+        run,
+        "run.csv",
+        text,
+        "current",
+        name,
+        unit=unit,
+        gain=gain,
+        words=r"\bwrap|\bturns?\b|counter",
+    )
 
 
 def late(run, delay):
     """The output sampled later by `delay` seconds, as a clock that starts later does."""
-    spectrum = np.fft.rfft(run.y[: run.N]) * np.exp(2j * np.pi * np.fft.rfftfreq(run.N, 1 / run.fs) * delay)
+    spectrum = np.fft.rfft(run.y[: run.N]) * np.exp(
+        2j * np.pi * np.fft.rfftfreq(run.N, 1 / run.fs) * delay
+    )
     return np.tile(np.fft.irfft(spectrum, run.N), run.P)
 
 
@@ -691,7 +914,10 @@ def starts(rng):
     more = dict(words=words, unit=f"{units[1]}/{units[0]}")
     if way == 0:
         begin = np.datetime64("2024-03-01T10:00:00", "us")
-        about = [{"wf_start_time": begin}, {"wf_start_time": begin + np.timedelta64(round(1e6 * delay), "us")}]
+        about = [
+            {"wf_start_time": begin},
+            {"wf_start_time": begin + np.timedelta64(round(1e6 * delay), "us")},
+        ]
         content = tdms(moved, names=(u, y), units=units, step=1 / run.fs, more=about)
         return Case("", run, "run.tdms", content, u, y, **more)
     if way == 1:
@@ -699,16 +925,28 @@ def starts(rng):
         content = lvm(moved, names=(u, y), units=units, x_columns=x_columns, delays=(0.0, delay))
         return Case("", run, "run.lvm", content, u, y, **more)
     if way == 2:
-        content = uff(moved, x=run.t, step=1 / run.fs, unit_x="s", names=(u, y), units=units, start=(0.0, delay))
+        content = uff(
+            moved,
+            x=run.t,
+            step=1 / run.fs,
+            unit_x="s",
+            names=(u, y),
+            units=units,
+            start=(0.0, delay),
+        )
         return Case("", run, "run.uff", content, u, y, **more)
-    text = f"time (s),{u},time (s),{y}\n" + rows(time_cells(run.t), run.u, time_cells(run.t + delay), moved.y)
+    text = f"time (s),{u},time (s),{y}\n" + rows(
+        time_cells(run.t), run.u, time_cells(run.t + delay), moved.y
+    )
     return Case("", run, "run.csv", text, u, y, words=words)
 
 
 @kind("step below a second without a unit", 5.0)
 def step_without_unit(rng):
     step = float(rng.choice([0.02, 0.05, 0.1, 0.125, 0.2, 0.25, 0.4, 0.5, 0.8]))
-    scale = float(rng.choice([1e-3, 1e-3, 1e-6]))  # it is in milliseconds or microseconds, and does not say so
+    scale = float(
+        rng.choice([1e-3, 1e-3, 1e-6])
+    )  # it is in milliseconds or microseconds, and does not say so
     run = record(rng, "plain", fs=1 / (step * scale))
     key = str(rng.choice(["Ts", "dt", "sample_time", "SampleTime"]))
     words = r"names no unit|without a unit|no unit|milliseconds|\bfs must"
@@ -720,7 +958,9 @@ def step_without_unit(rng):
 
     if way == 1:
         return Case("", run, "run.mat", lambda p: savemat(p, content), "u", "y", words=words)
-    return Case("", run, "run.mat", lambda p: savemat(p, {"log": content}), "log.u", "log.y", words=words)
+    return Case(
+        "", run, "run.mat", lambda p: savemat(p, {"log": content}), "log.u", "log.y", words=words
+    )
 
 
 # ---- Faults of the samples
@@ -735,9 +975,9 @@ def outliers(rng):
     at = rng.integers(5, y.size - 10)
     if rng.random() < 0.5:
         centre = spoilt.mean()
-        spoilt[rng.choice(y.size, n, replace=False)] = centre + rng.choice([-1, 1]) * np.std(spoilt) * 10 ** (
-            rng.uniform(1.3, 4)
-        )
+        spoilt[rng.choice(y.size, n, replace=False)] = centre + rng.choice([-1, 1]) * np.std(
+            spoilt
+        ) * 10 ** (rng.uniform(1.3, 4))
     else:
         value = float(rng.choice([999.0, -999.0, 9999.0, -9999.0, 1e6, 32767.0]))
         shrink = min(1.0, abs(value) / 20 / np.abs(spoilt).max())
@@ -748,11 +988,22 @@ def outliers(rng):
             value = 20 * np.abs(spoilt).max()
         spoilt[at : at + n] = value
     content, one, two, unit = table(rng, run, u=u, y=y)
-    return Case("", run, "run.csv", content, one, two, unit=unit, words=r"outlier|spike|\b9999?\b|no value|far from")
+    return Case(
+        "",
+        run,
+        "run.csv",
+        content,
+        one,
+        two,
+        unit=unit,
+        words=r"outlier|spike|\b9999?\b|no value|far from",
+    )
 
 
 def padded(rng, run, before, behind):
-    """Input and output with a logger that ran before the excitation began and after it ended, from rest."""
+    """Input and output with a logger that ran before the excitation began and after it ended, from
+    rest.
+    """
     u = np.concatenate([np.zeros(before), run.u - run.u.mean(), np.zeros(behind)])
     y = signal.lfilter(*run.ba, u)
     hiss = 10 ** rng.uniform(-5, -2.3) if rng.random() < 0.7 else 0.0
@@ -793,12 +1044,15 @@ def lost(rng):
 @kind("period of no whole number of samples", 4.0)
 def other_clock(rng):
     run = record(rng, str(rng.choice(["plain", "noisy"])), P=int(rng.integers(4, 7)))
-    ratio = 1 + rng.choice([-1, 1]) * 10 ** rng.uniform(-3.5, -1)  # of the clock of the logger over that of the player
+    ratio = 1 + rng.choice([-1, 1]) * 10 ** rng.uniform(
+        -3.5, -1
+    )  # of the clock of the logger over that of the player
     n = int(run.N * (run.P - 0.1) * min(ratio, 1.0))
     at = 2 * np.pi * np.outer(np.arange(n) / ratio / run.N, np.arange(run.N // 2 + 1))
     basis = np.concatenate([np.cos(at), -np.sin(at)], axis=1)
     u, y = (
-        basis @ np.concatenate([2 * (X := np.fft.rfft(one[: run.N]) / run.N).real, 2 * X.imag]) - X[0].real
+        basis @ np.concatenate([2 * (X := np.fft.rfft(one[: run.N]) / run.N).real, 2 * X.imag])
+        - X[0].real
         for one in (run.u - run.u.mean(), run.y - run.y.mean())
     )
     how = dict(words=r"whole number|resample|clock")
@@ -845,7 +1099,20 @@ def scope(rng):
     return run, f"CH{first}", f"CH{first + 1}"
 
 
-def instrument(run, file, text, u, y, *, unit=None, sound=True, encoding="utf-8", gain=1.0, words=".", options=None):
+def instrument(
+    run,
+    file,
+    text,
+    u,
+    y,
+    *,
+    unit=None,
+    sound=True,
+    encoding="utf-8",
+    gain=1.0,
+    words=".",
+    options=None,
+):
     """The case of a layout."""
     return Case(
         "",
@@ -868,7 +1135,9 @@ def rigol(rng):
     run, one, two = scope(rng)
     start = f"{-run.u.size / 2 / run.fs:.6e},{1 / run.fs:.6e}"
     text = f"X,{one},{two},Start,Increment\nSequence,Volt,Volt,{start}\n"
-    return instrument(run, "rigol.csv", text + rows(np.arange(run.u.size), run.u, run.y, last=",,"), one, two)
+    return instrument(
+        run, "rigol.csv", text + rows(np.arange(run.u.size), run.u, run.y, last=",,"), one, two
+    )
 
 
 @kind("layout: Siglent", 1.5)
@@ -883,7 +1152,9 @@ def siglent(rng):
         "Model Number,SDS1104",
     ]
     text = "\n".join(rng.permutation(lines)) + f"\n\nSource,{one},{two}\nSecond,Volt,Volt\n"
-    return instrument(run, "siglent.csv", text + rows(time_cells(centred(run)), run.u, run.y), one, two)
+    return instrument(
+        run, "siglent.csv", text + rows(time_cells(centred(run)), run.u, run.y), one, two
+    )
 
 
 @kind("layout: Tektronix TDS", 1.5)
@@ -929,7 +1200,9 @@ def keysight(rng):
     run, *_ = scope(rng)
     one, two = [("1", "2"), ("2", "3"), ("Ch1", "Ch2")][rng.integers(3)]
     text = f"x-axis,{one},{two}\nsecond,Volt,Volt\n"
-    return instrument(run, "scope_1.csv", text + rows(time_cells(centred(run)), run.u, run.y), one, two)
+    return instrument(
+        run, "scope_1.csv", text + rows(time_cells(centred(run)), run.u, run.y), one, two
+    )
 
 
 @kind("layout: PicoScope", 1.5)
@@ -960,7 +1233,9 @@ def lecroy(rng):
     one, two = [("Ampl C1", "Ampl C2"), ("C1", "C3"), ("Ampl", "Ampl2")][rng.integers(3)]
     text = f"LECROYHDO{rng.integers(10000)},0,Waveform\nSegments,1,SegmentSize,{run.u.size}\n"
     text += f"Segment,TrigTime,TimeSinceSegment1\n#1,01-Jan-2024 10:00:00,0\nTime,{one},{two}\n"
-    return instrument(run, "lecroy.csv", text + rows(time_cells(centred(run)), run.u, run.y), one, two)
+    return instrument(
+        run, "lecroy.csv", text + rows(time_cells(centred(run)), run.u, run.y), one, two
+    )
 
 
 @kind("layout: Moku", 1.5)
@@ -975,7 +1250,12 @@ def moku(rng):
     text = "".join(f"% {line}\r\n" for line in ["Moku:Go Data Logger", *rng.permutation(lines)])
     text += f"% Time (s), {one} (V), {two} (V)\r\n"
     return instrument(
-        run, "moku.csv", text + rows(time_cells(run.t), run.u, run.y, sep=", ", end="\r\n"), one, two, unit="V/V"
+        run,
+        "moku.csv",
+        text + rows(time_cells(run.t), run.u, run.y, sep=", ", end="\r\n"),
+        one,
+        two,
+        unit="V/V",
     )
 
 
@@ -990,26 +1270,44 @@ def waveforms(rng):
         "#Trigger: Source: None",
         "#Date Time: 2024-01-01 10:00:00.000",
     ]
-    text = "\n".join(["#Digilent WaveForms Oscilloscope Acquisition", *rng.permutation(lines)]) + "\n\n"
+    text = (
+        "\n".join(["#Digilent WaveForms Oscilloscope Acquisition", *rng.permutation(lines)])
+        + "\n\n"
+    )
     text += "Time (s),Channel 1 (V),Channel 2 (V)\n"
     return instrument(
-        run, "ad2.csv", text + rows(time_cells(centred(run)), run.u, run.y), "Channel 1", "Channel 2", unit="V/V"
+        run,
+        "ad2.csv",
+        text + rows(time_cells(centred(run)), run.u, run.y),
+        "Channel 1",
+        "Channel 2",
+        unit="V/V",
     )
 
 
 @kind("layout: Mitsubishi MR", 2.0)
 def mitsubishi(rng):
     run = record(rng, str(rng.choice(["plain", "noisy", "friction"])))
-    one, two = [("Torque", "Servo motor speed"), ("Torque command", "Feedback pulses"), ("Moment", "Drehzahl")][
-        rng.integers(3)
-    ]
+    one, two = [
+        ("Torque", "Servo motor speed"),
+        ("Torque command", "Feedback pulses"),
+        ("Moment", "Drehzahl"),
+    ][rng.integers(3)]
     more = int(rng.integers(0, 3))
-    lines = [f"Number of sampling data,{run.u.size}", f"Sampling time interval(ms),{1e3 / run.fs:.6g}"]
+    lines = [
+        f"Number of sampling data,{run.u.size}",
+        f"Sampling time interval(ms),{1e3 / run.fs:.6g}",
+    ]
     text = "\n".join([f"Axis{rng.integers(1, 9)}", *rng.permutation(lines)]) + "\n"
-    text += ",".join(["Time", "Analog 1", "Analog 2", *(f"Digital {k + 1}" for k in range(more))]) + "\n"
+    text += (
+        ",".join(["Time", "Analog 1", "Analog 2", *(f"Digital {k + 1}" for k in range(more))])
+        + "\n"
+    )
     text += ",".join(["ms", one, two, *("INP", "RD")[:more]]) + "\n"
     bits = [rng.integers(0, 2, run.u.size) for _ in range(more)]
-    return instrument(run, "mr.csv", text + rows(time_cells(1e3 * run.t), run.u, run.y, *bits), one, two)
+    return instrument(
+        run, "mr.csv", text + rows(time_cells(1e3 * run.t), run.u, run.y, *bits), one, two
+    )
 
 
 @kind("layout: DAQExpress", 2.0)
@@ -1017,7 +1315,10 @@ def daqexpress(rng):
     run = record(rng, "plain")
     one, two = [("Force", "Input 1"), ("Voltage_1", "Voltage_2"), ("Kraft", "Weg")][rng.integers(3)]
     stamp, step = "Timestamp,2024-01-01 10:00:00", f"Interval,{1 / run.fs:.9g}"
-    text = f'{stamp},{stamp}\n{step},{step}\nChannel name,"{one}",Channel name,"{two}"\nUnit,"V",Unit,"V"\n'
+    text = (
+        f'{stamp},{stamp}\n{step},{step}\nChannel name,"{one}",Channel'
+        f' name,"{two}"\nUnit,"V",Unit,"V"\n'
+    )
     text += rows(time_cells(run.t), run.u, time_cells(run.t), run.y)
     return instrument(run, "daqx.csv", text, one, two, encoding="utf-8-sig", unit="V/V")
 
@@ -1029,19 +1330,30 @@ def klipper(rng):
     text = f"{head}#time,accel_x,accel_y,accel_z\n"
     times = [f"{v:.6f}" for v in rng.uniform(10, 9000) + run.t]
     return instrument(
-        run, "raw_data.csv", text + rows(times, run.u, run.y, np.full(run.u.size, 9806.0)), "accel_x", "accel_y"
+        run,
+        "raw_data.csv",
+        text + rows(times, run.u, run.y, np.full(run.u.size, 9806.0)),
+        "accel_x",
+        "accel_y",
     )
 
 
 @kind("layout: Yaskawa", 1.5)
 def yaskawa(rng):
     run = record(rng, "plain", fs=float(rng.choice([1000.0, 2000.0, 4000.0, 8000.0])))
-    one, two = [("Torque reference[%]", "Feedback speed[min-1]"), ("Torque reference [%]", "Position error [um]")][
-        rng.integers(2)
-    ]
+    one, two = [
+        ("Torque reference[%]", "Feedback speed[min-1]"),
+        ("Torque reference [%]", "Position error [um]"),
+    ][rng.integers(2)]
     lines = [f"Sampling time,{1e6 / run.fs:g},[us]", f"Data number,{run.u.size}"]
-    text = "\n".join(["SigmaWin+ Trace", *rng.permutation(lines)]) + f"\n{one},{two}\n" + rows(run.u, run.y)
-    return instrument(run, "sigmawin.csv", text, one.split("[")[0].strip(), two.split("[")[0].strip())
+    text = (
+        "\n".join(["SigmaWin+ Trace", *rng.permutation(lines)])
+        + f"\n{one},{two}\n"
+        + rows(run.u, run.y)
+    )
+    return instrument(
+        run, "sigmawin.csv", text, one.split("[")[0].strip(), two.split("[")[0].strip()
+    )
 
 
 @kind("layout: flight controllers, microseconds unsaid", 2.0)
@@ -1069,14 +1381,20 @@ def thousands(rng):
     text = f"Zeit [{unit}];Moment [Nm];Drehzahl [1/min]\n"
     text += rows(time_cells(t, decimal=","), run.u, speed, sep=";", decimal=",")
     how = dict(encoding=str(rng.choice(["utf-8", "latin-1"])), gain=gain)
-    words = r"thousand|separator|group|holds"  # it may be refused: a point between digits is rarely one of thousands
-    return instrument(run, "drehzahl.csv", text, "Moment", "Drehzahl", sound=False, words=words, **how)
+    words = (  # it may be refused: a point between digits is rarely one of thousands
+        r"thousand|separator|group|holds"
+    )
+    return instrument(
+        run, "drehzahl.csv", text, "Moment", "Drehzahl", sound=False, words=words, **how
+    )
 
 
 @kind("layout: dates and times", 2.0)
 def stamps(rng):
     run = record(rng, "plain", fs=float(rng.choice([200, 250, 500, 1000, 2000])))
-    moments = np.datetime64("2024-03-01T23:59:58", "us") + np.round(1e6 * run.t).astype("timedelta64[us]")
+    moments = np.datetime64("2024-03-01T23:59:58", "us") + np.round(1e6 * run.t).astype(
+        "timedelta64[us]"
+    )
     texts = [str(one) for one in moments]
     style, sep, decimal = rng.integers(4), ",", "."
     if style == 1:
@@ -1086,8 +1404,16 @@ def stamps(rng):
         texts = [f"{one[8:10]}.{one[5:7]}.{one[:4]} {one[11:].replace('.', ',')}" for one in texts]
     elif style == 3:
         texts = [f"{one[:10]}{sep}{one[11:]}" for one in texts]
-    name = f"Date{sep}Time" if style == 3 else str(rng.choice(["timestamp", "Zeitstempel", "Time", "Uhrzeit"]))
-    text = sep.join([name, "Moment", "Drehzahl"]) + "\n" + rows(texts, run.u, run.y, sep=sep, decimal=decimal)
+    name = (
+        f"Date{sep}Time"
+        if style == 3
+        else str(rng.choice(["timestamp", "Zeitstempel", "Time", "Uhrzeit"]))
+    )
+    text = (
+        sep.join([name, "Moment", "Drehzahl"])
+        + "\n"
+        + rows(texts, run.u, run.y, sep=sep, decimal=decimal)
+    )
     return instrument(run, "stamps.csv", text, "Moment", "Drehzahl")
 
 
@@ -1102,7 +1428,14 @@ def frf_table(rng):
     sep, end = how["sep"], how["end"]
     way = str(rng.choice(["dB and degrees", "magnitude and phase", "Re and Im", "UFF 58"]))
     case = Case(
-        "", run, "bode.csv", "", "", "", words=r"frequency response|\bFRF\b|bla_from_frf|robust model", table=way
+        "",
+        run,
+        "bode.csv",
+        "",
+        "",
+        "",
+        words=r"frequency response|\bFRF\b|bla_from_frf|robust model",
+        table=way,
     )
     if way == "UFF 58":
         df = float(f[1] - f[0])
@@ -1112,10 +1445,29 @@ def frf_table(rng):
             import pyuff
 
             H = run.at(grid)
-            about = dict(binary=0, func_type=4, rsp_node=1, rsp_dir=3, ref_dir=3, ref_node=1, id1="FRF 1z/1z", data=H)
-            about |= dict(abscissa_spacing=1, abscissa_min=0.0, abscissa_inc=df, ordinate_axis_units_lab="mm/N", x=grid)
-            about |= dict(rsp_ent_name="NONE", ref_ent_name="NONE", ord_data_type=6, num_pts=grid.size)
-            about |= dict(abscissa_spec_data_type=18, ordinate_spec_data_type=8, orddenom_spec_data_type=13)
+            about = dict(
+                binary=0,
+                func_type=4,
+                rsp_node=1,
+                rsp_dir=3,
+                ref_dir=3,
+                ref_node=1,
+                id1="FRF 1z/1z",
+                data=H,
+            )
+            about |= dict(
+                abscissa_spacing=1,
+                abscissa_min=0.0,
+                abscissa_inc=df,
+                ordinate_axis_units_lab="mm/N",
+                x=grid,
+            )
+            about |= dict(
+                rsp_ent_name="NONE", ref_ent_name="NONE", ord_data_type=6, num_pts=grid.size
+            )
+            about |= dict(
+                abscissa_spec_data_type=18, ordinate_spec_data_type=8, orddenom_spec_data_type=13
+            )
             pyuff.UFF(str(path)).write_sets(pyuff.prepare_58(**about), "add")
 
         case.file, case.write = "frf.uff", write
@@ -1137,10 +1489,8 @@ def frf_table(rng):
         names = ("Magnitude [mm/N]", "Phase [rad]" if rad else "Phase [deg]")
         values = (np.abs(G), np.radians(phase) if rad else phase)
     else:
-        names, values = (
-            [("Re", "Im"), ("Real [mm/N]", "Imag [mm/N]"), ("Re(H)", "Im(H)")][rng.integers(3)],
-            (G.real, G.imag),
-        )
+        names = [("Re", "Im"), ("Real [mm/N]", "Imag [mm/N]"), ("Re(H)", "Im(H)")][rng.integers(3)]
+        values = (G.real, G.imag)
     columns, head = [f, *values], [first, *names]
     if rng.random() < 0.3:
         columns.append(1 - 1e-3 * rng.random(f.size))

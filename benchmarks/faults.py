@@ -1,10 +1,12 @@
-"""Faults of raw records, injected one by one: what is said of each, and what is left of it after the cure.
+"""Faults of raw records, injected one by one: what is said of each, and what is left of it after
+the cure.
 
     python -m benchmarks.faults
 
-prints the table of `docs/guide/faults.md`. A resonance with a cubic spring, eight periods of 2000 samples of a
-special-odd multisine, noise of 1e-3; the error is the median of |G - G_sound| / |G_sound| over the lines, G_sound from
-the same record without the fault; in brackets the share of the lines that its 95 % bound holds.
+prints the table of `docs/guide/faults.md`. A resonance with a cubic spring, eight periods of 2000
+samples of a special-odd multisine, noise of 1e-3; the error is the median of |G - G_sound| /
+|G_sound| over the lines, G_sound from the same record without the fault; in brackets the share of
+the lines that its 95 % bound holds.
 """
 
 from __future__ import annotations
@@ -23,7 +25,9 @@ ROUNDING = 1e-14  # of an error that is none
 
 
 class Fault(NamedTuple):
-    """A fault: what it is, what it does to the arguments, the words that are said, and the arguments that cure it."""
+    """A fault: what it is, what it does to the arguments, the words that are said, and the
+    arguments that cure it.
+    """
 
     on: str
     name: str
@@ -160,7 +164,9 @@ def other_design(ms: nlfrf.Multisine, u: np.ndarray, y: np.ndarray) -> dict[str,
 
 def realisations(ms: nlfrf.Multisine, u: np.ndarray, y: np.ndarray) -> dict[str, Any]:
     """Three realisations, the last one played at twice the level."""
-    runs = [cut(*(scale * x for x in sound(seed)[1:])) for seed, scale in ((0, 1.0), (1, 1.0), (2, 2.0))]
+    runs = [
+        cut(*(scale * x for x in sound(seed)[1:])) for seed, scale in ((0, 1.0), (1, 1.0), (2, 2.0))
+    ]
     return runs[0] | {name: [run[name] for run in runs] for name in "uy"}
 
 
@@ -173,7 +179,10 @@ def mixed_up(ms: nlfrf.Multisine, u: np.ndarray, y: np.ndarray) -> dict[str, Any
 def rewired(ms: nlfrf.Multisine, u: np.ndarray, y: np.ndarray) -> dict[str, Any]:
     """Three realisations, the sensor turned round before the last one."""
     runs = [cut(*sound(seed)[1:]) for seed in range(3)]
-    return runs[0] | {"u": [run["u"] for run in runs], "y": [runs[0]["y"], runs[1]["y"], -runs[2]["y"]]}
+    return runs[0] | {
+        "u": [run["u"] for run in runs],
+        "y": [runs[0]["y"], runs[1]["y"], -runs[2]["y"]],
+    }
 
 
 def played_again(ms: nlfrf.Multisine, u: np.ndarray, y: np.ndarray) -> dict[str, Any]:
@@ -215,7 +224,9 @@ FAULTS = [
         lambda ms, u, y: cut(np.random.default_rng(0).standard_normal(u.size), y),
         r"does not seem to repeat at all",
     ),
-    Fault("u", "constant: the wrong channel", on_u(np.ones_like), r"u must vary, got the constant 1"),
+    Fault(
+        "u", "constant: the wrong channel", on_u(np.ones_like), r"u must vary, got the constant 1"
+    ),
     Fault(
         "u",
         "one nan",
@@ -281,21 +292,40 @@ FAULTS = [
         r"the clock drifts: the periods leave an even pace by up to 0\.\d+ samples",
         RESAMPLE,
     ),
-    Fault("both", "seven samples lost", both(lost(*range(4300, 4307))), r"7 lost before period 4", RESAMPLE),
+    Fault(
+        "both",
+        "seven samples lost",
+        both(lost(*range(4300, 4307))),
+        r"7 lost before period 4",
+        RESAMPLE,
+    ),
     Fault("both", "one sample lost", both(lost(6100)), r"1 lost before period 5", RESAMPLE),
-    Fault("both", "four samples repeated", both(repeated(4300, 4)), r"4 repeated before period 4", RESAMPLE),
+    Fault(
+        "both",
+        "four samples repeated",
+        both(repeated(4300, 4)),
+        r"4 repeated before period 4",
+        RESAMPLE,
+    ),
     Fault(
         "both",
         "one realisation of three at twice the level",
         realisations,
         r"same amplitude spectrum in every realisation, got realisation 2 up to 6\.0 dB",
     ),
-    Fault("both", "y of another run", of_another_run, r"y does not follow u in realisation 0", refused=False),
+    Fault(
+        "both",
+        "y of another run",
+        of_another_run,
+        r"y does not follow u in realisation 0",
+        refused=False,
+    ),
     Fault(
         "both",
         "the files of y in another order than those of u",
         mixed_up,
-        r"that of realisation 0 follows u of realisation 1, .* are the files of both in the same order",
+        r"that of realisation 0 follows u of realisation 1, .* are the files of both in the same"
+        r" order",
     ),
     Fault(
         "y",
@@ -303,7 +333,13 @@ FAULTS = [
         rewired,
         r"y must have one sign, got: it turns in realisation 2",
     ),
-    Fault("both", "one file played three times", played_again, r"realisations with the same phases", refused=False),
+    Fault(
+        "both",
+        "one file played three times",
+        played_again,
+        r"realisations with the same phases",
+        refused=False,
+    ),
     Fault(
         "y",
         "one sample lost",
@@ -325,7 +361,13 @@ FAULTS = [
         r"y does not repeat in period 4 of 8",
         RESAMPLE,
     ),
-    Fault("y", "two samples repeated", on_y(repeated(8700, 2)), r"2 repeated before period 6", RESAMPLE),
+    Fault(
+        "y",
+        "two samples repeated",
+        on_y(repeated(8700, 2)),
+        r"2 repeated before period 6",
+        RESAMPLE,
+    ),
     Fault(
         "y",
         "clock off by 20 ppm",
@@ -333,7 +375,13 @@ FAULTS = [
         r"the clock of y is off that of u by -20 ppm \(-0\.04 samples a period\)",
         RESAMPLE,
     ),
-    Fault("y", "clock off by -50 ppm", on_y(clock(-50)), r"the clock of y is off that of u by 50 ppm", RESAMPLE),
+    Fault(
+        "y",
+        "clock off by -50 ppm",
+        on_y(clock(-50)),
+        r"the clock of y is off that of u by 50 ppm",
+        RESAMPLE,
+    ),
     Fault(
         "y",
         "clock off by 2 ppm",
@@ -442,7 +490,9 @@ FAULTS = [
     Fault(
         "both",
         "clock of the generator drifts, and that of y is 20 ppm off",
-        lambda ms, u, y: cut(drifting(u), warp(drifting(np.append(y, y[:N])), np.arange(P * N) * (1 + 20e-6))),
+        lambda ms, u, y: cut(
+            drifting(u), warp(drifting(np.append(y, y[:N])), np.arange(P * N) * (1 + 20e-6))
+        ),
         r"the clock drifts",
         RESAMPLE,
     ),
@@ -450,7 +500,9 @@ FAULTS = [
 
 
 class Outcome(NamedTuple):
-    """What was said, whether the record was refused, and what is left: median error, share held; nan without a cure."""
+    """What was said, whether the record was refused, and what is left: median error, share held;
+    nan without a cure.
+    """
 
     said: str
     refused: bool
@@ -506,10 +558,15 @@ def main() -> None:
             "none: measure again" if fault.cure is None else "not needed"
         )
         left = (
-            "" if np.isnan(found.error) else f"{100 * max(found.error - ROUNDING, 0):.2g} % ({100 * found.held:.0f} %)"
+            ""
+            if np.isnan(found.error)
+            else f"{100 * max(found.error - ROUNDING, 0):.2g} % ({100 * found.held:.0f} %)"
         )
         how = "refused" if found.refused else "warned"
-        print(f"| {fault.on} | {fault.name} | {how}: {found.said[:230].replace('|', ' ')} | {words} | {left} |")
+        print(
+            f"| {fault.on} | {fault.name} | {how}: {found.said[:230].replace('|', ' ')} | {words} |"
+            f" {left} |"
+        )
 
 
 if __name__ == "__main__":

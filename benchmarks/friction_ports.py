@@ -1,11 +1,13 @@
-"""Attack on proofs with friction at motor and load: loops that are proved, and friction of the class that moves them.
+"""Attack on proofs with friction at motor and load: loops that are proved, and friction of the
+class that moves them.
 
-Axes of motor and load behind a spring, under a P-PI cascade at 1 to 8 kHz with lag and delay of the current, the
-encoder at either. For each loop that is proved with Maxwell slip at both masses, runs of the simulated axis, which
-shares no code with the proofs: friction of the class at its limits at both masses (all of K0, sliders that vary with
-speed, rest, position, direction and at random), after a push. Counted: runs that still move at their end. For loops
-that are refuted: whether the springs that refute them move the simulated axis. For all with a bound: how much of it the
-runs reach.
+Axes of motor and load behind a spring, under a P-PI cascade at 1 to 8 kHz with lag and delay of the
+current, the encoder at either. For each loop that is proved with Maxwell slip at both masses, runs
+of the simulated axis, which shares no code with the proofs: friction of the class at its limits at
+both masses (all of K0, sliders that vary with speed, rest, position, direction and at random),
+after a push. Counted: runs that still move at their end. For loops that are refuted: whether the
+springs that refute them move the simulated axis. For all with a bound: how much of it the runs
+reach.
 
 python -m benchmarks.friction_ports [--axes 200] [--runs 8]
 """
@@ -67,19 +69,32 @@ def draw_case(number: int, seed: int = 0) -> PortCase:
     stiction = np.array([1.0, 1.05, 1.2, 1.5])[rng.integers(0, 4, 2)]
     Fs = tuple(map(float, 10 ** rng.uniform(0, 1, 2)))
     settings = Drive(
-        fs=fs, kv=kv, kp=kp, kp_unit="N/(m/s)", tn=tn, lag=lag, delay_periods=delay_periods, encoder=encoder
+        fs=fs,
+        kv=kv,
+        kp=kp,
+        kp_unit="N/(m/s)",
+        tn=tn,
+        lag=lag,
+        delay_periods=delay_periods,
+        encoder=encoder,
     )
     drive = replace(settings, velocity_feedforward=1.0)
-    axis = nlfrf.rig.ServoAxis(motor_inertia=motor, drive=drive, load_inertia=load, stiffness=k, damping=c)
+    axis = nlfrf.rig.ServoAxis(
+        motor_inertia=motor, drive=drive, load_inertia=load, stiffness=k, damping=c
+    )
     machine = friction_behind_lag(two_mass_plant(motor, load, k, c, encoder=encoder), lag)
     friction = tuple(MaxwellSlip(*pair) for pair in zip(K0, stiction, strict=True))
-    return PortCase(machine=machine, axis=axis, settings=settings, friction=friction, Fs=(Fs[0], Fs[1]))
+    return PortCase(
+        machine=machine, axis=axis, settings=settings, friction=friction, Fs=(Fs[0], Fs[1])
+    )
 
 
 def prove_case(case: PortCase) -> robust.friction.FrictionProof:
     """The verdict on an axis."""
     K = cascade(case.settings, output_unit="N")
-    return robust.prove_friction(case.machine, K, case.friction, delay=case.settings.delay, Fs=case.Fs)
+    return robust.prove_friction(
+        case.machine, K, case.friction, delay=case.settings.delay, Fs=case.Fs
+    )
 
 
 def draw_law(rng: np.random.Generator, friction: MaxwellSlip, Fs: float) -> VaryingSliders:
@@ -99,18 +114,26 @@ def draw_law(rng: np.random.Generator, friction: MaxwellSlip, Fs: float) -> Vary
 
 
 def samples_of(case: PortCase) -> int:
-    """Length of a run: so many of the slowest time constants, sliding, stuck at either and at both."""
+    """Length of a run: so many of the slowest time constants, sliding, stuck at either and at
+    both.
+    """
     loop = friction_loop(case.machine, cascade(case.settings, output_unit="N"), case.settings.delay)
     K0 = np.array([one.K0 for one in case.friction])
     springs = [np.zeros(2), K0, K0 * [1, 0], K0 * [0, 1]]
-    slowest = max(np.abs(p)[np.abs(p) < 1 - 1e-9].max() for p in (loop.poles(kappa) for kappa in springs))
+    slowest = max(
+        np.abs(p)[np.abs(p) < 1 - 1e-9].max() for p in (loop.poles(kappa) for kappa in springs)
+    )
     return int(np.clip(TIME_CONSTANTS / -np.log(slowest), 2000, LONGEST))
 
 
-def run_case(case: PortCase, laws: tuple[VaryingSliders, ...], push: float, *, longer: int = 1) -> tuple[float, bool]:
-    """[m] largest displacement of either mass in the last third of a run after a push [N], and whether it moves.
+def run_case(
+    case: PortCase, laws: tuple[VaryingSliders, ...], push: float, *, longer: int = 1
+) -> tuple[float, bool]:
+    """[m] largest displacement of either mass in the last third of a run after a push [N], and
+    whether it moves.
 
-    One that moves is run again for four times as long: a slider that is held just below its limit may let go once more.
+    One that moves is run again for four times as long: a slider that is held just below its limit
+    may let go once more.
     """
     n, end = longer * samples_of(case), samples_of(case) // 10
     force = np.zeros(n)
@@ -129,7 +152,9 @@ def run_case(case: PortCase, laws: tuple[VaryingSliders, ...], push: float, *, l
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--axes", type=int, default=200)
     parser.add_argument("--runs", type=int, default=8, help="runs of each axis")
     args = parser.parse_args()
@@ -152,10 +177,13 @@ def main() -> None:
                 assert proof.counterexample is not None
                 springs = np.maximum(np.atleast_1d(proof.counterexample[0]), 1e-6)
                 laws = tuple(
-                    VaryingSliders(stiffness=[k], strength=[Fs]) for k, Fs in zip(springs, case.Fs, strict=True)
+                    VaryingSliders(stiffness=[k], strength=[Fs])
+                    for k, Fs in zip(springs, case.Fs, strict=True)
                 )
             else:
-                laws = tuple(draw_law(rng, one, Fs) for one, Fs in zip(case.friction, case.Fs, strict=True))
+                laws = tuple(
+                    draw_law(rng, one, Fs) for one, Fs in zip(case.friction, case.Fs, strict=True)
+                )
             push = rng.choice([-1, 1]) * sum(case.Fs) * 10 ** rng.uniform(-0.3, 0.7)
             far, moves = run_case(case, laws, push)
             runs[verdict] += 1
@@ -173,9 +201,9 @@ def main() -> None:
     for verdict in sorted(runs):
         print(f"{verdict}: {moved[verdict]} of {runs[verdict]} runs still move at the end")
     print(
-        f"{unverified} proofs not verified over the rationals; {outside} of {len(reached)} runs outside their bound, "
-        f"of which they reach {max(reached, default=np.nan):.2g} at most; CPU of a proof: median "
-        f"{np.median(times):.2g} s"
+        f"{unverified} proofs not verified over the rationals; {outside} of {len(reached)} runs"
+        f" outside their bound, of which they reach {max(reached, default=np.nan):.2g} at most; CPU"
+        f" of a proof: median {np.median(times):.2g} s"
     )
 
 

@@ -1,4 +1,5 @@
-"""Hand every file to every command in place of the one it wants: an answer, or one line and exit code 2; no traceback.
+"""Hand every file to every command in place of the one it wants: an answer, or one line and exit
+code 2; no traceback.
 
 python -m benchmarks.fuzz_commands [--jobs 750]
 """
@@ -60,7 +61,13 @@ CONTROLLING = (
     "servo play belt {} -o o.csv",
     "servo levels {0} --design {0}",
 )
-WRONG = {"empty.json": "", "empty.npz": "", "text.csv": "hello\nworld\n", "notes.txt": "x", "list.json": "[1, 2]"}
+WRONG = {
+    "empty.json": "",
+    "empty.npz": "",
+    "text.csv": "hello\nworld\n",
+    "notes.txt": "x",
+    "list.json": "[1, 2]",
+}
 NOT_THERE = ("missing.npz", "missing.json")
 
 
@@ -68,13 +75,16 @@ def made():
     """One file of every kind, in the folder one is in, and what is none of them; their names."""
     rig, stage = nlfrf.paper_rig(), nlfrf.rig.two_axis_stage()
     ms = nlfrf.multisine(fs=1024, n_samples=1024, f_min=2, f_max=100, rms=0.5, rng=2)
-    several = nlfrf.multisine("random-odd", fs=512, n_samples=512, f_min=2, f_max=100, n_inputs=2, rng=1)
+    several = nlfrf.multisine(
+        "random-odd", fs=512, n_samples=512, f_min=2, f_max=100, n_inputs=2, rng=1
+    )
     record = nlfrf.simulate(rig, ms, n_periods=2)
     multi = nlfrf.simulate(stage, several, n_periods=2, n_discard=2, oversampling=4)
     bla, frm = nlfrf.identify(record), nlfrf.identify(multi)
     model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2))
     matrix = robust.uncertainty(frm, robust.fit_nominal(frm, n_poles=4, dt=1 / 512))
-    Kc, K2 = control.tf([1e3], [1, 0.1]), control.append(*[control.ss([], [], [], [[10.0]], 1 / 512)] * 2)
+    Kc = control.tf([1e3], [1, 0.1])
+    K2 = control.append(*[control.ss([], [], [], [[10.0]], 1 / 512)] * 2)
     for name, content in (("ms", ms), ("ms2", several)):
         nlfrf.save(content, f"{name}.npz")
     for suffix in ("npz", "mat"):
@@ -107,7 +117,11 @@ def fault_of(main, arguments):
             code = stop.code or 0
         except BaseException as error:  # whatever comes through is a traceback to the user
             return f"{type(error).__name__}: {error}"
-    said = [line for line in err.getvalue().splitlines() if line.startswith(f"{name}: ") and "warning" not in line]
+    said = [
+        line
+        for line in err.getvalue().splitlines()
+        if line.startswith(f"{name}: ") and "warning" not in line
+    ]
     if code not in (0, 1, 2) or (code == 2 and len(said) != 1):
         return f"exit code {code}, said {err.getvalue()[-300:]!r}"
     return ""
@@ -115,7 +129,11 @@ def fault_of(main, arguments):
 
 def attack(n_jobs=None, seed=0):
     """(job, fault) of some jobs or all of them, in a folder of their own."""
-    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), warnings.catch_warnings():
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        contextlib.chdir(folder),
+        warnings.catch_warnings(),
+    ):
         warnings.simplefilter("ignore")
         files = made()
         kept = {name: Path(name).read_bytes() for name in files if Path(name).is_file()}
@@ -129,7 +147,10 @@ def attack(n_jobs=None, seed=0):
         for main, command in (jobs[k] for k in order):
             fault = fault_of(main, command.split())
             changed = [name for name, content in kept.items() if Path(name).read_bytes() != content]
-            yield f"{main.__module__.split('.')[0]} {command}", fault or f"changed {', '.join(changed)}" * bool(changed)
+            yield (
+                f"{main.__module__.split('.')[0]} {command}",
+                fault or f"changed {', '.join(changed)}" * bool(changed),
+            )
 
 
 def main():
@@ -141,7 +162,10 @@ def main():
         wrong += bool(fault)
         if fault:
             print(f"{job}: {fault}")
-    print(f"{n} commands on files of every kind: {wrong} that neither answered nor refused in one line")
+    print(
+        f"{n} commands on files of every kind: {wrong} that neither answered nor refused in one"
+        " line"
+    )
     sys.exit(wrong > 0)
 
 

@@ -1,4 +1,5 @@
-"""Load thousands of damaged files of each format and of JSON: only documented errors, no hang, no blow-up of memory.
+"""Load thousands of damaged files of each format and of JSON: only documented errors, no hang, no
+blow-up of memory.
 
 python -m benchmarks.fuzz_loaders [--files 2000]
 """
@@ -22,7 +23,9 @@ from tests.support.measurement_files import damaged
 
 
 def fuzz_json(folder, n, rng):
-    """(name, refused) of n damaged files of each kind of JSON; all but a ValueError in a clean line is let through."""
+    """(name, refused) of n damaged files of each kind of JSON; all but a ValueError in a clean line
+    is let through.
+    """
     report = robust.check(make_model(), K)
     kinds = (
         ("model", make_model(), robust.load),

@@ -1,9 +1,10 @@
-"""Load thousands of damaged files of each foreign format, and files made to do harm: only documented errors, no hang.
+"""Load thousands of damaged files of each foreign format, and files made to do harm: only
+documented errors, no hang.
 
 python -m benchmarks.fuzz_readers [--files 2000] [--only .tdms]
 
-What is read in a process of its own is read here in forked ones with their libraries loaded before, which takes a
-twentieth of the time; what happens to such a process ends in the same way.
+What is read in a process of its own is read here in forked ones with their libraries loaded before,
+which takes a twentieth of the time; what happens to such a process ends in the same way.
 """
 
 from __future__ import annotations
@@ -47,7 +48,9 @@ def forked(room, path):
     if child == 0:
         try:
             os.close(out)
-            limit = 4 * MEMORY_LIMIT + FACTOR * path.stat().st_size  # a fork begins with all that its parent holds
+            limit = (
+                4 * MEMORY_LIMIT + FACTOR * path.stat().st_size
+            )  # a fork begins with all that its parent holds
             resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
             try:
                 answer = ("found", io.BytesIO())
@@ -91,7 +94,9 @@ def main():
     warnings.simplefilter("ignore")
     harm = 0
     for family in [name for name in asked.only if name in FAMILIES]:
-        n = min(asked.files, 5) if "expands" in family else asked.files // 10  # a gigabyte each, or a process each
+        n = (
+            min(asked.files, 5) if "expands" in family else asked.files // 10
+        )  # a gigabyte each, or a process each
         begin, rng, done = time.perf_counter(), np.random.default_rng(2), 0
         with tempfile.TemporaryDirectory() as folder:
             for _ in range(n):
@@ -102,7 +107,10 @@ def main():
                 if wrong:
                     print(f"{family}, {path.name}: {wrong}")
         harm += done
-        print(f"{family:<14} {n} hostile files: {done} did harm; {time.perf_counter() - begin:.1f} s", flush=True)
+        print(
+            f"{family:<14} {n} hostile files: {done} did harm; {time.perf_counter() - begin:.1f} s",
+            flush=True,
+        )
     channels.read_in_own_process = matlab.read_in_own_process = forked
     for suffix in [name for name in asked.only if name in WRITERS]:
         CRASHED.clear()
@@ -111,8 +119,9 @@ def main():
             refused = fuzz(suffix, Path(folder), n=asked.files, seed=1)
         elapsed = time.perf_counter() - begin
         print(
-            f"{suffix:<9} {asked.files} damaged files: {refused} refused, {asked.files - refused} read, none else; "
-            f"{len(CRASHED)} crashed or hung in their own process; {elapsed:.1f} s",
+            f"{suffix:<9} {asked.files} damaged files: {refused} refused, {asked.files - refused}"
+            f" read, none else; {len(CRASHED)} crashed or hung in their own process;"
+            f" {elapsed:.1f} s",
             flush=True,
         )
     sys.exit(harm > 0)

@@ -1,11 +1,12 @@
-"""How often a set holds a *whole* new FRF, against what is estimated for it; and what all lines together would cost.
+"""How often a set holds a *whole* new FRF, against what is estimated for it; and what all lines
+together would cost.
 
     python -m benchmarks.joint [--records 20] [--fresh 400] [--only rig]
 
-For each case sets are made of single records, at 95 % per line, and FRFs of fresh realisations, without noise, are held
-against each. "new" and "BLA": how many lie in the set as a whole, and the estimate beside it, both as means over the
-sets; "rms" of the estimate over single sets. "together": the same with simultaneous=True, and by how much its radius is
-larger.
+For each case sets are made of single records, at 95 % per line, and FRFs of fresh realisations,
+without noise, are held against each. "new" and "BLA": how many lie in the set as a whole, and the
+estimate beside it, both as means over the sets; "rms" of the estimate over single sets. "together":
+the same with simultaneous=True, and by how much its radius is larger.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ DESIGNS = {
     "static": dict(fs=1024, n_samples=2048, f_min=1, f_max=200),
     "Duffing": dict(fs=512, n_samples=2048, f_min=1, f_max=60),
 }
-#: Plant, poles of the nominal (0: the FRF itself, -1: a gain), order of the weight, realisations, SNR [dB].
+# : Plant, poles of the nominal (0: the FRF itself, -1: a gain), order of the weight, realisations,
+# SNR [dB].
 CASES = (
     ("rig", 0, 1, 1, None),
     ("rig", 0, 2, 1, None),
@@ -56,7 +58,9 @@ CASES = (
 
 def steady(plant, n, rng):
     """A multisine of n realisations, and the (n, N) steady-state output of a plant to it."""
-    ms = nlfrf.multisine("special-odd", **DESIGNS.get(plant, DESIGNS["static"]), n_realizations=n, rng=rng)
+    ms = nlfrf.multisine(
+        "special-odd", **DESIGNS.get(plant, DESIGNS["static"]), n_realizations=n, rng=rng
+    )
     if plant == "rig":
         return ms, nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=1).y[:, 0]
     if plant == "Duffing":
@@ -81,7 +85,9 @@ def recorded(ms, y, rows, snr, rng):
 def set_of(bla, n_poles, order, **more):
     """The set of a record around one of the nominals."""
     if n_poles < 0:
-        return robust.uncertainty(bla, control.ss([], [], [], [[float(np.mean(bla.G.real))]]), order=order, **more)
+        return robust.uncertainty(
+            bla, control.ss([], [], [], [[float(np.mean(bla.G.real))]]), order=order, **more
+        )
     nominal = robust.frd(bla) if n_poles == 0 else robust.fit_nominal(bla, n_poles=n_poles)
     return robust.uncertainty(bla, nominal, order=order, **more)
 
@@ -92,7 +98,9 @@ def held(model, omega, G):
 
 
 def measure(case, ms, y, n_records, rng):
-    """Rows (n, 6): held and estimated, new realisation and BLA; held together; its radius over that per line."""
+    """Rows (n, 6): held and estimated, new realisation and BLA; held together; its radius over that
+    per line.
+    """
     _, n_poles, order, M, snr = case
     fresh = frfs(replace(ms, phase=ms.phase[M * n_records :]), y[M * n_records :])
     rows = []
@@ -122,7 +130,10 @@ def main() -> None:
     chosen = parser.parse_args()
     warnings.simplefilter("ignore")
     played, errors = {}, []
-    print("plant       poles order  M   SNR | new: held estimate rms | BLA: held estimate | together: held   radius x")
+    print(
+        "plant       poles order  M   SNR | new: held estimate rms | BLA: held estimate | together:"
+        " held   radius x"
+    )
     for case in CASES:
         plant, n_poles, order, M, snr = case
         if chosen.only not in plant:
@@ -142,8 +153,8 @@ def main() -> None:
         )
     errors = np.array(errors)
     print(
-        f"estimate less what was held: mean {errors.mean():+.3f}, |.| {np.abs(errors).mean():.3f}, at most "
-        f"{np.abs(errors).max():.3f} over {errors.size} cases"
+        f"estimate less what was held: mean {errors.mean():+.3f}, |.| {np.abs(errors).mean():.3f},"
+        f" at most {np.abs(errors).max():.3f} over {errors.size} cases"
     )
 
 

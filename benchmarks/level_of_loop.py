@@ -1,12 +1,14 @@
-"""Loops that a check calls statistically robust, on the rig with friction, at other levels than that of the experiment.
+"""Loops that a check calls statistically robust, on the rig with friction, at other levels than
+that of the experiment.
 
 python -m benchmarks.level_of_loop [--seeds 30] [--processes 1]
 
-Each seed identifies the rig at five levels of force, and at three of them together, and designs by loop shaping: six
-crossovers, each with a quarter to twice the gain. What the check calls statistically robust is put around the rig and
-moved for 3 s, by white noise of force or by a step of the reference, and left alone for 4.5 s. A loop behaves if it
-neither runs away nor goes on swinging. That is judged by its velocity: it does not cycle if it is at rest in the last
-1.1 s (a micrometre a second), or swings less there than nine tenths of what it did in the 1.1 s before.
+Each seed identifies the rig at five levels of force, and at three of them together, and designs by
+loop shaping: six crossovers, each with a quarter to twice the gain. What the check calls
+statistically robust is put around the rig and moved for 3 s, by white noise of force or by a step
+of the reference, and left alone for 4.5 s. A loop behaves if it neither runs away nor goes on
+swinging. That is judged by its velocity: it does not cycle if it is at rest in the last 1.1 s (a
+micrometre a second), or swings less there than nine tenths of what it did in the 1.1 s before.
 """
 
 from __future__ import annotations
@@ -32,7 +34,9 @@ FAMILY = (0.3, 1.0, 3.0)  # from 0.1 to 10 N the set is so wide that no loop is 
 EXPERIMENTS = (*[(rms,) for rms in LEVELS], FAMILY)
 STEPS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # of the reference [m]
 BAND = {"fs": 4096, "n_samples": 16384, "f_min": 1.25, "f_max": 250}
-CROSSOVERS, GAINS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0), (0.25, 0.5, 1.0, 2.0)  # [Hz], and factors on each design
+# [Hz], and factors on each design
+CROSSOVERS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0)
+GAINS = (0.25, 0.5, 1.0, 2.0)
 T, MOVED, ALONE, SETTLED = 1e-3, 3000, 4500, 500  # sample time of the controller [s]; samples
 AT_REST = 1e-6  # swing of the velocity [m/s]; a break-away of the rig reaches 6e-3
 DYING = 0.9  # of the swing in the quarter before
@@ -86,7 +90,9 @@ def identify_model(levels: tuple[float, ...], seed: int) -> robust.UncertaintyMo
 
 
 def design_controllers(model: robust.UncertaintyModel) -> list[control.StateSpace]:
-    """Loop shaping at each crossover, with each gain; those that a check calls statistically robust."""
+    """Loop shaping at each crossover, with each gain; those that a check calls statistically
+    robust.
+    """
     plant, found = robust.sampled(model.nominal, T), []
     for crossover in CROSSOVERS:
         K = robust.ncfsyn(plant, robust.shaping.crossover_weight(plant, 2 * np.pi * crossover)).K
@@ -124,26 +130,47 @@ def run_loops(
         "noise": robust.analysis.LoopSignals(disturbance=robust.analysis.NoiseSignal(1.0)),
         "step": robust.analysis.LoopSignals(reference=robust.analysis.StepSignal(1.0)),
     }
-    predicted = {kind: [robust.analysis.predict_level(model, K, unit) for K in loops] for kind, unit in units.items()}
+    predicted = {
+        kind: [robust.analysis.predict_level(model, K, unit) for K in loops]
+        for kind, unit in units.items()
+    }
     for kind, sizes in sizes_of.items():
         for size in sizes:
             r = np.full(n, size if kind == "step" else 0.0)
             d = size * force if kind == "noise" else np.zeros(n)
             with ThreadPoolExecutor(1) as pool:
-                responses = nlfrf.rig.run_loops(nlfrf.paper_rig(), r, loops, disturbance=d, executor=pool)
+                responses = nlfrf.rig.run_loops(
+                    nlfrf.paper_rig(), r, loops, disturbance=d, executor=pool
+                )
             for one, response in zip(predicted[kind], responses, strict=True):
                 u, y = size * one.u, size * one.y
                 states = find_state(u, *one.u_measured), find_state(y, *one.y_measured)
                 true = true_level(response, d, kind)
-                yield Run(seed, levels, kind, size, judge(response), *states, u, y, size * one.y_worst, *true)
+                yield Run(
+                    seed,
+                    levels,
+                    kind,
+                    size,
+                    judge(response),
+                    *states,
+                    u,
+                    y,
+                    size * one.y_worst,
+                    *true,
+                )
 
 
 def true_level(response: nlfrf.rig.Trajectory, force: np.ndarray, kind: str) -> tuple[float, float]:
-    """Rms of the whole force and of the motion while a loop was moved, as `predict_level` means them."""
+    """Rms of the whole force and of the motion while a loop was moved, as `predict_level` means
+    them.
+    """
     if response.diverged:
         return np.nan, np.nan
     if kind == "step":
-        u, x = ((max(one.max(), 0.0) - min(one.min(), 0.0)) / np.sqrt(8) for one in (response.u, response.x))
+        u, x = (
+            (max(one.max(), 0.0) - min(one.min(), 0.0)) / np.sqrt(8)
+            for one in (response.u, response.x)
+        )
         return float(u), float(x)
     moved = slice(SETTLED, MOVED)
     return float(np.std(response.u[moved] + force[moved])), float(np.std(response.x[moved]))
@@ -170,7 +197,10 @@ def behaves_table(runs: list[Run], kind: str) -> list[str]:
     """Level of the experiment over level of the loop: k of n behave."""
     of_kind = [run for run in runs if run.kind == kind]
     sizes = sorted({run.size for run in of_kind})
-    rows = ["| identified at | " + " | ".join(f"{size:g}" for size in sizes) + " |", "|---" * (len(sizes) + 1) + "|"]
+    rows = [
+        "| identified at | " + " | ".join(f"{size:g}" for size in sizes) + " |",
+        "|---" * (len(sizes) + 1) + "|",
+    ]
     for levels in dict.fromkeys(run.experiment for run in of_kind):
         cells = []
         for size in sizes:
@@ -202,9 +232,14 @@ def predicted_place(run: Run) -> robust.analysis.LevelState:
 
 
 def state_table(runs: list[Run], kind: str) -> list[str]:
-    """The words of the prediction: how many behave, and true over predicted rms of those that do not run away."""
+    """The words of the prediction: how many behave, and true over predicted rms of those that do
+    not run away.
+    """
     rows = [
-        "| identified at | predicted | behave | cycle | run away | motion as predicted | true over predicted motion |",
+        (
+            "| identified at | predicted | behave | cycle | run away | motion as predicted | true"
+            " over predicted motion |"
+        ),
         "|---" * 7 + "|",
     ]
     for several in (False, True):
@@ -216,22 +251,26 @@ def state_table(runs: list[Run], kind: str) -> list[str]:
             here = [
                 run
                 for run in runs
-                if (run.kind, len(run.experiment) > 1, predicted_place(run)) == (kind, several, place)
+                if (run.kind, len(run.experiment) > 1, predicted_place(run))
+                == (kind, several, place)
             ]
             if not here:
                 continue
             count = Counter(run.outcome for run in here)
             rows.append(
-                f"| {'three levels' if several else 'one level'} | {place.value} | "
-                f"{sum(run.behaves for run in here)} of {len(here)} | {count[Outcome.CYCLES]} | "
-                f"{count[Outcome.RUNS_AWAY]} | {100 * np.mean([run.as_predicted for run in here]):.0f} % | "
-                f"{quantiles([run.true_y / run.y for run in here])} |"
+                f"| {'three levels' if several else 'one level'} | {place.value} |"
+                f" {sum(run.behaves for run in here)} of {len(here)} | {count[Outcome.CYCLES]} |"
+                f" {count[Outcome.RUNS_AWAY]} |"
+                f" {100 * np.mean([run.as_predicted for run in here]):.0f} % |"
+                f" {quantiles([run.true_y / run.y for run in here])} |"
             )
     return rows
 
 
 def bound_table(runs: list[Run]) -> list[str]:
-    """How often the true motion stays under its bound over the set, where that is finite and no loop ran away."""
+    """How often the true motion stays under its bound over the set, where that is finite and no
+    loop ran away.
+    """
     rows = ["| predicted | under the bound over the set |", "|---|---|"]
     for place in (
         robust.analysis.LevelState.INSIDE,
@@ -258,7 +297,10 @@ def main() -> None:
     with ProcessPoolExecutor(args.processes) as pool:
         for found in pool.map(study, range(args.seeds)):
             runs += found
-    for kind, what in (("noise", "noise of force [N rms]"), ("step", "a step of the reference [m]")):
+    for kind, what in (
+        ("noise", "noise of force [N rms]"),
+        ("step", "a step of the reference [m]"),
+    ):
         print(f"\nbehave after {what}")
         print("\n".join(behaves_table(runs, kind)))
         print(f"\nwhat the predicted level said, {what}")

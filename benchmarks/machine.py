@@ -7,14 +7,28 @@ import platform
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-PACKAGES = ("nlfrf", "numpy", "scipy", "numba", "control", "slycot", "cvxpy", "clarabel", "best-linear-approximation")
+PACKAGES = (
+    "nlfrf",
+    "numpy",
+    "scipy",
+    "numba",
+    "control",
+    "slycot",
+    "cvxpy",
+    "clarabel",
+    "best-linear-approximation",
+)
 
 
 def processor() -> str:
     """Its name, as the system knows it."""
     listed = Path("/proc/cpuinfo")
     if listed.is_file():
-        names = [line.partition(":")[2].strip() for line in listed.read_text().splitlines() if "model name" in line]
+        names = [
+            line.partition(":")[2].strip()
+            for line in listed.read_text().splitlines()
+            if "model name" in line
+        ]
         if names:
             return names[0]
     return platform.processor() or platform.machine()

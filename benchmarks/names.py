@@ -1,11 +1,13 @@
-"""Tables and records composed of the parts of names and units, and of names that the grammar does not know.
+"""Tables and records composed of the parts of names and units, and of names that the grammar does
+not know.
 
 python -m benchmarks.names --files 3000 --seed 0   # counts, every other answer without a word, some refusals
 python -m benchmarks.names --write 17 folder       # the file of one seed, and what became of it
 
-Of each the truth is known. Right is G within 1 %, or the rate within 1e-6; warned is another answer with a warning;
-refused one line. Counted are other answers without a word, of which there must be none, and refusals of what is
-composed of the own parts of the grammar, also with foreign columns beside: at most 3 %.
+Of each the truth is known. Right is G within 1 %, or the rate within 1e-6; warned is another answer
+with a warning; refused one line. Counted are other answers without a word, of which there must be
+none, and refusals of what is composed of the own parts of the grammar, also with foreign columns
+beside: at most 3 %.
 """
 
 from __future__ import annotations
@@ -45,7 +47,9 @@ class Outcome(enum.Enum):
 
 @dataclass
 class Case:
-    """One file: what is written, which kind it is, and what is right: a deviation, or a rate, or neither (refuse)."""
+    """One file: what is written, which kind it is, and what is right: a deviation, or a rate, or
+    neither (refuse).
+    """
 
     kind: str
     write: Callable[[Path], Path]
@@ -79,9 +83,31 @@ FREQUENCIES = {
     "10^3 rad/s": 2e-3 * np.pi * F,
     "KHZ": F / 1e3,
 }
-ANGLES = {"deg": 1.0, "°": 1.0, "rad": np.pi / 180, "mrad": np.pi / 0.18, "gon": 1 / 0.9, "turns": 1 / 360}
-ANGLES |= {"pi rad": 1 / 180, "π rad": 1 / 180, "degrees": 1.0, "radians": np.pi / 180, "rev": 1 / 360, "arcmin": 60.0}
-SCALES = {"dB": 20.0, "Np": np.log(10), "B": 2.0, "log10": 1.0, "decibel": 20.0, "dB20": 20.0, "dB10": 10.0}
+ANGLES = {
+    "deg": 1.0,
+    "°": 1.0,
+    "rad": np.pi / 180,
+    "mrad": np.pi / 0.18,
+    "gon": 1 / 0.9,
+    "turns": 1 / 360,
+}
+ANGLES |= {
+    "pi rad": 1 / 180,
+    "π rad": 1 / 180,
+    "degrees": 1.0,
+    "radians": np.pi / 180,
+    "rev": 1 / 360,
+    "arcmin": 60.0,
+}
+SCALES = {
+    "dB": 20.0,
+    "Np": np.log(10),
+    "B": 2.0,
+    "log10": 1.0,
+    "decibel": 20.0,
+    "dB20": 20.0,
+    "dB10": 10.0,
+}
 RATIOS = {
     "V/V": 1.0,
     "%": 100.0,
@@ -93,11 +119,57 @@ RATIOS = {
     "ratio": 1.0,
     "ppm": 1e6,
 }
-UNITS = ("m/N", "Ohm", "(m/s^2)/N", "V/A", "rad/(N*m)", "S", "m/s/V", "g/N", "counts/V", "deg/A", "Nm/rad")
+UNITS = (
+    "m/N",
+    "Ohm",
+    "(m/s^2)/N",
+    "V/A",
+    "rad/(N*m)",
+    "S",
+    "m/s/V",
+    "g/N",
+    "counts/V",
+    "deg/A",
+    "Nm/rad",
+)
 PREFIXES = {"": 1.0, "m": 1e3, "u": 1e6, "k": 1e-3, "µ": 1e6, "M": 1e-6}
-FREQUENCY_WORDS = ("f", "Frequency", "Freq", "freq", "FREQUENCY", "Frequenz", "Fréquence", "frequency", "Freq.")
-MAGNITUDE_WORDS = ("Gain", "Magnitude", "Mag", "Amplitude", "|G|", "abs(G)", "Betrag", "mag", "GAIN", "Modulus", "Amp")
-PHASE_WORDS = ("Phase", "phase", "Phase angle", "arg(G)", "∠G", "Winkel", "Argument", "PHASE", "Phi", "Ang", "Theta")
+FREQUENCY_WORDS = (
+    "f",
+    "Frequency",
+    "Freq",
+    "freq",
+    "FREQUENCY",
+    "Frequenz",
+    "Fréquence",
+    "frequency",
+    "Freq.",
+)
+MAGNITUDE_WORDS = (
+    "Gain",
+    "Magnitude",
+    "Mag",
+    "Amplitude",
+    "|G|",
+    "abs(G)",
+    "Betrag",
+    "mag",
+    "GAIN",
+    "Modulus",
+    "Amp",
+)
+PHASE_WORDS = (
+    "Phase",
+    "phase",
+    "Phase angle",
+    "arg(G)",
+    "∠G",
+    "Winkel",
+    "Argument",
+    "PHASE",
+    "Phi",
+    "Ang",
+    "Theta",
+)
 REAL_WORDS = {
     "Re": "Im",
     "Real": "Imag",
@@ -146,7 +218,8 @@ FOREIGN = {
     "Harmonic": 1.0,
     "Valid": 1.0,
 }
-#: Words and units of real headers and of none that are in no table of the grammar, and what they do to the numbers.
+# : Words and units of real headers and of none that are in no table of the grammar, and what they
+# do to the numbers.
 STRANGE_SCALES = {
     "dBr": lambda x: x + 17,
     "mB": lambda x: 100 * x,
@@ -228,7 +301,9 @@ NAMED = re.compile(r"[GHZ∠|]|S21")  # words that say of what, beside which no 
 def bracketed(rng, word, unit):
     """A name with its unit in any of the usual ways."""
     ways = (
-        ["{} ({})", "{} [{}]", "{}({})", "{}[{}]", "{} in {}", "{}/{}"] if "/" not in word else ["{} ({})", "{} [{}]"]
+        ["{} ({})", "{} [{}]", "{}({})", "{}[{}]", "{} in {}", "{}/{}"]
+        if "/" not in word
+        else ["{} ({})", "{} [{}]"]
     )
     if unit in ("1", "ratio"):
         ways = ["{} [{}]", "{}[{}]"]
@@ -249,17 +324,28 @@ def frequency(rng):
 
 def magnitude(rng, label):
     """A column of magnitudes, its unit behind it."""
-    word, x = str(rng.choice([one for one in MAGNITUDE_WORDS if not (label and NAMED.search(one))])), np.abs(G)
+    word = str(rng.choice([one for one in MAGNITUDE_WORDS if not (label and NAMED.search(one))]))
+    x = np.abs(G)
     way = rng.random()
     if way < 0.1:
-        word, x = (
-            str(rng.choice(["Attenuation", "Loss", "Inverse gain", "Insertion loss", *["1/|G|"] * (not label)])),
-            1 / x,
+        word = str(
+            rng.choice(
+                [
+                    "Attenuation",
+                    "Loss",
+                    "Inverse gain",
+                    "Insertion loss",
+                    *["1/|G|"] * (not label),
+                ]
+            )
         )
+        x = 1 / x
     elif way < 0.15 and not label:
         return label + str(rng.choice(["|G|^2", "Magnitude squared", "|G|²"])), x**2
     elif way < 0.2 and not label:
-        return label + str(rng.choice(["20*log10|G|", "20log10(|G|)", "20 log|G|"])), 20 * np.log10(x)
+        return label + str(rng.choice(["20*log10|G|", "20log10(|G|)", "20 log|G|"])), 20 * np.log10(
+            x
+        )
     if rng.random() < 0.7:
         unit = str(rng.choice([*SCALES]))
         x = (-1 if way > 0.95 else 1) * SCALES[unit] * np.log10(x)
@@ -306,11 +392,12 @@ def parts(rng, label):
         a, b = ("", "") if unit[0] in "(grcdN" else (a, b)
         ways = "{} [{}]" if rng.random() < 0.5 else "{} ({})"
         columns = [
-            (ways.format(label + one, p + unit), PREFIXES[p] * z) for one, p, z in ((real, a, x), (imaginary, b, y))
+            (ways.format(label + one, p + unit), PREFIXES[p] * z)
+            for one, p, z in ((real, a, x), (imaginary, b, y))
         ]
-        return columns, PREFIXES[a] if PREFIXES[a] == PREFIXES[
-            b
-        ] else 1.0  # in the unit of both, else in that without a prefix
+        return columns, (
+            PREFIXES[a] if PREFIXES[a] == PREFIXES[b] else 1.0
+        )  # in the unit of both, else in that without a prefix
     return [(label + real, x), (label + imaginary, y)], 1.0
 
 
@@ -319,7 +406,11 @@ def own_table(rng):
     is_twice = rng.random() < 0.15
     label = "CH2 " if is_twice else str(rng.choice(LABELS))
     polar, (cartesian, gain) = [magnitude(rng, label), phase(rng, label)], parts(rng, label)
-    columns, kind = (cartesian, "own parts: real and imaginary") if rng.random() < 0.5 else (polar, "own parts: polar")
+    columns, kind = (
+        (cartesian, "own parts: real and imaginary")
+        if rng.random() < 0.5
+        else (polar, "own parts: polar")
+    )
     may_be_read, std, gain = True, None, gain if columns is cartesian else 1.0
     if is_twice and not (unit_of(polar) or unit_of(cartesian)):
         columns, kind = [*cartesian, *polar], "two forms"
@@ -342,7 +433,9 @@ def own_table(rng):
 def unit_of(columns):
     """Whether a form of G is in another unit than 1, which is not that of another form."""
     return any(
-        one in name for name, _ in columns for one in ("/N", "Ohm", "V/A", "A/V", "S]", "S)", "/V", "/A", "/rad", "Nm")
+        one in name
+        for name, _ in columns
+        for one in ("/N", "Ohm", "V/A", "A/V", "S]", "S)", "/V", "/A", "/rad", "Nm")
     )
 
 
@@ -352,7 +445,10 @@ def table_case(rng, kind, columns, *, is_own=True, may_be_read=True, std=None):
     sep = sep if all(sep not in name for name, _ in columns) else "\t"
     digits = int(rng.choice([9, 12, 17]))
     head = sep.join(name for name, _ in columns)
-    rows = "\n".join(sep.join(f"{x:.{digits}g}" for x in row) for row in zip(*(x for _, x in columns), strict=True))
+    rows = "\n".join(
+        sep.join(f"{x:.{digits}g}" for x in row)
+        for row in zip(*(x for _, x in columns), strict=True)
+    )
     suffix = str(rng.choice([".csv", ".txt", ".dat"]))
 
     def write(folder):
@@ -401,10 +497,19 @@ REAL_HEADERS = {
         "\tPt\tTime\tFreq\tZreal\tZimag\tZsig\tZmod\tZphz\tIdc\n\t#\ts\tHz\tohm\tohm\tV\tohm\t°\tA",
         ". n n f re im 1 mag deg 1",
     ),
-    "ZPlot": ("  Freq(Hz)\tAmpl\tBias\tTime(Sec)\tZ'(a)\tZ''(b)\tGD\tErr\tRange\nEnd Comments", "f 1 0 n re im 0 0 5"),
+    "ZPlot": (
+        "  Freq(Hz)\tAmpl\tBias\tTime(Sec)\tZ'(a)\tZ''(b)\tGD\tErr\tRange\nEnd Comments",
+        "f 1 0 n re im 0 0 5",
+    ),
     "CHI": ("Freq/Hz, Z'/ohm, Z\"/ohm, Z/ohm, Phase/deg", "f re im mag deg"),
-    "Nova": ("Index;Frequency (Hz);Z' (Ω);-Z'' (Ω);Z (Ω);-Phase (°);Time (s)", "n f re -im mag -deg n"),
-    "Parstat": ("Elapsed Time (s)\tFrequency (Hz)\tZre (ohms)\tZim (ohms)\t|Vac| (V)\t|Iac| (A)", "n f re im 1 1"),
+    "Nova": (
+        "Index;Frequency (Hz);Z' (Ω);-Z'' (Ω);Z (Ω);-Phase (°);Time (s)",
+        "n f re -im mag -deg n",
+    ),
+    "Parstat": (
+        "Elapsed Time (s)\tFrequency (Hz)\tZre (ohms)\tZim (ohms)\t|Vac| (V)\t|Iac| (A)",
+        "n f re im 1 1",
+    ),
     "VNA, R&S": ("freq[Hz];re:Trc1_S21;im:Trc1_S21", "f re im"),
     "VNA, Keysight": ("Freq(Hz),S21(DB),S21(DEG)", "f dB deg"),
     "VNA, Copper Mountain": ("Frequency, Hz;S21 Log Mag, dB;S21 Phase, deg", "f dB deg"),
@@ -453,9 +558,12 @@ def real_table(rng):
     values |= {"iy": admittance.real, "jy": admittance.imag}
     sep = next(one for one in ("\t", ";", ",") if one in head)
     columns = [
-        None if one == "." else values.get(one, 0 * F + float(one) if one.isdigit() else F) for one in held.split()
+        None if one == "." else values.get(one, 0 * F + float(one) if one.isdigit() else F)
+        for one in held.split()
     ]
-    rows = "\n".join(sep.join("" if x is None else f"{x[k]:.9g}" for x in columns) for k in range(F.size))
+    rows = "\n".join(
+        sep.join("" if x is None else f"{x[k]:.9g}" for x in columns) for k in range(F.size)
+    )
 
     def write(folder):
         path = folder / "table.txt"
@@ -509,7 +617,14 @@ def record(rng):
     if axis:
         name, number = str(rng.choice(["t", "time", "Time"])), number * np.arange(U.size)
     beside = str(
-        rng.choice([f"{name}_unit", f"{name}Unit", f"{name}_units", *(["TimeUnit", "time_unit"] * (kind == "step"))])
+        rng.choice(
+            [
+                f"{name}_unit",
+                f"{name}Unit",
+                f"{name}_units",
+                *(["TimeUnit", "time_unit"] * (kind == "step")),
+            ]
+        )
     )
     how = str(rng.choice(["npz", "mat", "struct", "h5", "attributes", "group"][: 4 if axis else 6]))
 
@@ -537,7 +652,15 @@ def record(rng):
     about = f"{how}: {name}, {beside}={unit!r}"
     options = {"u": f"{home}force", "y": f"{home}acc"}
     kind = "records with a unit that is not known" if strange else "records"
-    return Case(kind, write, about, is_frf=False, is_own=not strange, may_be_read=not strange, options=options)
+    return Case(
+        kind,
+        write,
+        about,
+        is_frf=False,
+        is_own=not strange,
+        may_be_read=not strange,
+        options=options,
+    )
 
 
 def preamble(rng):
@@ -560,10 +683,24 @@ def preamble(rng):
         return path
 
     options = {"u": "force", "y": "acc"}
-    return Case("preambles", write, head, is_frf=False, is_own=may_be_read, may_be_read=may_be_read, options=options)
+    return Case(
+        "preambles",
+        write,
+        head,
+        is_frf=False,
+        is_own=may_be_read,
+        may_be_read=may_be_read,
+        options=options,
+    )
 
 
-KINDS = ((own_table, 0.5), (strange_table, 0.2), (real_table, 0.1), (record, 0.15), (preamble, 0.05))
+KINDS = (
+    (own_table, 0.5),
+    (strange_table, 0.2),
+    (real_table, 0.1),
+    (record, 0.15),
+    (preamble, 0.05),
+)
 
 
 def draw(seed: int) -> Case:
@@ -580,7 +717,9 @@ def judge(case: Case, folder: Path) -> tuple[Outcome, str]:
         warnings.simplefilter("always")
         try:
             if case.is_frf:
-                bla = nlfrf.io.load_frf(path, **({} if case.std is not None else {"relative_std": 0.01}))
+                bla = nlfrf.io.load_frf(
+                    path, **({} if case.std is not None else {"relative_std": 0.01})
+                )
             else:
                 fs = nlfrf.load_record(path, **case.options).fs
         except ValueError as error:
@@ -601,18 +740,23 @@ def judge(case: Case, folder: Path) -> tuple[Outcome, str]:
         detail = f"f {bla.f[0]:.4g} to {bla.f[-1]:.4g} Hz, G/G0 {complex(G_read[0] / G[0]):.3g}"
         if not wrong and case.std is not None:
             ratio = np.sqrt(bla.var_total) / case.std / case.gain
-            wrong, detail = not np.allclose(ratio, 1, rtol=TOLERANCE), f"deviation {ratio.mean():.3g} of that"
+            wrong = not np.allclose(ratio, 1, rtol=TOLERANCE)
+            detail = f"deviation {ratio.mean():.3g} of that"
     if not wrong:
         return Outcome.RIGHT, words
     return (Outcome.WARNED if words else Outcome.WRONG), f"{detail} {words}"
 
 
 def main() -> int:
-    """Print what became of them; 1 where an answer is another without a word, or too much was refused."""
+    """Print what became of them; 1 where an answer is another without a word, or too much was
+    refused.
+    """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--files", type=int, default=3000)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--shown", type=int, default=12, help="refusals of own parts that are printed")
+    parser.add_argument(
+        "--shown", type=int, default=12, help="refusals of own parts that are printed"
+    )
     parser.add_argument("--write", nargs=2, metavar=("SEED", "FOLDER"))
     given = parser.parse_args()
     with readers_in_this_process():
@@ -639,7 +783,10 @@ def main() -> int:
     for line in [*wrong, *refused[: given.shown]]:
         print(line)
     share = len(refused) / max(n_own, 1)
-    print(f"{len(wrong)} other answers without a word; {100 * share:.1f} % of {n_own} of own parts refused or asked")
+    print(
+        f"{len(wrong)} other answers without a word; {100 * share:.1f} % of {n_own} of own parts"
+        " refused or asked"
+    )
     return int(bool(wrong) or share > MOST_REFUSED)
 
 

@@ -1,11 +1,13 @@
-"""Proofs near the limit: what `check` proves of random loops whose largest rs is known to be just below or above one.
+"""Proofs near the limit: what `check` proves of random loops whose largest rs is known to be just
+below or above one.
 
 python -m benchmarks.near_limit 20 --write old.json       # 20 loops a cell; verdicts are kept
 python -m benchmarks.near_limit 20 --against old.json     # verdicts side by side with those that were kept
 
-A cell is a kind of loop (continuous, behind a delay, discrete, sampled) with a form of uncertainty or, as the sixth,
-with an operator set. The largest rs is 0.9 to 0.999 or 1.001 to 1.1; every second loop below one has a performance
-weight with the same of rp. The draw does not look at proofs, so two versions of the package see the same loops.
+A cell is a kind of loop (continuous, behind a delay, discrete, sampled) with a form of uncertainty
+or, as the sixth, with an operator set. The largest rs is 0.9 to 0.999 or 1.001 to 1.1; every second
+loop below one has a performance weight with the same of rp. The draw does not look at proofs, so
+two versions of the package see the same loops.
 """
 
 from __future__ import annotations
@@ -33,7 +35,9 @@ def largest(rng):
 
 
 def near_one(rng, kind, of):
-    """A model, and the arguments of its check; the weight brought to its target by the margin of a bare check."""
+    """A model, and the arguments of its check; the weight brought to its target by the margin of a
+    bare check.
+    """
     for _ in range(MOST_TRIES):
         case = random_case(rng, ("continuous" if kind == "delayed" else kind,))
         if not case["stable"]:
@@ -41,7 +45,9 @@ def near_one(rng, kind, of):
         delay = 10 ** rng.uniform(-4, -2) if kind == "delayed" else case["delay"]
         form = str(rng.choice(FORMS[:2])) if of == "operator" else of
         w = case["w"]
-        if kind == "sampled" and form == "additive" and w.D[0, 0] != 0:  # else it reaches the sampler without a bound
+        if (
+            kind == "sampled" and form == "additive" and w.D[0, 0] != 0
+        ):  # else it reaches the sampler without a bound
             w = w * zpk([], roots(rng, 1), 10.0)
         class_of = "operator" if of == "operator" else "LTI"
 
@@ -58,7 +64,12 @@ def near_one(rng, kind, of):
             there = model(w * (1e-3 * bare.margins.rs * rs))
             more = {"delay": delay}
             if performance and rs < 1:
-                top = check(there, case["K"], delay=delay, w_P=w_P * 1e-9, certify=False).curves.rp.max() * 1e9
+                top = (
+                    check(
+                        there, case["K"], delay=delay, w_P=w_P * 1e-9, certify=False
+                    ).curves.rp.max()
+                    * 1e9
+                )
                 more["w_P"] = w_P * (rp / top)
         except ValueError:  # a weight that reaches one in a coprime form holds every plant
             continue
@@ -84,7 +95,8 @@ def run(n):
                 "rp": rp,
                 "verdict": str(report.verdict),
                 "certificates": [
-                    f"{c.subject}: {c.outcome}, {c.method or c.reason}" for c in report.proofs.certificates
+                    f"{c.subject}: {c.outcome}, {c.method or c.reason}"
+                    for c in report.proofs.certificates
                 ],
                 "outcomes": [str(c.outcome) for c in report.proofs.certificates],
                 "margin": report.margins.rs,
@@ -97,26 +109,32 @@ def run(n):
         refused += [one for one in cell if one["rp"] < 1 and "holds" not in one["outcomes"][1:]]
         took = [one["seconds"] for one in cell]
         print(
-            f"{kind:10s} {of:22s} proved above the limit {wrong}, not proved below it {len(refused)} of {n}; "
-            f"{np.median(took):.3f} s, {max(took):.2f} s at most",
+            f"{kind:10s} {of:22s} proved above the limit {wrong}, not proved below it"
+            f" {len(refused)} of {n}; {np.median(took):.3f} s, {max(took):.2f} s at most",
             flush=True,
         )
     return found
 
 
 def compare(old, new):
-    """Print every loop of which the verdict or an outcome is another one, and the seconds of both."""
+    """Print every loop of which the verdict or an outcome is another one, and the seconds of
+    both.
+    """
     common = [name for name in new if name in old]
     for name in common:
         one, other = old[name], new[name]
         if (one["verdict"], one["outcomes"]) != (other["verdict"], other["outcomes"]):
-            print(f"{name}, rs {other['rs']:.5f}, rp {other['rp']:.5f}: {one['verdict']} -> {other['verdict']}")
+            print(
+                f"{name}, rs {other['rs']:.5f}, rp {other['rp']:.5f}: {one['verdict']} ->"
+                f" {other['verdict']}"
+            )
             print(f"    {one['certificates']}\n -> {other['certificates']}")
     for kind in KINDS:
         names = [name for name in common if name.startswith(kind)]
         took = [np.array([found[name]["seconds"] for name in names]) for found in (old, new)]
         print(
-            f"{kind}: median {np.median(took[0]):.3f} -> {np.median(took[1]):.3f} s, most {took[0].max():.2f} ->",
+            f"{kind}: median {np.median(took[0]):.3f} -> {np.median(took[1]):.3f} s, most"
+            f" {took[0].max():.2f} ->",
             end="",
         )
         print(f" {took[1].max():.2f} s")

@@ -1,11 +1,14 @@
-"""Does a nominal of few poles serve the loop? Random machines with many modes, their default chain against the truth.
+"""Does a nominal of few poles serve the loop?
+
+Random machines with many modes, their default chain against the truth.
 
     python -m benchmarks.nominal [--machines 60] [--first 0]
 
-Free and sprung machines with two to eight modes and a delay, measured with scatter that is smallest at low or at high
-frequencies, or the same in y. The crossover asked for is a sixth, a third or two thirds of the lowest mode. The chain:
-`scan_orders`, `uncertainty`, `ncfsyn`, `check`. Counted are robust loops, those that the true machine diverges in
-(goal 0), the order and the seconds; and the same chain with the scatter alone, by the criterion without a crossover.
+Free and sprung machines with two to eight modes and a delay, measured with scatter that is smallest
+at low or at high frequencies, or the same in y. The crossover asked for is a sixth, a third or two
+thirds of the lowest mode. The chain: `scan_orders`, `uncertainty`, `ncfsyn`, `check`. Counted are
+robust loops, those that the true machine diverges in (goal 0), the order and the seconds; and the
+same chain with the scatter alone, by the criterion without a crossover.
 """
 
 from __future__ import annotations
@@ -34,11 +37,15 @@ SCATTERS = {
 
 
 def machine(rng: np.random.Generator) -> tuple[control.StateSpace, float, float]:
-    """Return a machine [m/N] with its modes, its delay [s] and its lowest mode [Hz] above the rigid one."""
+    """Return a machine [m/N] with its modes, its delay [s] and its lowest mode [Hz] above the rigid
+    one.
+    """
     s = control.tf("s")
     modes = np.sort(10 ** rng.uniform(np.log10(35), 2.5, rng.integers(2, 9)))
     f0 = rng.choice([0.0, rng.uniform(1.5, 6.0)])
-    plant = 1 / (s**2 + 2 * rng.uniform(0.02, 0.3) * max(2 * np.pi * f0, 10) * s + (2 * np.pi * f0) ** 2)
+    plant = 1 / (
+        s**2 + 2 * rng.uniform(0.02, 0.3) * max(2 * np.pi * f0, 10) * s + (2 * np.pi * f0) ** 2
+    )
     for f in modes:
         w = 2 * np.pi * f
         gain = rng.uniform(0.05, 0.5) * rng.choice([1, 1, -1])
@@ -47,14 +54,20 @@ def machine(rng: np.random.Generator) -> tuple[control.StateSpace, float, float]
 
 
 def diverges(plant: control.StateSpace, delay: float, K: control.StateSpace) -> bool:
-    """Whether the loop of the true machine, sampled with its delay, has a pole outside the unit circle."""
+    """Whether the loop of the true machine, sampled with its delay, has a pole outside the unit
+    circle.
+    """
     G = robust.sampled(plant, DT, delay)
     loop = control.feedback(control.series(K, G), 1)
     return bool(np.abs(loop.poles()).max() >= 1)
 
 
-def chain(bla: nlfrf.Bla, omega_c: float, *, named: bool) -> tuple[str, int, control.StateSpace | None, float]:
-    """Return the verdict of the chain, its order, the controller and the seconds of the processor for the nominal."""
+def chain(
+    bla: nlfrf.Bla, omega_c: float, *, named: bool
+) -> tuple[str, int, control.StateSpace | None, float]:
+    """Return the verdict of the chain, its order, the controller and the seconds of the processor
+    for the nominal.
+    """
     start = time.process_time()
     fit = scan_orders(bla, omega_c=omega_c if named else None).fit
     seconds = time.process_time() - start
@@ -93,9 +106,9 @@ def main() -> None:
                 diverged += 1
                 print(f"  seed {seed}: called {verdict}, and the true machine diverges", flush=True)
         print(
-            f"crossover {'named' if named else 'not named'}: {dict(verdicts)}; {diverged} robust loops diverge; poles "
-            f"{np.median(orders):g} in the middle, {max(orders)} at most; {np.median(seconds):.2f} s for the nominal, "
-            f"{max(seconds):.1f} at most",
+            f"crossover {'named' if named else 'not named'}: {dict(verdicts)}; {diverged} robust"
+            f" loops diverge; poles {np.median(orders):g} in the middle, {max(orders)} at most;"
+            f" {np.median(seconds):.2f} s for the nominal, {max(seconds):.1f} at most",
             flush=True,
         )
 

@@ -1,11 +1,13 @@
-"""The matrix of `identify` against best-linear-approximation (Python 3.12 or later), where it is installed.
+"""The matrix of `identify` against best-linear-approximation (Python 3.12 or later), where it is
+installed.
 
     python -m benchmarks.peers_matrix
 
-Largest relative differences of G with a known input, a noisy one and in a loop, and of the covariances of vec(G) where
-they give one. Their layout is (N, n_u, n_u, R, P), their covariances (F, n_y n_u, n_y n_u) are sample covariances with
-P - 1 and R - 1 degrees of freedom; ours pool the experiments of a set, n_u times as many. Here both are put together by
-their definition, from our spectra.
+Largest relative differences of G with a known input, a noisy one and in a loop, and of the
+covariances of vec(G) where they give one. Their layout is (N, n_u, n_u, R, P), their covariances
+(F, n_y n_u, n_y n_u) are sample covariances with P - 1 and R - 1 degrees of freedom; ours pool the
+experiments of a set, n_u times as many. Here both are put together by their definition, from our
+spectra.
 """
 
 from __future__ import annotations
@@ -23,21 +25,34 @@ SETS = 4
 
 
 def records():
-    """Three inputs, two outputs, four sets, three periods: the input known, noisy, and in a loop."""
+    """Three inputs, two outputs, four sets, three periods: the input known, noisy, and in a
+    loop.
+    """
     rng = np.random.default_rng(0)
     ms = nlfrf.multisine(
-        "random-odd", fs=512, n_samples=512, f_min=1, f_max=200, n_inputs=3, n_realizations=SETS, rng=1
+        "random-odd",
+        fs=512,
+        n_samples=512,
+        f_min=1,
+        f_max=200,
+        n_inputs=3,
+        n_realizations=SETS,
+        rng=1,
     )
     r = np.repeat(ms.u[:, :, None], 3, axis=2)
     G, K = rng.normal(size=(2, 3)), 0.1 * rng.normal(size=(3, 2))
     noise = 0.1 * rng.standard_normal((2, *r.shape[1:]))
     y = np.einsum("ji,imps->jmps", G, r) + 0.1 * np.stack([r[0] ** 3, r[1] * r[2] ** 2]) + noise
     noisy = r + 0.05 * rng.standard_normal(r.shape)
-    u_loop = np.einsum("ij,jmps->imps", np.linalg.inv(np.eye(3) + K @ G), r - np.einsum("ij,jmps->imps", K, noise))
+    u_loop = np.einsum(
+        "ij,jmps->imps", np.linalg.inv(np.eye(3) + K @ G), r - np.einsum("ij,jmps->imps", K, noise)
+    )
     y_loop = np.einsum("ji,imps->jmps", G, u_loop) + noise
     grid = nlfrf.signals.LineGrid(excited=ms.lines.excited)
     signals = {"known": (r, y, None), "noisy": (noisy, y, None), "loop": (u_loop, y_loop, r)}
-    return {name: nlfrf.Record(u=u, y=y, r=r, fs=512, lines=grid) for name, (u, y, r) in signals.items()}
+    return {
+        name: nlfrf.Record(u=u, y=y, r=r, fs=512, lines=grid) for name, (u, y, r) in signals.items()
+    }
 
 
 def theirs(x):
@@ -60,7 +75,9 @@ def peer(name, record):
 
 
 def by_their_definition(record):
-    """Covariances of vec(G): noise and total from samples of the whole matrix, over periods and over sets."""
+    """Covariances of vec(G): noise and total from samples of the whole matrix, over periods and
+    over sets.
+    """
     spectra, _ = period_spectra(record, index_lines(record.lines))
     excited = spectra.select_excited()
     frm = estimate_frm(excited)

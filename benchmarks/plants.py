@@ -27,7 +27,9 @@ def mode(u, fs, zeta, f_n):
     n = u.shape[-1]
     s = 2j * np.pi * np.fft.rfftfreq(n, 1 / fs)
     w = 2 * np.pi * f_n
-    return np.fft.irfft(np.fft.rfft(u, axis=-1) * w**2 / (s**2 + 2 * zeta * w * s + w**2), n, axis=-1)
+    return np.fft.irfft(
+        np.fft.rfft(u, axis=-1) * w**2 / (s**2 + 2 * zeta * w * s + w**2), n, axis=-1
+    )
 
 
 def even(u, fs):
@@ -36,7 +38,9 @@ def even(u, fs):
 
 
 def quintic(u, fs):
-    """y = u + 0.02 u^5: part of its distortion is the same gain on all lines, which no roughness shows."""
+    """y = u + 0.02 u^5: part of its distortion is the same gain on all lines, which no roughness
+    shows.
+    """
     return u + 0.02 * u**5
 
 
@@ -62,7 +66,9 @@ def hammerstein(u, fs):
 
 
 def spring(u, fs, law, zeta, f_n, n_discard):
-    """A mass on a spring, by RK4 on the band-limited input; of its law the parts x, x^3, max(x, 0) and tanh(x)."""
+    """A mass on a spring, by RK4 on the band-limited input; of its law the parts x, x^3, max(x, 0)
+    and tanh(x).
+    """
     from benchmarks.stepping import step_spring
 
     n = u.shape[-1]
@@ -77,7 +83,9 @@ def duffing(u, fs, hardening=0.001):
 
 
 def one_sided(u, fs):
-    """A mode at 10 Hz whose spring is twice as stiff one way: even and odd distortion at a resonance."""
+    """A mode at 10 Hz whose spring is twice as stiff one way: even and odd distortion at a
+    resonance.
+    """
     return spring(u, fs, (1.0, 0.0, 1.0, 0.0), 0.05, 10.0, 2)
 
 
@@ -146,12 +154,16 @@ def one_way(u, fs):
 
 
 def slipping(u, fs, n_steps=8):
-    """A mode held by six springs that slip (Maxwell), by small symplectic steps on the band-limited input."""
+    """A mode held by six springs that slip (Maxwell), by small symplectic steps on the band-limited
+    input.
+    """
     from benchmarks.stepping import step_slipping
 
     n = u.shape[1]
     fine = np.fft.irfft(np.fft.rfft(u, axis=-1), n_steps * n, axis=-1) * n_steps
-    return step_slipping(fine, 1 / (fs * n_steps), n_steps, 2 * np.pi * 33.0, 0.02, 0.2, 0.05 * 2.0 ** np.arange(6))
+    return step_slipping(
+        fine, 1 / (fs * n_steps), n_steps, 2 * np.pi * 33.0, 0.02, 0.2, 0.05 * 2.0 ** np.arange(6)
+    )
 
 
 # ten plants invented after the model of the distortion was finished, run once as its last judge
@@ -260,14 +272,17 @@ def realisations(plant, kind, n_realizations, rng):
     if plant in STATIC:
         return ms, ms.u, STATIC[plant](ms.u, ms.fs)
     with warnings.catch_warnings():
-        # the first period is far from the second, the second within 4e-6 of the third, 7e-5 of the scatter of the FRF
+        # the first period is far from the second, the second within 4e-6 of the third, 7e-5 of the
+        # scatter of the FRF
         warnings.simplefilter("ignore", nlfrf.DataWarning)
         record = nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=1, n_discard=1)
     return ms, record.u[:, 0], record.y[:, 0]
 
 
 def played(ms, plant, n, rng):
-    """(u, y): n realisations of a multisine, of phases of their own, and what a plant of u and fs makes of them."""
+    """(u, y): n realisations of a multisine, of phases of their own, and what a plant of u and fs
+    makes of them.
+    """
     phase = rng.uniform(0, 2 * np.pi, (n, ms.f.size))
     u = replace(ms, phase=phase).u
     return u, plant(u, ms.fs)

@@ -1,15 +1,17 @@
-"""Whether what `machine_with_friction` reads from levels can make a false proof: random machines, levels and loops.
+"""Whether what `machine_with_friction` reads from levels can make a false proof: random machines,
+levels and loops.
 
-Machines: a mass, free or on a spring, with Maxwell slip of many elements, LuGre, Leuven, Dahl or generalised Maxwell
-slip; some with a load on a spring behind it, some with a delay in the measurement, some with noise. Level sets: good
-ones, which stick, bend and slide, and bad ones, drawn at random. Loops: PD and PID at 1 kHz, with and without delay.
+Machines: a mass, free or on a spring, with Maxwell slip of many elements, LuGre, Leuven, Dahl or
+generalised Maxwell slip; some with a load on a spring behind it, some with a delay in the
+measurement, some with noise. Level sets: good ones, which stick, bend and slide, and bad ones,
+drawn at random. Loops: PD and PID at 1 kHz, with and without delay.
 
-The truth: the true linear part, delay included, and every spring up to the true presliding stiffness. A loop that the
-truth refutes and that is proved for the class that was read is false. Its cause is found by putting the true value of
-one part of the reading after another in its place.
+The truth: the true linear part, delay included, and every spring up to the true presliding
+stiffness. A loop that the truth refutes and that is proved for the class that was read is false.
+Its cause is found by putting the true value of one part of the reading after another in its place.
 
-Each machine is read three times: as one mass, around a nominal that is fitted at the lowest level, and around one
-that is fitted at the highest. "any route": a loop that is proved on one of them.
+Each machine is read three times: as one mass, around a nominal that is fitted at the lowest level,
+and around one that is fitted at the highest. "any route": a loop that is proved on one of them.
 
 python -m benchmarks.read_class [--machines 200] [--loops 12] [--seed 0]
 """
@@ -99,7 +101,10 @@ def draw_friction(family: str, K0: float, Fs: float, rng: np.random.Generator) -
         return law, 0.0
     shapes = hysteresis.Tanh, hysteresis.Exponential, hysteresis.Parabola
     curve = shapes[rng.integers(3)](K0=K0, Fy=Fs * rng.uniform(1.0, 1.5))
-    return Leuven(Fs=Fs, Fc=Fs / stiction, vs=vs, sigma1=damping, sigma2=0.0, n=1.0, curve=curve), 0.0
+    return (
+        Leuven(Fs=Fs, Fc=Fs / stiction, vs=vs, sigma1=damping, sigma2=0.0, n=1.0, curve=curve),
+        0.0,
+    )
 
 
 def draw_case(number: int, seed: int = 0) -> Case:
@@ -116,13 +121,21 @@ def draw_case(number: int, seed: int = 0) -> Case:
     if flexible:
         load, coupling = mass * rng.uniform(0.1, 0.6), stuck * rng.uniform(2, 10)
         light = 2 * 0.01 * np.sqrt(coupling * load)
-        M, K = np.diag([mass, load]), np.array([[stiffness + coupling, -coupling], [-coupling, coupling]])
+        M = np.diag([mass, load])
+        K = np.array([[stiffness + coupling, -coupling], [-coupling, coupling]])
         C = np.array([[damping + light, -light], [-light, light]])
-        rig = nlfrf.rig.Rig(M, K, [friction, None], C, actuators=[[1.0], [0.0]], sensors=[[1.0, 0.0]])
-        A = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
-        truth = robust.friction_plant(control.StateSpace(A, [[0], [0], [1 / mass], [0]], [[1, 0, 0, 0]], 0))
+        rig = nlfrf.rig.Rig(
+            M, K, [friction, None], C, actuators=[[1.0], [0.0]], sensors=[[1.0, 0.0]]
+        )
+        A = np.block(
+            [[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]]
+        )
+        truth = robust.friction_plant(
+            control.StateSpace(A, [[0], [0], [1 / mass], [0]], [[1, 0, 0, 0]], 0)
+        )
     else:
-        rig, truth = nlfrf.rig.Rig(mass, stiffness, friction, damping), robust.friction_plant(mass, stiffness, damping)
+        rig = nlfrf.rig.Rig(mass, stiffness, friction, damping)
+        truth = robust.friction_plant(mass, stiffness, damping)
     if good:
         levels = tuple(Fs * 10 ** rng.uniform(*np.log10(pair)) for pair in GOOD)
     else:
@@ -147,7 +160,9 @@ def measure(case: Case, number: int) -> list[nlfrf.Bla]:
     blas = []
     for i, rms in enumerate(case.levels):
         rng = np.random.default_rng([number, i])
-        ms = nlfrf.multisine("special-odd", fs=2048, n_samples=8192, f_min=1.0, f_max=F_MAX, rms=rms, rng=rng)
+        ms = nlfrf.multisine(
+            "special-odd", fs=2048, n_samples=8192, f_min=1.0, f_max=F_MAX, rms=rms, rng=rng
+        )
         record = nlfrf.simulate(case.rig, ms, n_periods=2, n_discard=3, oversampling=finely(case))
         if case.noise:
             y = record.y + case.noise * record.y.std() * rng.standard_normal(record.y.shape)
@@ -162,7 +177,9 @@ def finely(case: Case) -> int:
     return 32 if case.family == "GMS" else 8
 
 
-def draw_loops(case: Case, n: int, rng: np.random.Generator) -> list[tuple[control.StateSpace, float]]:
+def draw_loops(
+    case: Case, n: int, rng: np.random.Generator
+) -> list[tuple[control.StateSpace, float]]:
     """(K, delay) of PD and PID, from timid to too bold for this machine; some soften it."""
     stuck = case.stiffness + case.K0
     found = []
@@ -170,7 +187,9 @@ def draw_loops(case: Case, n: int, rng: np.random.Generator) -> list[tuple[contr
         Kp = rng.choice([-1, 1], p=[0.35, 0.65]) * stuck * 10 ** rng.uniform(-1.3, 0.2)
         Kd = 2 * np.sqrt(stuck * case.mass) * 10 ** rng.uniform(-1.5, 0)
         Ki = stuck * 10 ** rng.uniform(-0.3, 1.8) if rng.random() < 0.6 else 0.0
-        K = control.StateSpace([[1, 0], [0, 0]], [[1], [1]], [[Ki * T, -Kd / T]], [[Kp + Kd / T]], T)
+        K = control.StateSpace(
+            [[1, 0], [0, 0]], [[1], [1]], [[Ki * T, -Kd / T]], [[Kp + Kd / T]], T
+        )
         if not Ki:
             K = control.StateSpace([[0.0]], [[1.0]], [[-Kd / T]], [[Kp + Kd / T]], T)
         found.append((K, float(rng.choice([0.0, T / 2, T]))))
@@ -193,7 +212,8 @@ def read(case: Case, blas: list[nlfrf.Bla], route: str) -> Any:
 def prove_read(found: Any, K: Any, delay: float) -> bool:
     """Whether a loop is proved for every machine of the class."""
     return all(
-        robust.prove_friction(machine, K, found.friction, delay=delay).verdict == "proved" for machine in found.machines
+        robust.prove_friction(machine, K, found.friction, delay=delay).verdict == "proved"
+        for machine in found.machines
     )
 
 
@@ -210,32 +230,47 @@ def port_stiffness(machine: Any) -> float:
 
 
 def trace(case: Case, found: Any, K: Any, delay: float) -> str:
-    """Which part of the reading makes a false proof: the first that the truth in its place takes away."""
+    """Which part of the reading makes a false proof: the first that the truth in its place takes
+    away.
+    """
     machine, K0 = found.machines[0], found.friction[0].K0
     k = port_stiffness(machine)
-    if is_refuted(replace(machine, delay=case.delay) if hasattr(machine, "delay") else machine, K, delay, K0):
+    if is_refuted(
+        replace(machine, delay=case.delay) if hasattr(machine, "delay") else machine, K, delay, K0
+    ):
         return "the delay"
     if case.stiffness < k:
         missing = k - case.stiffness
         softer = replace(machine, A=machine.A + missing * np.outer(machine.B_port, machine.C_port))
         if is_refuted(softer, K, delay, K0 + missing):
-            return f"the highest level: {missing / case.K0:.2f} of the friction read as a spring of the machine"
+            return (
+                f"the highest level: {missing / case.K0:.2f} of the friction read as a spring of"
+                " the machine"
+            )
     missing = case.stiffness + case.K0 - k - K0
     if missing > 0 and is_refuted(machine, K, delay, K0 + missing):
         return f"the lowest level: K0 read {missing / case.K0:.2f} of the truth too small"
     if not case.flexible:
         return "mass and damping"
     mode = float(np.abs(np.linalg.eigvals(case.truth.A).imag).max() / (2 * np.pi))
-    return f"a mode {'above' if mode > F_MAX else 'in'} the measured band: {mode:.0f} Hz, band to {F_MAX:g} Hz"
+    return (
+        f"a mode {'above' if mode > F_MAX else 'in'} the measured band: {mode:.0f} Hz, band to"
+        f" {F_MAX:g} Hz"
+    )
 
 
-def tally_case(case: Case, number: int, n_loops: int, tallies: dict[tuple[bool, str], Tally]) -> list[str]:
+def tally_case(
+    case: Case, number: int, n_loops: int, tallies: dict[tuple[bool, str], Tally]
+) -> list[str]:
     """Read, prove and compare one machine on every route; what is refused or false, in words."""
     warnings.simplefilter("ignore")
     blas = measure(case, number)
     loops = draw_loops(case, n_loops, np.random.default_rng([number, 99]))
     truth = robust.friction.MaxwellSlip(case.K0)
-    verdicts = [robust.prove_friction(case.truth, K, truth, delay=delay + case.delay).verdict for K, delay in loops]
+    verdicts = [
+        robust.prove_friction(case.truth, K, truth, delay=delay + case.delay).verdict
+        for K, delay in loops
+    ]
     lines, any_proved = [], np.zeros(len(loops), bool)
     for route in ROUTES:
         tally, found = tallies[case.good, route], read(case, blas, route)
@@ -255,11 +290,15 @@ def tally_case(case: Case, number: int, n_loops: int, tallies: dict[tuple[bool, 
             if verdict == "refuted":
                 cause = trace(case, found, K, delay)
                 tally.causes[cause.split(":")[0]] += 1
-                lines.append(f"{number} {case.family}, {route}, FALSE by {cause}; {described(case)}; {found}")
+                lines.append(
+                    f"{number} {case.family}, {route}, FALSE by {cause}; {described(case)}; {found}"
+                )
     total = tallies[case.good, "any route"]
     total.machines += 1
     total.provable += verdicts.count("proved")
-    total.proved += sum(p for p, verdict in zip(any_proved, verdicts, strict=True) if verdict == "proved")
+    total.proved += sum(
+        p for p, verdict in zip(any_proved, verdicts, strict=True) if verdict == "proved"
+    )
     return lines
 
 
@@ -290,16 +329,18 @@ def cause_of(refusal: str) -> str:
 def print_table(tallies: dict[tuple[bool, str], Tally]) -> None:
     """Counts of each set of levels and each route, and what was refused."""
     print(
-        "| levels | route | machines read | truly refuted | proved falsely | truly provable | proved | of those read |"
+        "| levels | route | machines read | truly refuted | proved falsely | truly provable |"
+        " proved | of those read |"
     )
     print("|---|---|---|---|---|---|---|---|")
     for (good, route), t in tallies.items():
         share = f"{100 * t.proved / t.provable_read:.0f} %" if t.provable_read else "-"
         n_read = t.machines - sum(t.refused.values())
-        levels, proved = "stick, bend, slide" if good else "random", f"{t.proved / max(1, t.provable):.0%}"
+        levels = "stick, bend, slide" if good else "random"
+        proved = f"{t.proved / max(1, t.provable):.0%}"
         print(
-            f"| {levels} | {route} | {n_read} of {t.machines} | {t.refuted} | {sum(t.causes.values())} "
-            f"| {t.provable} | {t.proved} ({proved}) | {share} |"
+            f"| {levels} | {route} | {n_read} of {t.machines} | {t.refuted} |"
+            f" {sum(t.causes.values())} | {t.provable} | {t.proved} ({proved}) | {share} |"
         )
     for (good, route), t in tallies.items():
         refused = ", ".join(f"{count} {reason}" for reason, count in t.refused.most_common())
@@ -308,7 +349,9 @@ def print_table(tallies: dict[tuple[bool, str], Tally]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--machines", type=int, default=200)
     parser.add_argument("--loops", type=int, default=12)
     parser.add_argument("--first", type=int, default=0, help="number of the first machine")

@@ -1,25 +1,28 @@
-"""How well machines with friction are identified from records: errors and coverage of intervals on the axis presets.
+"""How well machines with friction are identified from records: errors and coverage of intervals on
+the axis presets.
 
-At rest: `robust.friction.identify_friction` on levels that stick, bend and slide, at random phases. In motion:
-`identify_sliding` at two speeds either way. The presets with a load are two masses with friction on both: with
---masses 2 they are measured to beyond the resonance and fitted as such. With one mass they are measured below a third
-of the antiresonance, and the table says how often that was refused.
+At rest: `robust.friction.identify_friction` on levels that stick, bend and slide, at random phases.
+In motion: `identify_sliding` at two speeds either way. The presets with a load are two masses with
+friction on both: with --masses 2 they are measured to beyond the resonance and fitted as such. With
+one mass they are measured below a third of the antiresonance, and the table says how often that was
+refused.
 
-The truth: mass and viscous friction of all that moves, K0, strength and Coulomb friction of all elements together, and
-those of the load.
+The truth: mass and viscous friction of all that moves, K0, strength and Coulomb friction of all
+elements together, and those of the load.
 
-With --attack: random machines with Maxwell slip, free or on a spring, half of them with noise, a quarter with a delay
-(those of benchmarks/read_class.py without a load), and PD and PID loops around them. A loop that the truth refutes and
-that is proved for the class that `machine_with_friction` read from the records is false. --levels: rms of the force
-over the break-away force, in the place of levels that stick, bend and slide.
+With --attack: random machines with Maxwell slip, free or on a spring, half of them with noise, a
+quarter with a delay (those of benchmarks/read_class.py without a load), and PD and PID loops around
+them. A loop that the truth refutes and that is proved for the class that `machine_with_friction`
+read from the records is false. --levels: rms of the force over the break-away force, in the place
+of levels that stick, bend and slide.
 
-With --sets: three levels of the linear motor under its drive, played and traced as files, for each of the drives,
-bands, discarded periods and levels of `SETS`. A set is right where m, K0 and Fs are within 1 %, refused where one of
-them is left open, and else wrong without a flag.
+With --sets: three levels of the linear motor under its drive, played and traced as files, for each
+of the drives, bands, discarded periods and levels of `SETS`. A set is right where m, K0 and Fs are
+within 1 %, refused where one of them is left open, and else wrong without a flag.
 
-python -m benchmarks.read_machine [--runs 20] [--presets linear-motor,belt] [--at rest,motion] [--quiet]
-python -m benchmarks.read_machine --attack 40 [--levels 0.04,0.12,0.6]
-python -m benchmarks.read_machine --sets 1
+python -m benchmarks.read_machine [--runs 20] [--presets linear-motor,belt] [--at rest,motion]
+[--quiet] python -m benchmarks.read_machine --attack 40 [--levels 0.04,0.12,0.6] python -m
+benchmarks.read_machine --sets 1
 """
 
 from __future__ import annotations
@@ -125,7 +128,9 @@ def measure_at_rest(axis: nlfrf.rig.ServoAxis, plan: Plan, seed: int) -> list[nl
     ]
 
 
-def measure_in_motion(axis: nlfrf.rig.ServoAxis, plan: Plan, seed: int) -> tuple[list[nlfrf.Record], list[float]]:
+def measure_in_motion(
+    axis: nlfrf.rig.ServoAxis, plan: Plan, seed: int
+) -> tuple[list[nlfrf.Record], list[float]]:
     """Records either way at each speed, and the velocities."""
     velocities = [sign * speed for speed in plan.speeds for sign in (1, -1)]
     records = [
@@ -154,11 +159,16 @@ def pulls_of(fit: Any, truth: dict[str, float]) -> dict[str, tuple[float, bool]]
 
 def format_pulls(pulls: dict[str, tuple[float, bool]]) -> str:
     """A row of errors, those outside their interval marked."""
-    return ", ".join(f"{name} {100 * off:+.2f} %{'' if held else ' OUT'}" for name, (off, held) in pulls.items())
+    return ", ".join(
+        f"{name} {100 * off:+.2f} %{'' if held else ' OUT'}" for name, (off, held) in pulls.items()
+    )
 
 
-def records_of(case: Case, number: int, levels: tuple[float, ...] | None = None) -> list[nlfrf.Record]:
-    """Records of a random machine, its delay and noise in the position; levels stick, bend and slide if not given.
+def records_of(
+    case: Case, number: int, levels: tuple[float, ...] | None = None
+) -> list[nlfrf.Record]:
+    """Records of a random machine, its delay and noise in the position; levels stick, bend and
+    slide if not given.
 
     levels : rms of the force over the break-away force.
     """
@@ -166,7 +176,9 @@ def records_of(case: Case, number: int, levels: tuple[float, ...] | None = None)
     strength = float(case.rig.friction.strength.sum())
     for i, pair in enumerate(GOOD if levels is None else levels):
         rms = strength * (10 ** rng.uniform(*np.log10(pair)) if levels is None else levels[i])
-        ms = nlfrf.multisine("special-odd", fs=2048, n_samples=4096, f_min=1.0, f_max=200.0, rms=rms, rng=rng)
+        ms = nlfrf.multisine(
+            "special-odd", fs=2048, n_samples=4096, f_min=1.0, f_max=200.0, rms=rms, rng=rng
+        )
         record = nlfrf.simulate(case.rig, ms, n_periods=3, n_discard=3, oversampling=64)
         turn = np.exp(-2j * np.pi * np.fft.rfftfreq(4096, 1 / 2048) * case.delay)
         y = np.fft.irfft(turn * np.fft.rfft(record.y), n=4096)
@@ -196,10 +208,15 @@ def attack_case(number: int, n_loops: int, levels: tuple[float, ...] | None = No
     case, counts = draw_case(number, seed=1), Counts()
     loops = draw_loops(case, n_loops, np.random.default_rng([number, 99]))
     truth = robust.friction.MaxwellSlip(case.K0)
-    verdicts = [robust.prove_friction(case.truth, K, truth, delay=late + case.delay).verdict for K, late in loops]
+    verdicts = [
+        robust.prove_friction(case.truth, K, truth, delay=late + case.delay).verdict
+        for K, late in loops
+    ]
     counts.provable = verdicts.count("proved")
     try:
-        found = robust.friction.machine_with_friction(records_of(case, number, levels), free=not case.stiffness)
+        found = robust.friction.machine_with_friction(
+            records_of(case, number, levels), free=not case.stiffness
+        )
     except ValueError as error:
         counts.refusal = str(error)
         return counts
@@ -209,7 +226,11 @@ def attack_case(number: int, n_loops: int, levels: tuple[float, ...] | None = No
             counts.proved += verdict == "proved"
             counts.false += verdict == "refuted"
     if counts.false:
-        print(f"{number} FALSE: K0 {case.K0:.4g}, k {case.stiffness:.4g}, delay {case.delay:.3g}: {found}", flush=True)
+        print(
+            f"{number} FALSE: K0 {case.K0:.4g}, k {case.stiffness:.4g}, delay {case.delay:.3g}:"
+            f" {found}",
+            flush=True,
+        )
     return counts
 
 
@@ -229,16 +250,19 @@ def attack(n_machines: int, n_loops: int = 12, levels: tuple[float, ...] | None 
             refused += 1
             print(f"{number}: refused: {counts.refusal}", flush=True)
     print(
-        f"{machines} machines, {refused} refused, {n_loops} loops each, {time.process_time() - begin:.0f} s of CPU: of "
-        f"{total.refuted} loops that the truth refutes {total.false} were proved; of {total.provable} provable ones "
-        f"{total.proved} were proved ({total.proved / max(1, total.provable):.0%}; "
-        f"{total.proved / max(1, total.read_provable):.0%} of those of machines that were read)"
+        f"{machines} machines, {refused} refused, {n_loops} loops each,"
+        f" {time.process_time() - begin:.0f} s of CPU: of {total.refuted} loops that the truth"
+        f" refutes {total.false} were proved; of {total.provable} provable ones {total.proved} were"
+        f" proved ({total.proved / max(1, total.provable):.0%};"
+        f" {total.proved / max(1, total.read_provable):.0%} of those of machines that were read)"
     )
 
 
 @dataclass(frozen=True)
 class LevelSet:
-    """Three levels of the linear motor at rest: under which drive, to which frequency, after how many periods."""
+    """Three levels of the linear motor at rest: under which drive, to which frequency, after how
+    many periods.
+    """
 
     soft: bool
     f_max: float
@@ -248,7 +272,9 @@ class LevelSet:
 
 SETS = tuple(
     LevelSet(*choice)
-    for choice in product((False, True), (100.0, 400.0), (1, 6), ((0.3, 4.0, 60.0), (0.3, 4.0, 120.0)))
+    for choice in product(
+        (False, True), (100.0, 400.0), (1, 6), ((0.3, 4.0, 60.0), (0.3, 4.0, 120.0))
+    )
 )
 #: Error of m, K0 or Fs above which a set that is read is wrong.
 RIGHT = 0.01
@@ -271,7 +297,9 @@ def measure_set(one: LevelSet, seed: int) -> list[nlfrf.Record]:
     with tempfile.TemporaryDirectory() as folder:
         table, trace = Path(folder) / "play.csv", Path(folder) / "trace.csv"
         for rms in one.rms:
-            ms = nlfrf.multisine(fs=axis.drive.fs, n_samples=4000, f_min=5.0, f_max=one.f_max, rng=seed)
+            ms = nlfrf.multisine(
+                fs=axis.drive.fs, n_samples=4000, f_min=5.0, f_max=one.f_max, rng=seed
+            )
             experiment = design_experiment(axis, ms, rms=rms, n_periods=3, n_discard=one.n_discard)
             nlfrf.save(experiment, table)
             play_experiment(axis, table, trace, oversampling=16)
@@ -300,18 +328,24 @@ def read_sets(n_seeds: int, first: int = 0) -> None:
             tables[name].append(pull)
         drive, levels = "soft" if one.soft else "stiff", ", ".join(f"{rms:g}" for rms in one.rms)
         print(
-            f"{drive} drive, to {one.f_max:g} Hz, {one.n_discard} discarded, {levels} N, phases {seed}: "
-            f"{outcome.value}; {format_pulls(pulls) or fit.questions[0].kind.name.lower()}",
+            f"{drive} drive, to {one.f_max:g} Hz, {one.n_discard} discarded, {levels} N, phases"
+            f" {seed}: {outcome.value};"
+            f" {format_pulls(pulls) or fit.questions[0].kind.name.lower()}",
             flush=True,
         )
     print(", ".join(f"{outcome.value} {count}" for outcome, count in counts.items()))
     for name, table in tables.items():
         largest = max(abs(off) for off, _ in table)
-        print(f"{name}: largest error {100 * largest:.2f} %, {np.mean([held for _, held in table]):.0%} hold")
+        print(
+            f"{name}: largest error {100 * largest:.2f} %,"
+            f" {np.mean([held for _, held in table]):.0%} hold"
+        )
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--runs", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, help="seed of the first run")
     parser.add_argument("--presets", default=",".join(name.replace(" ", "-") for name in AT_REST))
@@ -320,11 +354,15 @@ def main() -> None:
     parser.add_argument("--quiet", action="store_true", help="the tables only")
     parser.add_argument("--attack", type=int, default=0, help="random machines to attack instead")
     parser.add_argument("--levels", default="", help="of the attack")
-    parser.add_argument("--sets", type=int, default=0, help="phases of the sets of levels to read instead")
+    parser.add_argument(
+        "--sets", type=int, default=0, help="phases of the sets of levels to read instead"
+    )
     args = parser.parse_args()
     warnings.simplefilter("ignore")
     if args.attack:
-        attack(args.attack, levels=tuple(map(float, args.levels.split(","))) if args.levels else None)
+        attack(
+            args.attack, levels=tuple(map(float, args.levels.split(","))) if args.levels else None
+        )
         return
     if args.sets:
         read_sets(args.sets, args.first)
@@ -340,10 +378,16 @@ def main() -> None:
             if "rest" in places:
                 plan = TWO_MASSES[name] if args.masses == 2 else AT_REST[name]
                 records = measure_at_rest(axis, plan, seed)
-                fits["rest"] = robust.friction.identify_friction(records, free=True, masses=args.masses)
+                fits["rest"] = robust.friction.identify_friction(
+                    records, free=True, masses=args.masses
+                )
             if "motion" in places:
-                fits["motion"] = robust.friction.identify_sliding(*measure_in_motion(axis, IN_MOTION[name], seed))
-            kinds = {question.kind for question in fits["rest"].questions} if "rest" in fits else set()
+                fits["motion"] = robust.friction.identify_sliding(
+                    *measure_in_motion(axis, IN_MOTION[name], seed)
+                )
+            kinds = (
+                {question.kind for question in fits["rest"].questions} if "rest" in fits else set()
+            )
             for kind in kinds:
                 said[kind.name.lower().replace("_", " ")] += 1
             for where, fit in fits.items():
@@ -353,15 +397,19 @@ def main() -> None:
                 for key, pull in pulls.items():
                     tables[where, key].append(pull)
         seconds = (time.process_time() - begin) / args.runs
-        print(f"{name}: {args.runs} runs, {seconds:.1f} s of CPU each; left open at rest: {dict(said) or 'nothing'}")
+        print(
+            f"{name}: {args.runs} runs, {seconds:.1f} s of CPU each; left open at rest:"
+            f" {dict(said) or 'nothing'}"
+        )
         print("| at | number | runs | median error | largest error | within 5 % | interval holds |")
         print("|---|---|---|---|---|---|---|")
         for (where, key), pulls in tables.items():
             off, held = np.array([p[0] for p in pulls]), [p[1] for p in pulls]
             pooled += held
             print(
-                f"| {where} | {key} | {off.size} | {100 * np.median(off):+.2f} % | {100 * np.abs(off).max():.2f} % | "
-                f"{np.mean(np.abs(off) < 0.05):.0%} | {np.mean(held):.0%} |",
+                f"| {where} | {key} | {off.size} | {100 * np.median(off):+.2f} % |"
+                f" {100 * np.abs(off).max():.2f} % | {np.mean(np.abs(off) < 0.05):.0%} |"
+                f" {np.mean(held):.0%} |",
                 flush=True,
             )
     print(f"intervals of all that was read: {np.mean(pooled):.1%} of {len(pooled)} hold")

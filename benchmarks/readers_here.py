@@ -1,4 +1,6 @@
-"""Files of foreign libraries read in this process: to start a process for each takes a hundred times as long."""
+"""Files of foreign libraries read in this process: to start a process for each takes a hundred
+times as long.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ def reader_of(file):
 
 
 def read(file, path):
-    """Read a file as `read_in_own_process` does, refused by the last line of what the library raises."""
+    """Read a file as `read_in_own_process` does, refused by the last line of what the library
+    raises.
+    """
     stream, said = io.BytesIO(), ""
     try:
         with warnings.catch_warnings():

@@ -1,18 +1,20 @@
-"""Records as they lie on disks: what `inspect` proposes of their direction, and what becomes of their clocks.
+"""Records as they lie on disks: what `inspect` proposes of their direction, and what becomes of
+their clocks.
 
 python -m benchmarks.records_as_found [--records 400] [--seed 1]
 
-Directions: a plant of one mode with distortion and noise, driven by a multisine of any grid over one to four periods,
-settled or from rest, in open loop or in a closed one with or without its reference in the file. Names tell the
-direction, tell nothing, or tell the other one, as where a position is played and a force answers. What `inspect`
-proposes is run.
+Directions: a plant of one mode with distortion and noise, driven by a multisine of any grid over
+one to four periods, settled or from rest, in open loop or in a closed one with or without its
+reference in the file. Names tell the direction, tell nothing, or tell the other one, as where a
+position is played and a force answers. What `inspect` proposes is run.
 
-Clocks: such a record behind a time column that is exact, rounded, jitters, or has lost rows: these are sound. Then one
-whose rate changes, that a solver chose, with rows of other events or twice. Each is loaded as it is and with
-`resample=True`. Sensors: slower than the record, and those that repeat values for other reasons.
+Clocks: such a record behind a time column that is exact, rounded, jitters, or has lost rows: these
+are sound. Then one whose rate changes, that a solver chose, with rows of other events or twice.
+Each is loaded as it is and with `resample=True`. Sensors: slower than the record, and those that
+repeat values for other reasons.
 
-An answer is wrong where the median of |G / G_true - 1| over the lines is above a quarter and the bound holds G_true on
-less than half of them. "Without a word" means without a warning.
+An answer is wrong where the median of |G / G_true - 1| over the lines is above a quarter and the
+bound holds G_true on less than half of them. "Without a word" means without a warning.
 """
 
 from __future__ import annotations
@@ -34,9 +36,16 @@ from nlfrf.records.screening.input import hold_factor, repeated_share
 
 FS = 1000.0
 GRIDS = ("special-odd", "odd", "random-odd", "odd-odd", "full")
-#: Names of what drives and of what responds; of neither; and of channels that tell the other direction.
+# : Names of what drives and of what responds; of neither; and of channels that tell the other
+# direction.
 NAMES = {
-    "named": (("force [N]", "position [mm]"), ("Strom", "Drehzahl"), ("torque", "speed"), ("u", "y"), ("drive", "acc")),
+    "named": (
+        ("force [N]", "position [mm]"),
+        ("Strom", "Drehzahl"),
+        ("torque", "speed"),
+        ("u", "y"),
+        ("drive", "acc"),
+    ),
     "nameless": (("a", "b"), ("ch1", "ch2"), ("Signal 1", "Signal 2"), ("AI0", "AI1")),
     "contrary": (("position [mm]", "force [N]"), ("displacement", "load current")),
 }
@@ -60,10 +69,19 @@ class Run(NamedTuple):
 
 def drawn_run(rng: np.random.Generator, *, loop: bool = False, n_periods: int | None = None) -> Run:
     """Draw a grid, a plant of one mode, its distortion and the noise of both sensors."""
-    n, n_periods = int(rng.choice([1000, 2000, 4096])), n_periods or int(rng.choice([1, 1, 2, 3, 4]))
+    n = int(rng.choice([1000, 2000, 4096]))
+    n_periods = n_periods or int(rng.choice([1, 1, 2, 3, 4]))
     grid, band = GRIDS[rng.integers(len(GRIDS))], rng.uniform(60, 300)
     n_log = 40 if grid in ("odd", "special-odd") and rng.random() < 0.2 else None
-    ms = nlfrf.multisine(grid, fs=FS, n_samples=n, f_min=rng.uniform(2, 10) * FS / n, f_max=band, n_log=n_log, rng=rng)
+    ms = nlfrf.multisine(
+        grid,
+        fs=FS,
+        n_samples=n,
+        f_min=rng.uniform(2, 10) * FS / n,
+        f_max=band,
+        n_log=n_log,
+        rng=rng,
+    )
     w, damping = 2 * np.pi * rng.uniform(0.05, 0.8) * band, 10 ** rng.uniform(-2, -0.3)
     b, a, _ = signal.cont2discrete(([w * w], [1, 2 * damping * w, w * w]), 1 / FS)
     plant, w = (b[0], a), 2 * np.pi * np.fft.rfftfreq(n)
@@ -84,7 +102,14 @@ def drawn_run(rng: np.random.Generator, *, loop: bool = False, n_periods: int | 
 
 def write_table(path: Path, names: list[str], columns: list[np.ndarray]) -> None:
     """Write a table of columns with nine digits."""
-    np.savetxt(path, np.column_stack(columns), delimiter=",", header=",".join(names), comments="", fmt="%.9g")
+    np.savetxt(
+        path,
+        np.column_stack(columns),
+        delimiter=",",
+        header=",".join(names),
+        comments="",
+        fmt="%.9g",
+    )
 
 
 def outcome(run: Run, path: Path, fs: float = FS, **options: Any) -> str:
@@ -96,7 +121,10 @@ def outcome(run: Run, path: Path, fs: float = FS, **options: Any) -> str:
         except ValueError:
             return "refused"
     G = run.truth(bla.f, fs)
-    wrong = np.median(np.abs(bla.G / G - 1)) > TOLERANCE and np.mean(np.abs(bla.G - G) < bla.bound()) < 0.5
+    wrong = (
+        np.median(np.abs(bla.G / G - 1)) > TOLERANCE
+        and np.mean(np.abs(bla.G - G) < bla.bound()) < 0.5
+    )
     return ("wrong" if wrong else "right") + (", warned" if said else "")
 
 
@@ -121,10 +149,17 @@ def tried_direction(rng: np.random.Generator, folder: Path) -> tuple[str, str]:
     if with_reference:
         columns[REFERENCES[rng.integers(len(REFERENCES))]] = run.r
     names = [str(name) for name in rng.permutation(list(columns))]
-    write_table(folder / "run.csv", ["time [s]", *names], [np.arange(run.u.size) / FS, *(columns[n] for n in names)])
+    write_table(
+        folder / "run.csv",
+        ["time [s]", *names],
+        [np.arange(run.u.size) / FS, *(columns[n] for n in names)],
+    )
     found = nlfrf.inspect_file(folder / "run.csv")
     periods = "one period" if run.u.size == run.n_samples else "several"
-    kind = f"{naming}, {'loop with r' if with_reference else 'loop without r' if loop else 'open'}, {periods}"
+    kind = (
+        f"{naming}, {'loop with r' if with_reference else 'loop without r' if loop else 'open'},"
+        f" {periods}"
+    )
     if not {"INPUT", "OUTPUT", "SAMPLES"}.isdisjoint(shlex.split(found.command)):
         return kind, "asked"
     return kind, outcome(run, folder / "run.csv", **options_of(found.command))
@@ -134,8 +169,23 @@ def tried_direction(rng: np.random.Generator, folder: Path) -> tuple[str, str]:
 
 SOUND_CLOCKS = ("exact", "rounded", "coarse", "jitter", "late", "another clock", "lost")
 FAULTY_CLOCKS = ("two rates", "solver", "events", "loop", "twice")
-SOUND_SENSORS = ("as it is", "encoder", "converter", "clipped", "dead zone", "relay", "velocity of an encoder")
-SLOW_SENSORS = ("three of ten", "four of five", "one of five", "asynchronous", "a fifth at random", "most at random")
+SOUND_SENSORS = (
+    "as it is",
+    "encoder",
+    "converter",
+    "clipped",
+    "dead zone",
+    "relay",
+    "velocity of an encoder",
+)
+SLOW_SENSORS = (
+    "three of ten",
+    "four of five",
+    "one of five",
+    "asynchronous",
+    "a fifth at random",
+    "most at random",
+)
 
 
 def drawn_clock(kind: str, rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -150,7 +200,9 @@ def drawn_clock(kind: str, rng: np.random.Generator, n: int) -> tuple[np.ndarray
             "coarse": np.floor(t / quantum + 1e-9) * quantum,
             "jitter": t + rng.uniform(-0.3, 0.3, n) / FS,
             "late": np.maximum.accumulate(t + (rng.exponential(0.1, n) + stall) / FS),
-            "another clock": t * (1 + rng.uniform(-1e-4, 1e-4)) + rng.uniform(-1e-5, 1e-5) * t**2 / t[-1],
+            "another clock": (
+                t * (1 + rng.uniform(-1e-4, 1e-4)) + rng.uniform(-1e-5, 1e-5) * t**2 / t[-1]
+            ),
         }.get(kind, t)
         return (np.delete(t, some[:1]),) * 2 if kind == "lost" else (stated, t)
     if kind in ("events", "twice"):
@@ -158,7 +210,9 @@ def drawn_clock(kind: str, rng: np.random.Generator, n: int) -> tuple[np.ndarray
         t = np.sort(np.concatenate([t, (row[some] + beyond) / FS]))
         return t, t
     steps = {
-        "two rates": np.where(row < rng.uniform(0.2, 0.8) * n, 1.0, rng.choice([0.5, 0.8, 1.25, 2.0, 4.0])),
+        "two rates": np.where(
+            row < rng.uniform(0.2, 0.8) * n, 1.0, rng.choice([0.5, 0.8, 1.25, 2.0, 4.0])
+        ),
         "solver": rng.gamma(rng.choice([1, 3, 10]), 1.0, n),
         "loop": 1 + rng.exponential(rng.choice([0.03, 0.1, 0.3]), n),
     }[kind]
@@ -178,9 +232,13 @@ def tried_clock(kind: str, rng: np.random.Generator, folder: Path, *, resample: 
 
 
 def drawn_sensor(kind: str, rng: np.random.Generator, y: np.ndarray) -> np.ndarray:
-    """Return a signal as a sensor of some kind shows it; every other one of the slow sensors rounds as well."""
+    """Return a signal as a sensor of some kind shows it; every other one of the slow sensors rounds
+    as well.
+    """
     n, scale = y.size, float(np.std(y))
-    row, q, limit = np.arange(n), scale * 10 ** rng.uniform(-1.5, 0.0), scale * rng.uniform(0.3, 1.5)
+    row = np.arange(n)
+    q = scale * 10 ** rng.uniform(-1.5, 0.0)
+    limit = scale * rng.uniform(0.3, 1.5)
     sound = {
         "as it is": y,
         "encoder": np.round(y / q) * q,
@@ -237,10 +295,19 @@ def main() -> None:
             print(f"\nclocks, resample={resample}")
             for kind in (*SOUND_CLOCKS, *FAULTY_CLOCKS):
                 rngs = (np.random.default_rng([given.seed, 1, number]) for number in range(each))
-                print_counts({kind: Counter(tried_clock(kind, rng, folder, resample=resample) for rng in rngs)})
+                print_counts(
+                    {
+                        kind: Counter(
+                            tried_clock(kind, rng, folder, resample=resample) for rng in rngs
+                        )
+                    }
+                )
     print("\nsensors that are called slow")
     for kind in (*SOUND_SENSORS, *SLOW_SENSORS):
-        called = [is_called_slow(kind, np.random.default_rng([given.seed, 2, number])) for number in range(2 * each)]
+        called = [
+            is_called_slow(kind, np.random.default_rng([given.seed, 2, number]))
+            for number in range(2 * each)
+        ]
         print(f"{kind:34} {sum(called)} of {len(called)}")
 
 

@@ -1,10 +1,12 @@
-"""Attack on the bound within which friction with stiction settles (T7): runs chosen to hunt, and how far they get.
+"""Attack on the bound within which friction with stiction settles (T7): runs chosen to hunt, and
+how far they get.
 
-Axes of 1 to 50 kg without a spring under a cascade with integral action, at 1 to 8 kHz with one period of delay, whose
-verdict is "settles": friction of the class at its limits (all of K0 and Fs, one to four elements, sliders that vary
-with speed, rest, position, direction and at random), each first drawn at random, the worst of them varied. Counted:
-runs that leave the bound in the last third of their time. Printed: bound over the largest hunting found, beside that
-of T4; a run hunts that swings in its last tenth by half of what it does in its last third or more, not a slow rest of
+Axes of 1 to 50 kg without a spring under a cascade with integral action, at 1 to 8 kHz with one
+period of delay, whose verdict is "settles": friction of the class at its limits (all of K0 and Fs,
+one to four elements, sliders that vary with speed, rest, position, direction and at random), each
+first drawn at random, the worst of them varied. Counted: runs that leave the bound in the last
+third of their time. Printed: bound over the largest hunting found, beside that of T4; a run hunts
+that swings in its last tenth by half of what it does in its last third or more, not a slow rest of
 the transient.
 
 python -m benchmarks.settling [--runs 500]
@@ -43,8 +45,12 @@ class Axis:
     stiction: float
 
 
-def cascade(mass: float, bandwidth: float, T: float, share: float, reset: float) -> control.StateSpace:
-    """u = kp (1 + T/(tn (z - 1))) (kv e + (1 - 1/z)/T e) with kp = mass w, kv = share w, tn = reset/w."""
+def cascade(
+    mass: float, bandwidth: float, T: float, share: float, reset: float
+) -> control.StateSpace:
+    """u = kp (1 + T/(tn (z - 1))) (kv e + (1 - 1/z)/T e) with kp = mass w, kv = share w, tn =
+    reset/w.
+    """
     w = 2 * np.pi * bandwidth
     lead = control.tf([share * w + 1 / T, -1 / T], [1, 0], T)
     return control.ss(lead * control.tf([1, -1 + T * w / reset], [1, -1], T) * (mass * w))
@@ -62,7 +68,9 @@ def draw_axis(rng: np.random.Generator) -> Axis:
 def settling_proof(axis: Axis) -> robust.friction.FrictionProof:
     """The verdict on an axis."""
     friction = robust.friction.MaxwellSlip(axis.K0, axis.stiction)
-    return robust.prove_friction(friction_plant(axis.mass, 0.0), axis.K, friction, delay=axis.T, Fs=FS)
+    return robust.prove_friction(
+        friction_plant(axis.mass, 0.0), axis.K, friction, delay=axis.T, Fs=FS
+    )
 
 
 def draw_law(rng: np.random.Generator, axis: Axis) -> VaryingSliders:
@@ -94,9 +102,13 @@ def vary_law(rng: np.random.Generator, law: VaryingSliders) -> VaryingSliders:
 
 
 def hunting(rng: np.random.Generator, axis: Axis, law: VaryingSliders) -> tuple[float, bool]:
-    """[m] largest displacement in the last third of a run, after a disturbance in its first tenth; whether it hunts."""
+    """[m] largest displacement in the last third of a run, after a disturbance in its first tenth;
+    whether it hunts.
+    """
     loop = friction_loop(friction_plant(axis.mass, 0.0), axis.K, axis.T)
-    slowest = max(np.abs(p)[np.abs(p) < 1 - 1e-9].max() for p in (loop.poles(), loop.poles(axis.K0)))
+    slowest = max(
+        np.abs(p)[np.abs(p) < 1 - 1e-9].max() for p in (loop.poles(), loop.poles(axis.K0))
+    )
     n = int(np.clip(1.5 * TIME_CONSTANTS / -np.log(slowest), 2000, LONGEST))
     force, end = np.zeros(n), n // 10
     force[:end] = rng.choice([-1, 1]) * FS * 10 ** rng.uniform(-0.3, 0.5) * np.linspace(0, 1, end)
@@ -104,14 +116,22 @@ def hunting(rng: np.random.Generator, axis: Axis, law: VaryingSliders) -> tuple[
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", nlfrf.DataWarning)
         found = nlfrf.rig.run(
-            rig, np.zeros(n), nlfrf.rig.Controller(axis.K, delay=axis.T), disturbance=force, oversampling=8
+            rig,
+            np.zeros(n),
+            nlfrf.rig.Controller(axis.K, delay=axis.T),
+            disturbance=force,
+            oversampling=8,
         )
     third, tenth = found.x[-n // 3 :], found.x[-n // 10 :]
-    return float(np.abs(third).max()), bool(np.ptp(tenth) > max(0.5 * np.ptp(third), MOVING * FS / axis.K0))
+    return float(np.abs(third).max()), bool(
+        np.ptp(tenth) > max(0.5 * np.ptp(third), MOVING * FS / axis.K0)
+    )
 
 
 def attack(rng: np.random.Generator, axis: Axis, runs: int) -> tuple[np.ndarray, np.ndarray]:
-    """(runs,) [m] how far each got, and whether it hunts: half of them drawn, half near the worst so far."""
+    """(runs,) [m] how far each got, and whether it hunts: half of them drawn, half near the worst
+    so far.
+    """
     worst, law, reached, hunts = 0.0, draw_law(rng, axis), [], []
     for i in range(runs):
         tried = draw_law(rng, axis) if i < runs // 2 else vary_law(rng, law)
@@ -144,20 +164,30 @@ def main() -> None:
         largest = reached[moves].max() if moves.any() else np.nan
         rows.append((axis.stiction, proof.error_bound, proof.settling_error, largest))
         print(
-            f"  stiction {axis.stiction:g}: T4 {1e6 * proof.error_bound:.3g}, T7 {1e6 * proof.settling_error:.3g} um, "
-            f"hunts {1e6 * largest:.3g} um",
+            f"  stiction {axis.stiction:g}: T4 {1e6 * proof.error_bound:.3g}, T7"
+            f" {1e6 * proof.settling_error:.3g} um, hunts {1e6 * largest:.3g} um",
             flush=True,
         )
     stiction, t4, t7, found = np.array(rows).T
-    print(f"verdicts {verdicts}; {outside} of {done} runs outside; CPU of a proof: median {np.median(times):.2g} s")
+    print(
+        f"verdicts {verdicts}; {outside} of {done} runs outside; CPU of a proof: median"
+        f" {np.median(times):.2g} s"
+    )
     for one in np.unique(stiction):
         these = stiction == one
         ratio, old = (t7 / found)[these & ~np.isnan(found)], (t4 / found)[these & ~np.isnan(found)]
-        text = f"stiction {one:g}, {these.sum()} axes: T4 over T7 median {np.median((t4 / t7)[these]):.3g}"
+        text = (
+            f"stiction {one:g}, {these.sum()} axes: T4 over T7 median"
+            f" {np.median((t4 / t7)[these]):.3g}"
+        )
         if ratio.size:
-            text += f"; bound over hunting of the {ratio.size} that hunt: median {np.median(ratio):.3g}, worst "
             text += (
-                f"{ratio.max():.3g}, best {ratio.min():.3g} (T4: median {np.median(old):.3g}, worst {old.max():.3g})"
+                f"; bound over hunting of the {ratio.size} that hunt: median"
+                f" {np.median(ratio):.3g}, worst "
+            )
+            text += (
+                f"{ratio.max():.3g}, best {ratio.min():.3g} (T4: median {np.median(old):.3g}, worst"
+                f" {old.max():.3g})"
             )
         print(text)
 

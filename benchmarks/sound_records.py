@@ -1,10 +1,12 @@
-"""Records that look like faults and are none: how often they are refused or warned of, and what their bound holds.
+"""Records that look like faults and are none: how often they are refused or warned of, and what
+their bound holds.
 
 python -m benchmarks.sound_records [--records 40]
 
-A resonance at 20 Hz that starts from rest and rings on, or settled behind much noise; then the same with samples of the
-input, the output or both lost or repeated at a place drawn by chance, which has to be told: anywhere but among the
-first sixteen, where what stands before the gap is too short to be found again. Then at two places of one period.
+A resonance at 20 Hz that starts from rest and rings on, or settled behind much noise; then the same
+with samples of the input, the output or both lost or repeated at a place drawn by chance, which has
+to be told: anywhere but among the first sixteen, where what stands before the gap is too short to
+be found again. Then at two places of one period.
 """
 
 from __future__ import annotations
@@ -43,7 +45,9 @@ def without(y, n, seed, first=16):
 
 
 def without_twice(y, n, later, seed):
-    """The same with n samples lost, or -n repeated, and behind them in one period as many as `later` says."""
+    """The same with n samples lost, or -n repeated, and behind them in one period as many as
+    `later` says.
+    """
     rng = np.random.default_rng([seed, 7])
     period = N * int(rng.integers(y.size // N))
     at = int(rng.integers(16, N - 200))
@@ -56,11 +60,15 @@ def without_twice(y, n, later, seed):
 
 
 def outcome(u, y, truth, resample=False):
-    """What is said, "refused", "warned" or nothing, and the share of the lines that the bound holds."""
+    """What is said, "refused", "warned" or nothing, and the share of the lines that the bound
+    holds.
+    """
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         try:
-            bla = nlfrf.identify(nlfrf.record_from_samples(u, y, fs=FS, n_samples=N, resample=resample))
+            bla = nlfrf.identify(
+                nlfrf.record_from_samples(u, y, fs=FS, n_samples=N, resample=resample)
+            )
         except ValueError:
             return "refused", np.nan
     return "warned" if said else "", np.mean(np.abs(bla.G - truth(bla.f)) < bla.bound())
@@ -77,13 +85,21 @@ def main() -> None:
         for n_periods in (2, 3, 4)
     ]
     cases += [
-        (f"noise {noise:g} times y", 0.1, n_periods, True, noise) for noise in (1, 3, 10) for n_periods in (3, 4, 8, 12)
+        (f"noise {noise:g} times y", 0.1, n_periods, True, noise)
+        for noise in (1, 3, 10)
+        for n_periods in (3, 4, 8, 12)
     ]
-    print(f"{'case':<20} {'periods':>7} {'noise':>6} {'refused':>8} {'warned':>7}   of {n}; the bound holds")
+    print(
+        f"{'case':<20} {'periods':>7} {'noise':>6} {'refused':>8} {'warned':>7}   of {n}; the bound"
+        " holds"
+    )
     for name, damping, n_periods, settled, noise in cases:
         runs = (played(damping, n_periods, seed, settled=settled, noise=noise) for seed in range(n))
         tell(f"{name:<20} {n_periods:>7} {noise:>6g}", [outcome(*run[1:]) for run in runs])
-    print("\nsamples lost (+) or repeated (-): refused, warned, the bound holds; then the same with resample=True")
+    print(
+        "\nsamples lost (+) or repeated (-): refused, warned, the bound holds; then the same with"
+        " resample=True"
+    )
     for where in ("y", "u", "both"):
         for lost in (1, 5, -3):
             for n_periods in (2, 3, 4, 8):
@@ -108,7 +124,11 @@ def main() -> None:
                         u = u if where == "y" else without_twice(u, first, later, seed)
                         found.append(outcome(u, y, truth))
                         cured.append(outcome(u, y, truth, resample=True))
-                    tell(f"{f'{first:+d} {later:+d} in {where}':<20} {n_periods:>7} {noise:>6g}", found, cured)
+                    tell(
+                        f"{f'{first:+d} {later:+d} in {where}':<20} {n_periods:>7} {noise:>6g}",
+                        found,
+                        cured,
+                    )
 
 
 def tell(case, *outcomes):

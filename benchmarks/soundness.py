@@ -1,4 +1,5 @@
-"""The check under attack, family by family: false "robust", refusals at 0.99 of the limit, undecided.
+"""The check under attack, family by family: false "robust", refusals at 0.99 of the limit,
+undecided.
 
 python -m benchmarks.soundness               # 300 loops of each family; bench_robust runs 2000 of the common kind
 python -m benchmarks.soundness 50 coprime    # fewer, of the families named like this
@@ -21,12 +22,16 @@ LINES = np.array([0.5, 1.0])
 
 
 def model_of(case):
-    """The set of a case; None where its weight reaches one in the coprime form, which holds every plant."""
+    """The set of a case; None where its weight reaches one in the coprime form, which holds every
+    plant.
+    """
     lines = LINES if not case["G"].dt else np.array([0.1, 0.2]) * min(1.0, 1 / case["G"].dt)
     radius = 0.5 * np.abs(tf_response(case["w"], lines))
     more = {"scaling": (1.0, case["W2"])} if "W2" in case else {}
     kind = case.get("perturbation", "LTI")
-    return UncertaintyModel(case["G"], case["w"], case["form"], lines, radius, perturbation=kind, **more)
+    return UncertaintyModel(
+        case["G"], case["w"], case["form"], lines, radius, perturbation=kind, **more
+    )
 
 
 def judged(case):
@@ -40,7 +45,8 @@ def judged(case):
         raise
     seconds = time.process_time() - begin
     found = []
-    # an inverse form under a sampled controller is judged exactly, and proved by a condition that is sufficient
+    # an inverse form under a sampled controller is judged exactly, and proved by a condition that
+    # is sufficient
     sufficient = case["kind"] == "sampled" and case["form"].startswith("inverse")
     if report.verdict == "not certified" and not report.margins.rs <= 1:
         found.append("inverse form left open" if sufficient else "undecided")
@@ -48,7 +54,11 @@ def judged(case):
         found += ["unstable"] + ["called stable"] * report.nominally_stable
     elif case["stable"]:
         if not report.nominally_stable:
-            found.append("stable called unstable" if report.reason.startswith("unstable") else "stability left open")
+            found.append(
+                "stable called unstable"
+                if report.reason.startswith("unstable")
+                else "stability left open"
+            )
         if case["target"] > 1:
             found += ["violations"] + ["called robust"] * (report.verdict == "robust")
         if case["target"] == 0.99 and not sufficient:
@@ -68,7 +78,10 @@ WRONG = (
 
 def attack(n_loops, only="", seed=0):
     """Verdicts of every family against brute force over frequency."""
-    print(f"{n_loops} loops of each family: wrong verdicts of how many, refusals at 0.99, undecided of all")
+    print(
+        f"{n_loops} loops of each family: wrong verdicts of how many, refusals at 0.99, undecided"
+        " of all"
+    )
     for number, (name, draw) in enumerate(FAMILIES.items()):
         if only and only not in name:
             continue
@@ -82,15 +95,19 @@ def attack(n_loops, only="", seed=0):
             seconds.append(took)
             for what in found:
                 if what in WRONG:
-                    detail = f"{case['kind']}, {case['form']}, {case['target']}: {report.verdict}: {report.reason}"
+                    detail = (
+                        f"{case['kind']}, {case['form']}, {case['target']}: {report.verdict}:"
+                        f" {report.reason}"
+                    )
                     print(f"  {name} {k}: {what}: {detail}", flush=True)
         print(
-            f"{name:20s} robust {count['called robust']} of {count['violations']} violated, "
-            f"stable {count['called stable']} of {count['unstable']} unstable, "
-            f"refused {count['refused at 0.99']} of {count['at 0.99']} at 0.99, "
-            f"unstable or open {count['stable called unstable'] + count['stability left open']} of the stable, "
-            f"undecided {count['undecided']} of {n_loops}, inverse forms left open {count['inverse form left open']}; "
-            f"{np.median(seconds):.3f} s a check, {max(seconds):.2f} s at most",
+            f"{name:20s} robust {count['called robust']} of {count['violations']} violated, stable"
+            f" {count['called stable']} of {count['unstable']} unstable, refused"
+            f" {count['refused at 0.99']} of {count['at 0.99']} at 0.99, unstable or open"
+            f" {count['stable called unstable'] + count['stability left open']} of the stable,"
+            f" undecided {count['undecided']} of {n_loops}, inverse forms left open"
+            f" {count['inverse form left open']}; {np.median(seconds):.3f} s a check,"
+            f" {max(seconds):.2f} s at most",
             flush=True,
         )
 

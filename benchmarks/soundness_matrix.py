@@ -1,10 +1,11 @@
-"""No verdict of robustness where brute force breaks the loop: random loops of two and three inputs and outputs.
+"""No verdict of robustness where brute force breaks the loop: random loops of two and three inputs
+and outputs.
 
     python -m benchmarks.soundness_matrix [loops] [perturbations]
 
-Each loop: a random plant and controller, continuous or sampled, a set of one of the forms with random weights. Tried
-against the verdict: the breaking perturbation found, and random ones near it, by the poles of the loop, at 0.99 of the
-margin and (the breaking one) at 1.01.
+Each loop: a random plant and controller, continuous or sampled, a set of one of the forms with
+random weights. Tried against the verdict: the breaking perturbation found, and random ones near it,
+by the poles of the loop, at 0.99 of the margin and (the breaking one) at 1.01.
 """
 
 from __future__ import annotations
@@ -36,7 +37,9 @@ def random_weight(rng, dt):
     """A weight of order one, or a number."""
     if rng.random() < 0.3:
         return control.StateSpace([], [], [], [[10 ** rng.uniform(-1.5, 0)]], dt)
-    pole, low, high = 10 ** rng.uniform(-1, 1), 10 ** rng.uniform(-1.5, 0), 10 ** rng.uniform(-1.5, 0.5)
+    pole = 10 ** rng.uniform(-1, 1)
+    low = 10 ** rng.uniform(-1.5, 0)
+    high = 10 ** rng.uniform(-1.5, 0.5)
     weight = control.StateSpace([[-pole]], [[1.0]], [[(low - high) * pole]], [[high]], 0)
     return robust.lti.discretize(weight, dt) if dt else weight
 
@@ -57,7 +60,9 @@ def random_case(seed):
             left=left,
             right=right,
             omega=np.array([1.0]),
-            radius=np.array([[0.999 * abs(w(np.exp(0.1j) if dt else 1j))] for w in (*left, *right)]),
+            radius=np.array(
+                [[0.999 * abs(w(np.exp(0.1j) if dt else 1j))] for w in (*left, *right)]
+            ),
             confidence=0.95,
             perturbation="LTI",
         )
@@ -68,7 +73,9 @@ def random_case(seed):
 
 
 def closed_with(N, Delta, size):
-    """Poles of N closed through size Delta, a batch (A, B, C, D) of systems, (T, .); nan without a solution."""
+    """Poles of N closed through size Delta, a batch (A, B, C, D) of systems, (T, .); nan without a
+    solution.
+    """
     A, B, C, D = Delta
     C, D = size * C, size * D
     T, m, n = len(A), A.shape[1], N.nstates
@@ -76,7 +83,9 @@ def closed_with(N, Delta, size):
     solved = np.linalg.cond(around) < 1e12
     X = np.linalg.inv(np.where(solved[:, None, None], around, np.eye(D.shape[1])))
     gain = X @ np.concatenate([D @ N.C, C], axis=2)  # u = gain (x, x_Delta)
-    read = N.D @ gain + np.concatenate([np.broadcast_to(N.C, (T, *N.C.shape)), np.zeros((T, N.noutputs, m))], axis=2)
+    read = N.D @ gain + np.concatenate(
+        [np.broadcast_to(N.C, (T, *N.C.shape)), np.zeros((T, N.noutputs, m))], axis=2
+    )
     whole = np.zeros((T, n + m, n + m))
     whole[:, :n, :n], whole[:, n:, n:] = N.A, A
     whole[:, :n] += N.B @ gain
@@ -91,7 +100,10 @@ def broken(N, Delta, size):
 
 
 def passes(numbers, omega, dt):
-    """States (a, b, c, d) of all-passes of first order that are these numbers (T, n) at omega (T,): |d| times +-1."""
+    """States (a, b, c, d) of all-passes of first order that are these numbers (T, n) at omega (T,):
+
+    |d| times +-1.
+    """
     at = 2 / dt * np.tan(omega * dt / 2) if dt else omega
     size, phase = np.abs(numbers), np.angle(numbers)
     sign = np.where(phase <= 0, 1.0, -1.0)
@@ -119,7 +131,9 @@ def as_systems(delta, omega, dt, full):
     a2, b2, c2, d2 = passes(U[:, :, 0], omega, dt)
     none = np.zeros((*a2.shape, a1.shape[1]))
     return (
-        np.block([[diagonals(a1), none.swapaxes(1, 2)], [b2[:, :, None] * c1[:, None], diagonals(a2)]]),
+        np.block(
+            [[diagonals(a1), none.swapaxes(1, 2)], [b2[:, :, None] * c1[:, None], diagonals(a2)]]
+        ),
         np.concatenate([diagonals(b1), b2[:, :, None] * d1[:, None]], axis=1),
         np.concatenate([d2[:, :, None] * c1[:, None], diagonals(c2)], axis=2),
         d2[:, :, None] * d1[:, None],
@@ -132,7 +146,9 @@ def near(rng, Delta_at, omega, dt, full, n):
     there = omega * np.exp(spread * rng.standard_normal(n))
     there = np.minimum(there, np.pi / dt * 0.999) if dt else there
     if not full:
-        turned = np.diag(Delta_at) * np.exp(2j * spread[:, None] * rng.standard_normal((n, len(Delta_at))))
+        turned = np.diag(Delta_at) * np.exp(
+            2j * spread[:, None] * rng.standard_normal((n, len(Delta_at)))
+        )
         return as_systems(diagonals(turned), there, dt, full)
     noise = rng.standard_normal((2, n, *Delta_at.shape))
     other = Delta_at + spread[:, None, None] * (noise[0] + 1j * noise[1])
@@ -141,7 +157,9 @@ def near(rng, Delta_at, omega, dt, full, n):
 
 
 def trial(seed, n_tries):
-    """Verdict, margin, size of the breaking perturbation, how many broke the loop at 0.99, whether it does at 1.01."""
+    """Verdict, margin, size of the breaking perturbation, how many broke the loop at 0.99, whether
+    it does at 1.01.
+    """
     model, K, rng = random_case(seed)
     report = robust.check(model, K)
     N, dt = model.loop(K).loop, float(model.nominal.dt or 0)
@@ -163,15 +181,27 @@ def main(n_loops=500, n_tries=1000):
         verdicts[report.verdict] = verdicts.get(report.verdict, 0) + 1
         if n_broken or (report.verdict == "robust" and worst.size <= 0.99):
             wrong += 1
-            print(f"seed {seed}: {report.verdict}, margin {report.margins.rs:.4f}, {n_broken} break the loop at 0.99")
-        (gaps if worst.model.form == "elements" else apart).append(abs(worst.size / report.margins.rs - 1))
+            print(
+                f"seed {seed}: {report.verdict}, margin {report.margins.rs:.4f}, {n_broken} break"
+                " the loop at 0.99"
+            )
+        (gaps if worst.model.form == "elements" else apart).append(
+            abs(worst.size / report.margins.rs - 1)
+        )
         if not breaks:
             missed += 1
-            print(f"seed {seed}: {worst.model.form}, the loop is stable with 1.01 times the breaking perturbation")
+            print(
+                f"seed {seed}: {worst.model.form}, the loop is stable with 1.01 times the breaking"
+                " perturbation"
+            )
     print(f"{n_loops} loops, {n_tries + 1} perturbations each: {verdicts}")
     print(f"contradicted: {wrong}; breaking perturbation not unstable at 1.01: {missed}")
-    print(f"full blocks: margin and breaking perturbation apart by at most {100 * max(apart):.3f} %")
-    print(f"entries: by at most {100 * max(gaps):.3f} %, in the median {100 * np.median(gaps):.3f} %")
+    print(
+        f"full blocks: margin and breaking perturbation apart by at most {100 * max(apart):.3f} %"
+    )
+    print(
+        f"entries: by at most {100 * max(gaps):.3f} %, in the median {100 * np.median(gaps):.3f} %"
+    )
 
 
 if __name__ == "__main__":

@@ -1,6 +1,8 @@
-"""Compiled time stepping of the plants that have a state: one realisation after the other, in steady state.
+"""Compiled time stepping of the plants that have a state: one realisation after the other, in
+steady state.
 
-The same arithmetic over stacks of realisations costs ten to thirty times as much: a step is a few numbers long.
+The same arithmetic over stacks of realisations costs ten to thirty times as much: a step is a few
+numbers long.
 """
 
 # mypy: disable-error-code="untyped-decorator"
@@ -16,7 +18,8 @@ compiled = njit(cache=True, nogil=True, error_model="numpy")
 
 @compiled
 def step_spring(fine, h, w, zeta, law, n_discard):
-    """(M, N) position of a mass by RK4 from rest, of the last period; input (M, 4 N): begin, middle, end of each step.
+    """(M, N) position of a mass by RK4 from rest, of the last period; input (M, 4 N): begin,
+    middle, end of each step.
 
     The force of the spring is law[0] x + law[1] x^3 + law[2] max(x, 0) + law[3] tanh(x).
     """
@@ -48,7 +51,9 @@ def step_spring(fine, h, w, zeta, law, n_discard):
 
 @compiled
 def step_slipping(fine, h, n_steps, w, zeta, stiff, slips):
-    """(M, N) position of a mass on springs that slip, of the third period, by symplectic steps on (M, N n_steps)."""
+    """(M, N) position of a mass on springs that slip, of the third period, by symplectic steps on
+    (M, N n_steps).
+    """
     y = np.empty((fine.shape[0], fine.shape[1] // n_steps))
     held = np.empty(slips.size)
     for m in range(fine.shape[0]):

@@ -1,4 +1,6 @@
-"""How long something takes, by the processor's clock: what else runs on the machine does not count."""
+"""How long something takes, by the processor's clock: what else runs on the machine does not
+count.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ def of_children() -> float:
     return usage.ru_utime + usage.ru_stime
 
 
-def best(function: Callable[[], Any], n: int = 5, clock: Callable[[], float] = time.process_time) -> float:
+def best(
+    function: Callable[[], Any], n: int = 5, clock: Callable[[], float] = time.process_time
+) -> float:
     """Shortest of n runs [s]: what the code takes when the caches are warm."""
     times = []
     for _ in range(n):
@@ -26,7 +30,8 @@ def best(function: Callable[[], Any], n: int = 5, clock: Callable[[], float] = t
 
 
 def in_turn(functions: dict[str, Callable[[], Any]], n: int = 5) -> dict[str, float]:
-    """Median of the processor's time of n runs of each [s], taken in turn: what else runs counts for all of them alike.
+    """Median of the processor's time of n runs of each [s], taken in turn: what else runs counts
+    for all of them alike.
 
     Runs in turn find the caches as another one left them, as a user's do.
     """

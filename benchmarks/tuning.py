@@ -1,7 +1,10 @@
-"""Static and low-order output feedback by `tune` on COMPleib: H-infinity norms beside what was found before.
+"""Static and low-order output feedback by `tune` on COMPleib:
 
-Anchors are those that no controller of any order beats: they are to be reached to five digits. The other numbers are
-those of a prototype of the same method. Each norm is compared with that of the loop made again from the blocks.
+H-infinity norms beside what was found before.
+
+Anchors are those that no controller of any order beats: they are to be reached to five digits. The
+other numbers are those of a prototype of the same method. Each norm is compared with that of the
+loop made again from the blocks.
 
 python -m benchmarks.tuning [--data FOLDER] [--starts 4] [NAME or NAME:ORDER ...]
 
@@ -23,7 +26,9 @@ from robust import tuning
 from robust.lti.norms import hinf_norm
 from tests.support.compleib import generalised
 
-FOLDER = Path(os.environ.get("NLFRF_DATA", Path(__file__).parents[2] / "shared" / "data")) / "compleib"
+FOLDER = (
+    Path(os.environ.get("NLFRF_DATA", Path(__file__).parents[2] / "shared" / "data")) / "compleib"
+)
 ANCHORS = {
     "AC2": 0.111489,
     "AC17": 6.61243,
@@ -61,18 +66,25 @@ BEFORE = {
 }
 
 
-def designed(problems: np.lib.npyio.NpzFile, name: str, order: int, n_starts: int) -> tuple[tuning.TunedDesign, float]:
+def designed(
+    problems: np.lib.npyio.NpzFile, name: str, order: int, n_starts: int
+) -> tuple[tuning.TunedDesign, float]:
     """The best of several starts, and the norm of its loop made again."""
     P, n_y, n_u = generalised(problems, name)
     n_w, n_z = P.ninputs - n_u, P.noutputs - n_y
-    w, u, z, y = ([f"{letter}{k}" for k in range(n)] for letter, n in zip("wuzy", (n_w, n_u, n_z, n_y), strict=True))
+    w, u, z, y = (
+        [f"{letter}{k}" for k in range(n)]
+        for letter, n in zip("wuzy", (n_w, n_u, n_z, n_y), strict=True)
+    )
     K = (
         tuning.StateSpace(n_states=order, reads=y, drives=u)
         if order
         else tuning.Gain(K=np.zeros((n_u, n_y)), reads=y, drives=u)
     )
     plant = tuning.Plants(P, inputs=[*w, *u], outputs=[*z, *y])
-    design = robust.tune([], plant, {"K": K}, soft=[tuning.Limit(w, z)], n_starts=n_starts, time_cap=120.0, rng=1)
+    design = robust.tune(
+        [], plant, {"K": K}, soft=[tuning.Limit(w, z)], n_starts=n_starts, time_cap=120.0, rng=1
+    )
     return design, hinf_norm(design.loop(w, z))[0] if design.limits else np.inf
 
 
@@ -99,7 +111,10 @@ def main() -> None:
         ratio = design.gamma / before
         same = sum(one <= 1.005 * min(design.spread) for one in design.spread)
         away = norm / design.gamma - 1
-        row = f"{problem:8} {order or 0:>6} {design.gamma:11.6g} {before:11.6g} {ratio:8.5f} {away:10.1e}"
+        row = (
+            f"{problem:8} {order or 0:>6} {design.gamma:11.6g} {before:11.6g} {ratio:8.5f}"
+            f" {away:10.1e}"
+        )
         print(f"{row} {same:>8} of {len(design.spread)}       {seconds[-1]:8.1f}", flush=True)
         ratios.append(ratio)
         apart.append(abs(away))
@@ -108,10 +123,13 @@ def main() -> None:
         elif ratio > 1.005:
             missed.append(f"{name}: {100 * (ratio - 1):.1f} % above what was found before")
     print(
-        f"{len(ratios)} problems: median {np.median(seconds):.1f} s of CPU for {given.starts} starts; largest distance "
-        f"from the norm of the loop made again {max(apart):.1e}"
+        f"{len(ratios)} problems: median {np.median(seconds):.1f} s of CPU for {given.starts}"
+        f" starts; largest distance from the norm of the loop made again {max(apart):.1e}"
     )
-    print("\n".join(missed) or "every anchor to five digits, nothing more than 0.5 % above what was found before")
+    print(
+        "\n".join(missed)
+        or "every anchor to five digits, nothing more than 0.5 % above what was found before"
+    )
 
 
 if __name__ == "__main__":

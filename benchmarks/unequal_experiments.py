@@ -1,10 +1,11 @@
-"""Records of two or three inputs, sound and with one channel of another gain in one experiment: what is said of them.
+"""Records of two or three inputs, sound and with one channel of another gain in one experiment:
+what is said of them.
 
 python -m benchmarks.unequal_experiments [--records 40]
 
-Modes drawn by chance, 2 or 3 inputs, 1 to 3 outputs, 1 to 3 sets, periods as short as a resonance is wide, noise of
-0.01 to 10 %, an output with a cube of itself, settled or from rest. Then one channel of one experiment 1, 3 or 10 % too
-high.
+Modes drawn by chance, 2 or 3 inputs, 1 to 3 outputs, 1 to 3 sets, periods as short as a resonance
+is wide, noise of 0.01 to 10 %, an output with a cube of itself, settled or from rest. Then one
+channel of one experiment 1, 3 or 10 % too high.
 """
 
 from __future__ import annotations
@@ -31,7 +32,14 @@ def played(seed, n, damping, *, noise=None, cubic=None):
     into, out = rng.standard_normal((w.size, n_u)), rng.standard_normal((n_y, w.size))
     kind = ("special-odd", "random-odd")[seed % 2]
     ms = nlfrf.multisine(
-        kind, fs=FS, n_samples=n, f_min=2 * FS / n, f_max=F_MAX, n_inputs=n_u, n_realizations=n_sets, rng=rng
+        kind,
+        fs=FS,
+        n_samples=n,
+        f_min=2 * FS / n,
+        f_max=F_MAX,
+        n_inputs=n_u,
+        n_realizations=n_sets,
+        rng=rng,
     )
     n_periods, settle = 2 + seed % 2, 0 if seed % 5 == 0 else 40
     y = np.zeros((n_y, ms.n_experiments, n_periods * n))
@@ -44,7 +52,12 @@ def played(seed, n, damping, *, noise=None, cubic=None):
         G += np.multiply.outer(np.outer(out[:, k], into[k]), signal.freqz(b[0], a, f)[1])
     size = y.std(axis=(1, 2), keepdims=True)
     y = y + cubic * (y / size) ** 3 * size + noise * size * rng.standard_normal(y.shape)
-    return np.repeat(ms.u[:, :, None], n_periods, axis=2), y.reshape(*y.shape[:2], n_periods, n), ms.lines, G
+    return (
+        np.repeat(ms.u[:, :, None], n_periods, axis=2),
+        y.reshape(*y.shape[:2], n_periods, n),
+        ms.lines,
+        G,
+    )
 
 
 def outcome(u, y, lines, G):
@@ -52,7 +65,9 @@ def outcome(u, y, lines, G):
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         frm = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=FS, lines=lines))
-    return " ".join(str(one.message) for one in said), float(np.mean(np.abs(frm.G - G) < frm.bound()))
+    return " ".join(str(one.message) for one in said), float(
+        np.mean(np.abs(frm.G - G) < frm.bound())
+    )
 
 
 def main() -> None:
@@ -63,9 +78,17 @@ def main() -> None:
     print(f"sound: warned of a channel, of jumps, of {n_records}")
     for damping in (0.1, 0.02, 0.005):
         for n in (128, 192, 256, 384, 512, 1024):
-            count = Counter(word for e in range(n_records) for word in words(outcome(*played(e, n, damping))[0]))
-            print(f"  damping {damping:<6g} N {n:>5}: {count['channel']:>3} {count['jumps']:>3}", flush=True)
-    print(f"one channel too high in one experiment: told, by its name, of {n_records}; the bound holds, told and not")
+            count = Counter(
+                word for e in range(n_records) for word in words(outcome(*played(e, n, damping))[0])
+            )
+            print(
+                f"  damping {damping:<6g} N {n:>5}: {count['channel']:>3} {count['jumps']:>3}",
+                flush=True,
+            )
+    print(
+        f"one channel too high in one experiment: told, by its name, of {n_records}; the bound"
+        " holds, told and not"
+    )
     for n in (256, 512, 1024):
         for noise in (1e-3, 1e-2, 0.1):
             for by in (0.0, 0.01, 0.03, 0.1):
@@ -85,13 +108,22 @@ def tell_unequal(n, noise, by, n_records):
         found = "channel" in words(said)
         told, named = told + found, named + (found and f"{side}{channel + 1}" in said)
         held[found].append(share)
-    shares = " ".join(f"{100 * np.mean(some):5.1f} %" if some else "      -" for some in held.values())
-    print(f"  N {n:>5} noise {noise:<6g} {100 * by:>3g} %: {told:>3} {named:>3}   {shares}", flush=True)
+    shares = " ".join(
+        f"{100 * np.mean(some):5.1f} %" if some else "      -" for some in held.values()
+    )
+    print(
+        f"  N {n:>5} noise {noise:<6g} {100 * by:>3g} %: {told:>3} {named:>3}   {shares}",
+        flush=True,
+    )
 
 
 def words(said):
     """What the warnings tell of."""
-    return [name for name, word in (("channel", "than in the others"), ("jumps", "jumps")) if word in said]
+    return [
+        name
+        for name, word in (("channel", "than in the others"), ("jumps", "jumps"))
+        if word in said
+    ]
 
 
 if __name__ == "__main__":

@@ -1,7 +1,9 @@
-"""The public names in the order of the reference, its index, and docstrings as Sphinx should read them.
+"""The public names in the order of the reference, its index, and docstrings as Sphinx should read
+them.
 
-The pages of the names are made by sphinx.ext.autosummary. A page of a name is no entry of the table of contents: a
-sidebar that listed every name would be most of every page, and of the time to build it.
+The pages of the names are made by sphinx.ext.autosummary. A page of a name is no entry of the table
+of contents: a sidebar that listed every name would be most of every page, and of the time to build
+it.
 """
 
 from __future__ import annotations
@@ -19,7 +21,10 @@ DOCS = Path(__file__).resolve().parent
 HERE = "generated/api"  # among the pages
 #: Modules whose names are public, pictures apart.
 MODULES = (
-    *("nlfrf", *(f"nlfrf.{name}" for name in ("bla", "friction", "hysteresis", "io", "rig", "signals"))),
+    *(
+        "nlfrf",
+        *(f"nlfrf.{name}" for name in ("bla", "friction", "hysteresis", "io", "rig", "signals")),
+    ),
     *("robust", *(f"robust.{name}" for name in robust._submodules if name != "plot")),
 )
 #: Module -> its public names.
@@ -41,9 +46,28 @@ PACKAGES = (
 )
 #: What most scripts need, `identify` first.
 FIRST = (
-    *("nlfrf.identify", "nlfrf.multisine", "nlfrf.load_record", "nlfrf.inspect_file", "nlfrf.simulate", "nlfrf.Bla"),
-    *("nlfrf.Record", "nlfrf.Multisine", "robust.fit_nominal", "robust.uncertainty", "robust.UncertaintyModel"),
-    *("robust.sampled", "robust.performance_weight", "robust.ncfsyn", "robust.design_frf", "robust.tune"),
+    *(
+        "nlfrf.identify",
+        "nlfrf.multisine",
+        "nlfrf.load_record",
+        "nlfrf.inspect_file",
+        "nlfrf.simulate",
+        "nlfrf.Bla",
+    ),
+    *(
+        "nlfrf.Record",
+        "nlfrf.Multisine",
+        "robust.fit_nominal",
+        "robust.uncertainty",
+        "robust.UncertaintyModel",
+    ),
+    *(
+        "robust.sampled",
+        "robust.performance_weight",
+        "robust.ncfsyn",
+        "robust.design_frf",
+        "robust.tune",
+    ),
     *(
         "robust.design_learning",
         "robust.check",
@@ -59,15 +83,26 @@ PICTURES = ("nlfrf.plot", "robust.plot")
 
 
 def things() -> list[tuple[str, str, Any]]:
-    """(module, name, thing) of every public name but the pictures and the older names of the same thing."""
-    found = [(module, name, getattr(import_module(module), name)) for module, names in PUBLIC.items() for name in names]
+    """(module, name, thing) of every public name but the pictures and the older names of the same
+    thing.
+    """
+    found = [
+        (module, name, getattr(import_module(module), name))
+        for module, names in PUBLIC.items()
+        for name in names
+    ]
     return [one for one in found if getattr(one[2], "__name__", one[1]) == one[1]]
 
 
 def pictures() -> list[tuple[str, str, Any]]:
     """The same of the functions that draw."""
     found = [(module, import_module(module)) for module in PICTURES]
-    drawing = [(m, name, thing) for m, home in found for name, thing in vars(home).items() if name.startswith("plot_")]
+    drawing = [
+        (m, name, thing)
+        for m, home in found
+        for name, thing in vars(home).items()
+        if name.startswith("plot_")
+    ]
     return [one for one in drawing if one[2].__name__ == one[1]]
 
 
@@ -82,7 +117,9 @@ def full_names() -> dict[str, str]:
 
 
 def link_to_page(found: re.Match[str], depth: int) -> str:
-    """Return a link to an example or to the source of a public name as one to its page, of a page so deep in docs."""
+    """Return a link to an example or to the source of a public name as one to its page, of a page
+    so deep in docs.
+    """
     text, _, file = found.groups()
     up, full = "../" * depth, full_names().get(text.strip("`"))
     if file == "examples":
@@ -99,7 +136,9 @@ def link_to_pages(app: object, docname: str, source: list[str]) -> None:
 
 
 def by_package() -> dict[str, list[str]]:
-    """Package -> full public names, in the order in which data flow; a name stands in the package that holds it."""
+    """Package -> full public names, in the order in which data flow; a name stands in the package
+    that holds it.
+    """
     found: dict[str, list[str]] = {package: [] for package in PACKAGES}
     for module, name, thing in [*things(), *pictures()]:
         home = ".".join(thing.__module__.split(".")[:2])
@@ -109,7 +148,14 @@ def by_package() -> dict[str, list[str]]:
 
 def summary_table(full_names: list[str]) -> list[str]:
     """The directive that lists names with their summaries, and makes a page of each."""
-    return [".. autosummary::", "   :toctree: .", "   :nosignatures:", "", *(f"   {full}" for full in full_names), ""]
+    return [
+        ".. autosummary::",
+        "   :toctree: .",
+        "   :nosignatures:",
+        "",
+        *(f"   {full}" for full in full_names),
+        "",
+    ]
 
 
 def write_index(path: Path) -> None:
@@ -121,7 +167,14 @@ def write_index(path: Path) -> None:
     for package, full_names in by_package().items():
         title = package.replace("._base", ": shared").replace(".", ": ")
         summary = (inspect.getdoc(import_module(package)) or "").split("\n\n")[0]
-        page += [title, "-" * len(title), "", *map(escaped, summary.split("\n")), "", *summary_table(full_names)]
+        page += [
+            title,
+            "-" * len(title),
+            "",
+            *map(escaped, summary.split("\n")),
+            "",
+            *summary_table(full_names),
+        ]
     write_if_changed(path, "\n".join(page))
 
 
@@ -135,19 +188,29 @@ def add_uses(app: Any, what: str, name: str, thing: Any, options: Any, lines: li
 def used_in(full: str, is_class: bool) -> tuple[str, ...]:
     """Rows of reStructuredText: what returns a class; guide pages and examples that use a name."""
     name = full.rpartition(".")[2]
-    makers = [f":py:obj:`~{module}.{other}`" for module, other, function in things() if returns(function, name)]
-    guide = [f":doc:`{title} </{path}>`" for path, title, words in guide_pages() if names_it(name, words)]
+    makers = [
+        f":py:obj:`~{module}.{other}`"
+        for module, other, function in things()
+        if returns(function, name)
+    ]
+    guide = [
+        f":doc:`{title} </{path}>`" for path, title, words in guide_pages() if names_it(name, words)
+    ]
     rows = {"Returned by": makers if is_class else [], "In the guide": guide}
     listed = [f"* **{head}:** {', '.join(links)}" for head, links in rows.items() if links]
     examples = DOCS / "generated" / "backreferences" / f"{full}.examples"
     shown = examples.is_file() and examples.stat().st_size > 0
-    gallery = [".. rubric:: Examples that use it", "", f".. minigallery:: {full}", ""] if shown else []
+    gallery = (
+        [".. rubric:: Examples that use it", "", f".. minigallery:: {full}", ""] if shown else []
+    )
     return ("", *listed, "", *gallery)
 
 
 def returns(function: Any, name: str) -> bool:
     """Whether the docstring of a function names a class under Returns."""
-    section = re.search(r"Returns\n-+\n(.*?)(?:\n\n[A-Z]|\Z)", inspect.getdoc(function) or "", re.DOTALL)
+    section = re.search(
+        r"Returns\n-+\n(.*?)(?:\n\n[A-Z]|\Z)", inspect.getdoc(function) or "", re.DOTALL
+    )
     return inspect.isfunction(function) and section is not None and names_it(name, section[1])
 
 
@@ -158,19 +221,31 @@ def names_it(name: str, text: str) -> bool:
 
 @cache
 def guide_pages() -> list[tuple[str, str, str]]:
-    """(path, title, code) of the guide and how-to pages; code is what stands in backticks and blocks."""
+    """(path, title, code) of the guide and how-to pages; code is what stands in backticks and
+    blocks.
+    """
     found = []
     for path in [*sorted((DOCS / "guide").glob("*.md")), *sorted((DOCS / "howto").glob("*.md"))]:
         text = path.read_text(encoding="utf-8")
         code = " ".join(re.findall(r"```python\n.*?```|`[^`\n]+`", text, re.DOTALL))
         code = re.sub(r"\b(?:robust|nlfrf)(?:\.\w+)?\.(?=\w)", " ", code)
         if path.stem != "index":
-            found.append((path.relative_to(DOCS).with_suffix("").as_posix(), text.split("\n")[0].lstrip("# "), code))
+            found.append(
+                (
+                    path.relative_to(DOCS).with_suffix("").as_posix(),
+                    text.split("\n")[0].lstrip("# "),
+                    code,
+                )
+            )
     return found
 
 
-def escape_docstring(app: Any, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
-    """Docstrings are plain text with numpydoc sections: what reStructuredText would read into |G| is taken back."""
+def escape_docstring(
+    app: Any, what: str, name: str, thing: Any, options: Any, lines: list[str]
+) -> None:
+    """Docstrings are plain text with numpydoc sections: what reStructuredText would read into |G|
+    is taken back.
+    """
     code, literal = False, False
     for i, line in enumerate(lines):
         if not line.strip():
@@ -184,7 +259,9 @@ def escape_docstring(app: Any, what: str, name: str, thing: Any, options: Any, l
 
 
 def escaped(line: str) -> str:
-    """A line in which |x|, stars, trailing underscores and a leading initial ("A. Rantzer") stand for themselves.
+    """A line in which |x|, stars, trailing underscores and a leading initial ("A.
+
+    Rantzer") stand for themselves.
 
     *Emphasis* and `code` are kept.
     """

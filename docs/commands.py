@@ -41,6 +41,10 @@ def write_page(path: Path) -> None:
         group = get_command(app)
         page.append(f"## {program}\n")
         for name, command in commands_of(group):
-            context = command.make_context(f"{program} {name}", [], resilient_parsing=True, terminal_width=96)
-            page.append(f"### {program} {name}\n\n```text\n{command.get_help(context).strip()}\n```\n")
+            context = command.make_context(
+                f"{program} {name}", [], resilient_parsing=True, terminal_width=96
+            )
+            page.append(
+                f"### {program} {name}\n\n```text\n{command.get_help(context).strip()}\n```\n"
+            )
     write_if_changed(path, "\n".join(page))

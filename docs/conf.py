@@ -1,4 +1,6 @@
-"""Sphinx: `make docs` builds build/docs from the pages here, the docstrings, and the examples as they ran."""
+"""Sphinx: `make docs` builds build/docs from the pages here, the docstrings, and the examples as
+they ran.
+"""
 
 import os
 import sys
@@ -16,7 +18,13 @@ copyright = author
 version = release = nlfrf.__version__
 extensions = [
     *("sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon", "sphinx.ext.viewcode"),
-    *("sphinx.ext.intersphinx", "sphinx_gallery.gen_gallery", "sphinx_copybutton", "myst_parser", "docs.mathml"),
+    *(
+        "sphinx.ext.intersphinx",
+        "sphinx_gallery.gen_gallery",
+        "sphinx_copybutton",
+        "myst_parser",
+        "docs.mathml",
+    ),
 ]
 html_math_renderer = "mathml"
 exclude_patterns = ["_static", "generated/backreferences", "paper"]
@@ -41,7 +49,8 @@ html_static_path = ["_static"]
 html_css_files = ["gallery.css"]
 html_copy_source = False
 html_show_search_summary = False  # they are fetched, which a page opened from a folder may not do
-# Links into other people's documentation need their inventories, which need the network: only where it is asked for.
+# Links into other people's documentation need their inventories, which need the network: only where
+# it is asked for.
 intersphinx_timeout = 10
 intersphinx_mapping = (
     {

@@ -1,4 +1,6 @@
-"""The drawings of the primer and of the pages on bounds, PID gains and friction proofs, as computed."""
+"""The drawings of the primer and of the pages on bounds, PID gains and friction proofs, as
+computed.
+"""
 
 from __future__ import annotations
 
@@ -75,7 +77,14 @@ def played(record: nlfrf.Record) -> Figure:
         there = lines[kinds == kind]
         right.vlines(there, 0, 1.0 if kind == "excited" else 0.06, color=colour, lw=3)
         label = kind if kind == "excited" else f"{kind}, not excited"
-        right.plot(there, np.full(there.size, 1.0 if kind == "excited" else 0.06), "o", color=colour, ms=4, label=label)
+        right.plot(
+            there,
+            np.full(there.size, 1.0 if kind == "excited" else 0.06),
+            "o",
+            color=colour,
+            ms=4,
+            label=label,
+        )
     right.set(xlabel="line of the period", ylim=(0, 1.7), yticks=[], title="lines of its spectrum")
     right.legend(fontsize="x-small", loc="upper left")
     return figure
@@ -105,8 +114,17 @@ def bound(bla: nlfrf.Bla) -> Figure:
     """|G| and its bound, as a band."""
     figure = Figure(figsize=(7.4, 3.4), layout="constrained")
     ax = figure.add_subplot()
-    draw_band(ax, bla, "realization", color=KINDS["even"], alpha=0.25, label="FRF of another realisation, 95 % a line")
-    ax.plot(bla.f, 20 * np.log10(np.abs(bla.G)), color=KINDS["excited"], lw=1.4, label="measured FRF")
+    draw_band(
+        ax,
+        bla,
+        "realization",
+        color=KINDS["even"],
+        alpha=0.25,
+        label="FRF of another realisation, 95 % a line",
+    )
+    ax.plot(
+        bla.f, 20 * np.log10(np.abs(bla.G)), color=KINDS["excited"], lw=1.4, label="measured FRF"
+    )
     ax.set(xlabel="frequency [Hz]", ylabel="|G| [dB re 1 m/N]", title="the FRF and its bound")
     ax.legend(fontsize="small", loc="upper right")
     ax.grid(alpha=0.3)
@@ -116,21 +134,49 @@ def bound(bla: nlfrf.Bla) -> Figure:
 def draw_band(ax: Axes, bla: nlfrf.Bla, of: str, **look) -> None:
     """Draw the bound of |G| as a band [dB]."""
     G, r = np.abs(bla.G), bla.bound(of=of)
-    ax.fill_between(bla.f, 20 * np.log10(np.maximum(G - r, 0.1 * G)), 20 * np.log10(G + r), lw=0, **look)
+    ax.fill_between(
+        bla.f, 20 * np.log10(np.maximum(G - r, 0.1 * G)), 20 * np.log10(G + r), lw=0, **look
+    )
 
 
 def both_bounds(record: nlfrf.Record, bla: nlfrf.Bla) -> Figure:
     """|G| with the bound of the BLA, that of a new realisation, and the FRF of such a one."""
-    grid = {"fs": record.fs, "n_samples": record.u.shape[-1], "f_min": 1.25, "f_max": 150, "rms": 0.25}
-    other = nlfrf.simulate(nlfrf.paper_rig(), nlfrf.multisine("special-odd", **grid, rng=9), n_periods=2, n_discard=2)
+    grid = {
+        "fs": record.fs,
+        "n_samples": record.u.shape[-1],
+        "f_min": 1.25,
+        "f_max": 150,
+        "rms": 0.25,
+    }
+    other = nlfrf.simulate(
+        nlfrf.paper_rig(), nlfrf.multisine("special-odd", **grid, rng=9), n_periods=2, n_discard=2
+    )
     other = nlfrf.identify(other)
     figure = Figure(figsize=(7.4, 3.8), layout="constrained")
     ax = figure.add_subplot()
-    for of, colour, what in (("realization", "#9ec3f0", "FRF of another realisation"), ("bla", "#1f6fd1", "BLA")):
+    for of, colour, what in (
+        ("realization", "#9ec3f0", "FRF of another realisation"),
+        ("bla", "#1f6fd1", "BLA"),
+    ):
         draw_band(ax, bla, of, color=colour, alpha=0.6, label=f"contains the {what}, 95 % a line")
-    ax.plot(bla.f, 20 * np.log10(np.abs(bla.G)), color=KINDS["excited"], lw=1.2, label="measured FRF, one realisation")
-    ax.plot(other.f, 20 * np.log10(np.abs(other.G)), ".", color=KINDS["odd"], ms=4, label="FRF of another realisation")
-    ax.set(xlabel="frequency [Hz]", ylabel="|G| [dB re 1 m/N]", title="The two bounds of one record")
+    ax.plot(
+        bla.f,
+        20 * np.log10(np.abs(bla.G)),
+        color=KINDS["excited"],
+        lw=1.2,
+        label="measured FRF, one realisation",
+    )
+    ax.plot(
+        other.f,
+        20 * np.log10(np.abs(other.G)),
+        ".",
+        color=KINDS["odd"],
+        ms=4,
+        label="FRF of another realisation",
+    )
+    ax.set(
+        xlabel="frequency [Hz]", ylabel="|G| [dB re 1 m/N]", title="The two bounds of one record"
+    )
     ax.legend(fontsize="small", loc="lower left")
     ax.grid(alpha=0.3)
     return figure
@@ -141,9 +187,17 @@ def levels() -> Figure:
     figure = Figure(figsize=(7.4, 4.2), layout="constrained")
     top, bottom = figure.subplots(2, 1, sharex=True)
     for rms, colour in ((0.1, KINDS["even"]), (3.0, KINDS["odd"])):
-        ms = nlfrf.multisine("special-odd", fs=4096, n_samples=16384, f_min=1.25, f_max=150, rms=rms, rng=2)
+        ms = nlfrf.multisine(
+            "special-odd", fs=4096, n_samples=16384, f_min=1.25, f_max=150, rms=rms, rng=2
+        )
         bla = nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2, n_discard=2))
-        top.plot(bla.f, 20 * np.log10(np.abs(bla.G)), color=colour, lw=1.3, label=f"force of {rms:g} N rms")
+        top.plot(
+            bla.f,
+            20 * np.log10(np.abs(bla.G)),
+            color=colour,
+            lw=1.3,
+            label=f"force of {rms:g} N rms",
+        )
         bottom.plot(bla.f, np.degrees(np.unwrap(np.angle(bla.G))), color=colour, lw=1.3)
     top.set(ylabel="|G| [dB re 1 m/N]", title="One machine, two levels, two Bode plots")
     bottom.set(xlabel="frequency [Hz]", ylabel="Bode phase [deg]")
@@ -154,25 +208,60 @@ def levels() -> Figure:
 
 
 def gains() -> Figure:
-    """What the page on PID gains measures and designs: the FRF with its bound, and |S| of every plant in the bound."""
-    ms = nlfrf.multisine("special-odd", fs=1000, n_samples=4000, f_min=1, f_max=150, rms=0.25, rng=1)
+    """What the page on PID gains measures and designs: the FRF with its bound, and |S| of every
+    plant in the bound.
+    """
+    ms = nlfrf.multisine(
+        "special-odd", fs=1000, n_samples=4000, f_min=1, f_max=150, rms=0.25, rng=1
+    )
     bla = nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2))
-    report = robust.check(bla, robust.design_frf(bla, "PID", M_S=1.8, dt=1e-3, delay=5e-4).K, delay=5e-4)
+    report = robust.check(
+        bla, robust.design_frf(bla, "PID", M_S=1.8, dt=1e-3, delay=5e-4).K, delay=5e-4
+    )
     figure = Figure(figsize=(9.6, 3.8), layout="constrained")
     left, right = figure.subplots(1, 2)
     draw_band(
-        left, bla, "realization", color=KINDS["even"], alpha=0.25, label="FRF of another realisation, 95 % a line"
+        left,
+        bla,
+        "realization",
+        color=KINDS["even"],
+        alpha=0.25,
+        label="FRF of another realisation, 95 % a line",
     )
-    left.plot(bla.f, 20 * np.log10(np.abs(bla.G)), color=KINDS["excited"], lw=1.4, label="measured FRF")
-    left.set(xscale="log", xlabel="frequency [Hz]", ylabel="|G| [dB re 1 m/N]", title="measured: FRF and its bound")
+    left.plot(
+        bla.f, 20 * np.log10(np.abs(bla.G)), color=KINDS["excited"], lw=1.4, label="measured FRF"
+    )
+    left.set(
+        xscale="log",
+        xlabel="frequency [Hz]",
+        ylabel="|G| [dB re 1 m/N]",
+        title="measured: FRF and its bound",
+    )
     curves = report.curves
     f, S = curves.omega / (2 * np.pi), np.abs(curves.S)
     worst = S / (1 - curves.rs)
-    right.fill_between(f, 20 * np.log10(S), 20 * np.log10(worst), color=KINDS["even"], alpha=0.25, lw=0)
-    right.plot(f, 20 * np.log10(worst), color=KINDS["even"], lw=1, label="largest |S| of the plants in the bound")
-    right.plot(f, 20 * np.log10(S), color=KINDS["excited"], lw=1.4, label="|S| with the measured FRF")
-    right.axhline(20 * np.log10(1.8), color=KINDS["odd"], ls="--", lw=1.4, label="M_S = 1.8 (5.1 dB)")
-    right.set(xscale="log", xlabel="frequency [Hz]", ylabel="|S| [dB]", title="designed: sensitivity under its limit")
+    right.fill_between(
+        f, 20 * np.log10(S), 20 * np.log10(worst), color=KINDS["even"], alpha=0.25, lw=0
+    )
+    right.plot(
+        f,
+        20 * np.log10(worst),
+        color=KINDS["even"],
+        lw=1,
+        label="largest |S| of the plants in the bound",
+    )
+    right.plot(
+        f, 20 * np.log10(S), color=KINDS["excited"], lw=1.4, label="|S| with the measured FRF"
+    )
+    right.axhline(
+        20 * np.log10(1.8), color=KINDS["odd"], ls="--", lw=1.4, label="M_S = 1.8 (5.1 dB)"
+    )
+    right.set(
+        xscale="log",
+        xlabel="frequency [Hz]",
+        ylabel="|S| [dB]",
+        title="designed: sensitivity under its limit",
+    )
     right.set(ylim=(-13, 13))
     for ax, corner in ((left, "lower left"), (right, "upper left")):
         ax.legend(fontsize="small", loc=corner)
@@ -181,8 +270,11 @@ def gains() -> Figure:
 
 
 def verdicts_friction() -> Figure:
-    """A mass with Maxwell-slip friction under a P-PI cascade, pushed and left alone: one run for each verdict."""
-    free, pi = robust.friction_plant(1.0, 0.0), Drive(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04)
+    """A mass with Maxwell-slip friction under a P-PI cascade, pushed and left alone: one run for
+    each verdict.
+    """
+    free = robust.friction_plant(1.0, 0.0)
+    pi = Drive(fs=1000, kv=31, kp=126, kp_unit="N/(m/s)", tn=0.04)
     late = replace(pi, delay_periods=2.0)
     figure = Figure(figsize=(9.6, 5.2), layout="constrained")
     rows = [
@@ -191,20 +283,28 @@ def verdicts_friction() -> Figure:
         ("this run vibrates", late, MaxwellSlip(3e5, 1.5), 1.0, (-12, 12)),
         ("this run rests", pi, MaxwellSlip(1e5, 2.0), None, (-60, 60)),
     ]
-    for ax, (text, settings, friction, Fs, limits) in zip(figure.subplots(2, 2).flat, rows, strict=True):
+    for ax, (text, settings, friction, Fs, limits) in zip(
+        figure.subplots(2, 2).flat, rows, strict=True
+    ):
         K = robust.servo.cascade(settings, output_unit="N")
         proof = robust.prove_friction(free, K, friction, delay=settings.delay, Fs=Fs)
-        law = VaryingSliders(stiffness=[friction.K0], strength=[1.0], stiction=friction.stiction, vs=1e-3)
+        law = VaryingSliders(
+            stiffness=[friction.K0], strength=[1.0], stiction=friction.stiction, vs=1e-3
+        )
         drive = replace(settings, velocity_feedforward=1.0)
         axis = nlfrf.rig.ServoAxis(motor_inertia=1.0, drive=drive, motor_friction=law)
         push = np.append(5 * np.linspace(0, 1, 300), np.zeros(3700))  # N
         x = 1e6 * np.ravel(nlfrf.rig.run(axis, {"force": push}, oversampling=8).x)[: push.size]
         ax.plot(np.arange(push.size) / settings.fs, x, color=KINDS["even"], lw=0.9)
         for side, label in ((-1, None), (1, "settling_error")):
-            ax.axhline(side * 1e6 * proof.settling_error, color=KINDS["odd"], ls="--", lw=1.2, label=label)
+            ax.axhline(
+                side * 1e6 * proof.settling_error, color=KINDS["odd"], ls="--", lw=1.2, label=label
+            )
         if np.isfinite(proof.settling_error):
             ax.legend(fontsize="small", loc="center right", bbox_to_anchor=(1, 0.78))
-        ax.set(xlabel="time [s]", ylabel="position [µm]", ylim=limits, title=f"{proof.verdict}: {text}")
+        ax.set(
+            xlabel="time [s]", ylabel="position [µm]", ylim=limits, title=f"{proof.verdict}: {text}"
+        )
         ax.grid(alpha=0.3)
     return figure
 

@@ -1,8 +1,10 @@
-"""The examples, each run once by Sphinx-Gallery: a page shows what an example printed and drew, the tests look at it.
+"""The examples, each run once by Sphinx-Gallery: a page shows what an example printed and drew, the
+tests look at it.
 
-`outputs("03_identify_one_record")` is the folder build/examples/03_... with what the example wrote; `printed` is what
-it printed. An example is run when nothing is there, or when anything that it was made from has changed since: the
-script, the packages, the versions of what they stand on. Sphinx-Gallery itself looks at the script alone.
+`outputs("03_identify_one_record")` is the folder build/examples/03_... with what the example wrote;
+`printed` is what it printed. An example is run when nothing is there, or when anything that it was
+made from has changed since: the script, the packages, the versions of what they stand on.
+Sphinx-Gallery itself looks at the script alone.
 """
 
 from __future__ import annotations
@@ -26,9 +28,12 @@ BUILD = ROOT / "build" / "examples"
 HERE = "generated/examples"  # among the pages
 PAGES = ROOT / "docs" / HERE
 THUMBNAIL = (520, 360)  # of a card [pixels]
-CARD_INCHES = tuple(pixels / 120 for pixels in THUMBNAIL)  # in which text of 10 points is a twentieth of the height
+CARD_INCHES = tuple(
+    pixels / 120 for pixels in THUMBNAIL
+)  # in which text of 10 points is a twentieth of the height
 CARD_LETTERS = 48  # of its title in a row
-#: Example -> which of its pictures, and which axes in it, stand on its card in the gallery; else the first axes.
+# : Example -> which of its pictures, and which axes in it, stand on its card in the gallery; else
+# the first axes.
 CARDS = {
     "01_identify_then_design": (0, 0),
     "02_design_an_experiment": (0, 1),
@@ -55,10 +60,15 @@ CARDS = {
 STORED = ROOT / "docs" / "_static"  # what examples gave whose records may not be there
 #: Where the records of an example are found that does not come with them.
 WHERE = {
-    "13_motor_bench": "KU Leuven publishes them with the MATLAB toolbox FdiTools, as ``MultisineTypeB.mat``; put that "
-    "into a folder ``motor_bench``",
-    "17_measured_mirror": "They are in the repository ``fsm-benchmark-data`` of M. Floren on GitHub; put the four "
-    "files ``u_300mV_train.npy``, ``y_300mV_train.npy`` and the like into a folder ``fine_steering_mirror``",
+    "13_motor_bench": (
+        "KU Leuven publishes them with the MATLAB toolbox FdiTools, as ``MultisineTypeB.mat``; put"
+        " that into a folder ``motor_bench``"
+    ),
+    "17_measured_mirror": (
+        "They are in the repository ``fsm-benchmark-data`` of M. Floren on GitHub; put the four"
+        " files ``u_300mV_train.npy``, ``y_300mV_train.npy`` and the like into a folder"
+        " ``fine_steering_mirror``"
+    ),
 }
 STANDS_ON = (
     "numpy",
@@ -72,7 +82,9 @@ STANDS_ON = (
     "jinja2",
     "sphinx-gallery",
 )
-PRINTED = re.compile(r"\.\. rst-class:: sphx-glr-script-out\n\n \.\. code-block:: none\n\n((?: {4}.*\n|\n)+)")
+PRINTED = re.compile(
+    r"\.\. rst-class:: sphx-glr-script-out\n\n \.\. code-block:: none\n\n((?: {4}.*\n|\n)+)"
+)
 
 
 def names() -> list[str]:
@@ -82,7 +94,11 @@ def names() -> list[str]:
 
 def title_and_text(name: str) -> tuple[str, str]:
     """Title of an example, and the rest of its docstring."""
-    docstring = re.match(r'"""\n(.*?)\n=+\n(.*?)"""', (EXAMPLES / f"{name}.py").read_text(encoding="utf-8"), re.DOTALL)
+    docstring = re.match(
+        r'"""\n(.*?)\n=+\n(.*?)"""',
+        (EXAMPLES / f"{name}.py").read_text(encoding="utf-8"),
+        re.DOTALL,
+    )
     assert docstring is not None, f"{name} has no docstring with an underlined title"
     return docstring[1], docstring[2].strip()
 
@@ -93,13 +109,17 @@ def data_folder() -> Path:
 
 
 def lacks_records(name: str) -> bool:
-    """Whether an example needs records that are not there: it is not run then, and its page shows what it once gave."""
+    """Whether an example needs records that are not there: it is not run then, and its page shows
+    what it once gave.
+    """
     folders = {"13_motor_bench": "motor_bench", "17_measured_mirror": "fine_steering_mirror"}
     return name in folders and not (data_folder() / folders[name]).is_dir()
 
 
 def script_arguments(gallery_conf: dict[str, Any], script_vars: dict[str, Any]) -> list[str]:
-    """The command line of an example, which runs in its own folder: its output goes to the build folder."""
+    """The command line of an example, which runs in its own folder: its output goes to the build
+    folder.
+    """
     name = Path(script_vars["src_file"]).stem
     return [
         "--out",
@@ -124,11 +144,15 @@ def saved_pictures(block: Any, block_vars: dict[str, Any], gallery_conf: dict[st
     targets = [next(block_vars["image_path_iterator"]) for _ in new]
     for path, target in zip(new, targets, strict=True):
         shutil.copyfile(path, target)
-    return figure_rst(targets, gallery_conf["src_dir"], ", ".join(f"{path.stem} of this example" for path in new))
+    return figure_rst(
+        targets, gallery_conf["src_dir"], ", ".join(f"{path.stem} of this example" for path in new)
+    )
 
 
 def save_axes(figure: Any, which: int, path: Path) -> None:
-    """Save one axes of a figure without its legend, in the size of a card: letters keep theirs, and can be read."""
+    """Save one axes of a figure without its legend, in the size of a card: letters keep theirs, and
+    can be read.
+    """
     figure.set_layout_engine("none")
     figure.set_size_inches(*CARD_INCHES)
     ax = figure.axes[min(which, len(figure.axes) - 1)]
@@ -162,14 +186,18 @@ def settings() -> dict[str, Any]:
         "reset_modules": (),
         "show_signature": False,
         "thumbnail_size": THUMBNAIL,
-        "first_notebook_cell": "# The options of the script keep their defaults here.\nimport sys\n\nsys.argv[1:] = []",
+        "first_notebook_cell": (
+            "# The options of the script keep their defaults here.\nimport sys\n\nsys.argv[1:] = []"
+        ),
     }
 
 
 def made_from(name: str) -> str:
     """A digest of everything that the output of an example depends on."""
     digest = hashlib.sha256()
-    modules = [path for package in ("nlfrf", "robust") for path in sorted((ROOT / package).rglob("*.*"))]
+    modules = [
+        path for package in ("nlfrf", "robust") for path in sorted((ROOT / package).rglob("*.*"))
+    ]
     kept = [path for path in modules if path.suffix in (".py", ".json", ".jinja", ".js")]
     for path in [EXAMPLES / f"{name}.py", *kept]:
         digest.update(path.read_bytes())
@@ -186,7 +214,9 @@ def outputs(name: str) -> Path:
     BUILD.mkdir(parents=True, exist_ok=True)
     with only_one(BUILD / f"{name}.lock"):
         wanted = made_from(name)
-        if not (stamp.is_file() and stamp.read_text() == wanted and (PAGES / f"{name}.rst").is_file()):
+        if not (
+            stamp.is_file() and stamp.read_text() == wanted and (PAGES / f"{name}.rst").is_file()
+        ):
             stamp.unlink(missing_ok=True)
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir()
@@ -206,7 +236,9 @@ def printed(name: str) -> str:
 
 @contextlib.contextmanager
 def only_one(lock: Path):
-    """Hold a lock file, so that two processes do not run the same example; waits where files can be locked."""
+    """Hold a lock file, so that two processes do not run the same example; waits where files can be
+    locked.
+    """
     with lock.open("w") as file:
         with contextlib.suppress(ImportError):
             import fcntl
@@ -226,7 +258,11 @@ def run(name: str) -> None:
     from sphinx_gallery.utils import scale_image
 
     PAGES.mkdir(parents=True, exist_ok=True)
-    for old in (*PAGES.glob(f"{name}.*"), *PAGES.glob(f"images/sphx_glr_{name}_*"), BUILD / f"{name}.card.png"):
+    for old in (
+        *PAGES.glob(f"{name}.*"),
+        *PAGES.glob(f"images/sphx_glr_{name}_*"),
+        BUILD / f"{name}.card.png",
+    ):
         old.unlink(missing_ok=True)
     conf = _fill_gallery_conf_defaults(settings())
     conf |= {"src_dir": str(ROOT / "docs"), "default_role": "code", "builder_name": "html"}
@@ -239,9 +275,15 @@ def run(name: str) -> None:
     if "formatted_exception" in done:
         (PAGES / f"{name}.py.md5").unlink(missing_ok=True)
         raise RuntimeError(f"{name} ended with\n{done['formatted_exception']}")
-    card = BUILD / f"{name}.card.png" if not lacks_records(name) else next((STORED / name).glob("*.png"))
+    card = (
+        BUILD / f"{name}.card.png"
+        if not lacks_records(name)
+        else next((STORED / name).glob("*.png"))
+    )
     if card.is_file():
-        scale_image(card, PAGES / "images" / "thumb" / f"sphx_glr_{name}_thumb.png", *conf["thumbnail_size"])
+        scale_image(
+            card, PAGES / "images" / "thumb" / f"sphx_glr_{name}_thumb.png", *conf["thumbnail_size"]
+        )
 
 
 def show_stored_outputs(app: Any, page: str, source: list[str]) -> None:
@@ -249,13 +291,18 @@ def show_stored_outputs(app: Any, page: str, source: list[str]) -> None:
     name = page.removeprefix(f"{HERE}/")
     if name in WHERE and page != name and lacks_records(name):
         note = (
-            "The records are not part of this project, and were not there when this page was built: here stands what "
-            f"the example drew and printed where they were. {WHERE[name]} and give the folder above it by ``--data`` "
-            "or in ``NLFRF_DATA``."
+            "The records are not part of this project, and were not there when this page was"
+            f" built: here stands what the example drew and printed where they were. {WHERE[name]}"
+            " and give the folder above it by ``--data`` or in ``NLFRF_DATA``."
         )
         rows = ["", "What it printed and drew", "------------------------", "", note, ""]
-        rows += [f".. image:: /_static/{name}/{path.name}\n" for path in sorted((STORED / name).glob("*.png"))]
-        source[0] += "\n".join([*rows, f".. literalinclude:: /_static/{name}/printed.txt", "   :language: none", ""])
+        rows += [
+            f".. image:: /_static/{name}/{path.name}\n"
+            for path in sorted((STORED / name).glob("*.png"))
+        ]
+        source[0] += "\n".join(
+            [*rows, f".. literalinclude:: /_static/{name}/printed.txt", "   :language: none", ""]
+        )
 
 
 if __name__ == "__main__":

@@ -26,7 +26,9 @@ STATIC = Path(__file__).resolve().parent / "_static"
 
 
 def draw_result() -> None:
-    """One record, its BLA and bound; the loop designed on it, with every plant the record allows."""
+    """One record, its BLA and bound; the loop designed on it, with every plant the record
+    allows.
+    """
     folder = outputs("01_identify_then_design")
     bla = nlfrf.load(folder / "bla.npz")
     report = robust.check(
@@ -45,13 +47,25 @@ def draw_result() -> None:
 
 
 def draw_servo_axis() -> None:
-    """A simulated axis with friction, played at rest and in motion: its FRF, and the friction that was read."""
+    """A simulated axis with friction, played at rest and in motion: its FRF, and the friction that
+    was read.
+    """
     axis = nlfrf.servo_axis("linear motor")
-    limits, band = AxisLimits(force=400, travel=0.5), {"fs": 4000, "n_samples": 4000, "f_min": 9, "rng": 1}
+    limits = AxisLimits(force=400, travel=0.5)
+    band = {"fs": 4000, "n_samples": 4000, "f_min": 9, "rng": 1}
     ramp = design_ramp(axis, nlfrf.multisine(f_max=100, **band), rms=60, n_levels=16, limits=limits)
-    moving = design_experiment(axis, nlfrf.multisine(f_max=400, **band), base_velocity=0.1, strokes=1, limits=limits)
+    moving = design_experiment(
+        axis, nlfrf.multisine(f_max=400, **band), base_velocity=0.1, strokes=1, limits=limits
+    )
     gains = Drive(
-        fs=4000, kv=100, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=52.8, lag=0.3e-3, delay_periods=1
+        fs=4000,
+        kv=100,
+        kp=143,
+        kp_unit="A/(m/s)",
+        tn=0.01,
+        torque_constant=52.8,
+        lag=0.3e-3,
+        delay_periods=1,
     )
     with TemporaryDirectory() as name:
         traces = []
@@ -66,7 +80,10 @@ def draw_servo_axis() -> None:
     figure, (left, right) = plt.subplots(1, 2, figsize=(12, 5.4), layout="constrained")
     plot_blas([nlfrf.identify(record) for record in records], labels, ax=left)
     fit = found.friction.fit
-    loops = {label: force_over_position(record, fit) for label, record in zip(labels[:3], records, strict=False)}
+    loops = {
+        label: force_over_position(record, fit)
+        for label, record in zip(labels[:3], records, strict=False)
+    }
     plot_friction_force(loops, fit, ax=right)
     save(figure, "servo_axis.png")
 

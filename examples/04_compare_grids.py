@@ -2,9 +2,10 @@
 4. Compare grids: why odd-odd misleads
 ======================================
 
-Every grid gives the same best linear approximation, but the detection lines show different parts of the distortion.
-Around a resonance only combinations f1 + f2 - f3 of neighbouring lines matter. On an odd-odd grid (4k+1) these fall on
-excited lines again, so its detection lines (4k+3) show little distortion.
+Every grid gives the same best linear approximation, but the detection lines show different parts of
+the distortion. Around a resonance only combinations f1 + f2 - f3 of neighbouring lines matter. On
+an odd-odd grid (4k+1) these fall on excited lines again, so its detection lines (4k+3) show little
+distortion.
 """
 
 import argparse
@@ -37,15 +38,25 @@ print("grid        lines   band at resonance     band  at resonance   level")
 for ax, kind in zip(axes, ("odd-odd", "special-odd", "random-odd"), strict=True):
     # 1. True values: the BLA and the scatter about it, from many realisations at the same rms.
     ms = nlfrf.multisine(
-        kind, fs=2048, n_samples=8192, f_min=2, f_max=140, rms=0.25, n_realizations=2 * N_RECORDS, rng=1
+        kind,
+        fs=2048,
+        n_samples=8192,
+        f_min=2,
+        f_max=140,
+        rms=0.25,
+        n_realizations=2 * N_RECORDS,
+        rng=1,
     )
     record = nlfrf.simulate(rig, ms)
-    U, Y = (np.fft.rfft(signal[:, 0], axis=1)[:, ms.lines.excited] for signal in (record.u, record.y))
+    U, Y = (
+        np.fft.rfft(signal[:, 0], axis=1)[:, ms.lines.excited] for signal in (record.u, record.y)
+    )
     each = Y / U
     truth, scatter = each.mean(axis=0), each.std(axis=0, ddof=1)
     near = np.abs(ms.f - 59) < 3
 
-    # 2. One record: first the detection lines without correction, then the default of identify. On odd-odd it warns,
+    # 2. One record: first the detection lines without correction, then the default of identify. On
+    # odd-odd it warns,
     #    and uses the roughness of the FRF over the excited lines instead.
     for level_from, style in (("detection", "--"), ("auto", "-")):
         levels, inside = [], []
@@ -54,11 +65,17 @@ for ax, kind in zip(axes, ("odd-odd", "special-odd", "random-odd"), strict=True)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", nlfrf.DataWarning)
                 bla = nlfrf.identify(one, level_from=level_from)
-            levels.append(bla.var_distortion / (bla.grid_factor if level_from == "detection" else 1))
+            levels.append(
+                bla.var_distortion / (bla.grid_factor if level_from == "detection" else 1)
+            )
             inside.append(np.abs(bla.G - truth) <= bla.bound())
         level, inside = np.sqrt(np.mean(levels, axis=0)), 100 * np.mean(inside, axis=0)
         over = db(level / scatter)
-        what = f"{bla.level_source}, calibrated" if bla.level_source == "detection" else bla.level_source
+        what = (
+            f"{bla.level_source}, calibrated"
+            if bla.level_source == "detection"
+            else bla.level_source
+        )
         print(
             f"{kind:12s} {ms.f.size:4d} {np.median(over):6.1f} {np.median(over[near]):12.1f}"
             f" {inside.mean():8.1f} % {inside[near].mean():9.1f} %   "
@@ -73,6 +90,9 @@ for ax, kind in zip(axes, ("odd-odd", "special-odd", "random-odd"), strict=True)
     ax.legend(fontsize="small")
 axes[-1].set_xlabel("frequency [Hz]")
 figure.savefig(out / "grids.png", dpi=100)
-print("Far below 0 dB at the resonance: the detection lines do not show the distortion, and no correction")
+print(
+    "Far below 0 dB at the resonance: the detection lines do not show the distortion, and no"
+    " correction"
+)
 print("can help.")
 print(f"wrote {out}/grids.png")

@@ -2,8 +2,9 @@
 11. Examples of Skogestad & Postlethwaite, redone with the book's numbers
 =========================================================================
 
-S. Skogestad, I. Postlethwaite, Multivariable Feedback Control, 2nd ed., Wiley 2005. Each line prints the number of
-the book and the one computed here, which shows that the terms are those of the book.
+S. Skogestad, I. Postlethwaite, Multivariable Feedback Control, 2nd ed., Wiley 2005. Each line
+prints the number of the book and the one computed here, which shows that the terms are those of the
+book.
 """
 
 import argparse
@@ -28,9 +29,8 @@ def compare(what, book, here):
     print(f"{what:57s} book {book:>13}  here {here}")
 
 
-# %%
-# Section 7.5.2, the uncertain plant with a zero in the right half plane: a model, a weight that covers a very
-# different plant, and a PI controller by Ziegler and Nichols.
+# %% Section 7.5.2, the uncertain plant with a zero in the right half plane: a model, a weight that
+# covers a very different plant, and a PI controller by Ziegler and Nichols.
 s = control.tf("s")
 G = 3 * (-2 * s + 1) / ((5 * s + 1) * (10 * s + 1))
 G_extreme = 4 * (-3 * s + 1) / (4 * s + 1) ** 2
@@ -41,14 +41,22 @@ radius = np.abs(response(control.ss(w_I), omega))
 model = robust.UncertaintyModel(G, w_I, "multiplicative", omega, radius, perturbation="LTI")
 
 relative = np.abs(control.frequency_response(G_extreme / G - 1, [1e-4, 0.1, 1e4]).complex.squeeze())
-compare("error of the extreme plant at low, 0.1 rad/s, high", "0.33 1 5.25", " ".join(f"{r:.2f}" for r in relative))
+compare(
+    "error of the extreme plant at low, 0.1 rad/s, high",
+    "0.33 1 5.25",
+    " ".join(f"{r:.2f}" for r in relative),
+)
 fast, slow = robust.check(model, 1.13 * K), robust.check(model, 0.31 * K)
 compare(
     "K_c = 1.13: nominally stable, robustly stable",
     "yes, no",
     f"{fast.nominally_stable}, {fast.proofs.robustly_stable}",
 )
-compare("K_c = 0.31: just robustly stable, max |w_I T|", "1", f"{slow.curves.rs.max():.3f} ({slow.verdict})")
+compare(
+    "K_c = 0.31: just robustly stable, max |w_I T|",
+    "1",
+    f"{slow.curves.rs.max():.3f} ({slow.verdict})",
+)
 gains = np.arange(0.2, 0.7, 0.01)
 largest = max(k for k in gains if robust.check(model, k * K, certify=False).curves.rs.max() < 1)
 compare("largest gain with robust stability", "0.31", f"{largest:.2f}")
@@ -61,24 +69,33 @@ G_d = 200 / ((10 * s + 1) * (0.05 * s + 1) ** 2)
 W_1 = (s + 2) / s
 design = robust.ncfsyn(G_d, W_1)
 compare("Example 9.3: gamma_min", "2.34", f"{design.gamma_min:.3f}")
-compare("Example 9.3: largest coprime uncertainty, 1/gamma_min", "0.43", f"{1 / design.gamma_min:.3f}")
+compare(
+    "Example 9.3: largest coprime uncertainty, 1/gamma_min", "0.43", f"{1 / design.gamma_min:.3f}"
+)
 
-# %%
-# Example 2.17: the H-infinity norm of [w_P S; w_u K S] for the same plant, by a controller of order two
-# from the FRF, compared with the book's smallest one over all orders.
+# %% Example 2.17: the H-infinity norm of [w_P S; w_u K S] for the same plant, by a controller of
+# order two from the FRF, compared with the book's smallest one over all orders.
 w_P = robust.performance_weight(10, M_S=1.5, A=1e-4)
-fixed = robust.design_frf(control.frequency_response(G_d, 10 * omega), 2, w_P=w_P, w_u=1.0, n_iterations=20)
+fixed = robust.design_frf(
+    control.frequency_response(G_d, 10 * omega), 2, w_P=w_P, w_u=1.0, n_iterations=20
+)
 compare("Example 2.17: gamma; here of order two, from the FRF", "1.37", f"{fixed.gamma:.3f}")
 
 # %%
 # Example 8.5: the structured singular value depends on the structure.
 M = np.array([[2.0, 2.0], [-1.0, -1.0]])[:, :, None]
-sizes = [float(robust.mu.upper(M, b).value[0]) for b in ([(2, 2)], [(1, 1), (1, 1)], [(2, 2, "repeated")])]
-compare("Example 8.5: full block, two numbers, one number twice", "3.162 3 1", " ".join(f"{m:.3f}" for m in sizes))
+sizes = [
+    float(robust.mu.upper(M, b).value[0])
+    for b in ([(2, 2)], [(1, 1), (1, 1)], [(2, 2, "repeated")])
+]
+compare(
+    "Example 8.5: full block, two numbers, one number twice",
+    "3.162 3 1",
+    " ".join(f"{m:.3f}" for m in sizes),
+)
 
-# %%
-# Section 8.11.3: the distillation column with an inverse-based controller. Nominal performance and robust stability
-# hold, but with 20 % of gain error in each input performance is lost.
+# %% Section 8.11.3: the distillation column with an inverse-based controller. Nominal performance
+# and robust stability hold, but with 20 % of gain error in each input performance is lost.
 w = np.geomspace(1e-3, 1e2, 300)
 G_0 = np.array([[87.8, -86.4], [108.2, -109.6]])[:, :, None]
 lag, S, T = 75j * w + 1, 1j * w / (1j * w + 0.7), 0.7 / (1j * w + 0.7)  # G = G_0/lag, G K = 0.7/s
@@ -94,13 +111,21 @@ figure, axes = plt.subplots(2, 2, figsize=(15, 9), layout="constrained")
 for ax, report, gain in ((axes[0, 0], fast, 1.13), (axes[0, 1], slow, 0.31)):
     plot_check(report, ax=ax).set_title(f"K_c = {gain}: {report.verdict}")
 L = control.ss(G_d) * design.K
-axes[1, 0].loglog(omega, np.abs(response(control.ss(G_d * W_1), omega)), "--", label="shaped plant G W_1")
+axes[1, 0].loglog(
+    omega, np.abs(response(control.ss(G_d * W_1), omega)), "--", label="shaped plant G W_1"
+)
 axes[1, 0].loglog(omega, np.abs(response(L, omega)), label="with the robustifying controller")
 axes[1, 0].set(xlabel="frequency [rad/s]", ylabel="|L|", title="Example 9.3: the shape is kept")
-curves = ((mu, "robust performance"), (np.abs(w_I * T), "robust stability"), (np.abs(w_P * S), "nominal performance"))
+curves = (
+    (mu, "robust performance"),
+    (np.abs(w_I * T), "robust stability"),
+    (np.abs(w_P * S), "nominal performance"),
+)
 for (curve, name), style in zip(curves, ("-", "--", "-."), strict=True):
     axes[1, 1].loglog(w, curve, style, label=name)
-axes[1, 1].set(xlabel="frequency [rad/s]", ylabel="mu, must stay below 1", title="Section 8.11.3: distillation")
+axes[1, 1].set(
+    xlabel="frequency [rad/s]", ylabel="mu, must stay below 1", title="Section 8.11.3: distillation"
+)
 for ax in axes[1]:
     ax.axhline(1, color="0.5", lw=0.8)
     ax.grid(alpha=0.3)

@@ -2,9 +2,10 @@
 12. Export to MATLAB and back
 =============================
 
-A colleague works in MATLAB. The model is exported as plain structs, with a loader that makes the uncertain plant
-(``ultidyn``). The colleague returns a controller as A, B, C, D in a ``.mat`` file, which is checked here. All numbers
-are equal to the bit. If GNU Octave is installed, it plays the colleague.
+A colleague works in MATLAB. The model is exported as plain structs, with a loader that makes the
+uncertain plant (``ultidyn``). The colleague returns a controller as A, B, C, D in a ``.mat`` file,
+which is checked here. All numbers are equal to the bit. If GNU Octave is installed, it plays the
+colleague.
 """
 
 import argparse
@@ -43,18 +44,24 @@ print("in MATLAB:  [Gu, G, W, model] = load_plant();  robstab(feedback(Gu, K))")
 # Back from the file: the same numbers, to the bit.
 content = loadmat(out / "plant.mat", struct_as_record=False, squeeze_me=True)["content"]
 print(fill(f"plant.mat: {', '.join(content._fieldnames)}", 100))
-matrices = [np.reshape(getattr(content.nominal, m), getattr(model.nominal, m).shape) for m in "ABCD"]
+matrices = [
+    np.reshape(getattr(content.nominal, m), getattr(model.nominal, m).shape) for m in "ABCD"
+]
 nominal = control.ss(*matrices)
-same = np.array_equal(content.freq, model.omega) and np.array_equal(content.response, model.at(model.omega))
+same = np.array_equal(content.freq, model.omega) and np.array_equal(
+    content.response, model.at(model.omega)
+)
 print(f"frequencies and response equal to the bit: {same}")
-print(f"nominal rebuilt, largest difference: {np.abs(response(nominal, model.omega) - content.response).max():g}")
+print(
+    "nominal rebuilt, largest difference:"
+    f" {np.abs(response(nominal, model.omega) - content.response).max():g}"
+)
 weight = robust.load(out / "plant.json").weight
 same = all(np.array_equal(getattr(weight, m), getattr(model.weight, m)) for m in "ABCD")
 print(f"plant.json: weight equal to the bit: {same}")
 
-# %%
-# The colleague's turn. In Octave, without any toolbox: the response of the nominal from its A, B, C, D on the lines
-# of the file, and an integrating controller of their own.
+# %% The colleague's turn. In Octave, without any toolbox: the response of the nominal from its A,
+# B, C, D on the lines of the file, and an integrating controller of their own.
 script = """
 data = load('plant.mat'); m = data.content; n = m.nominal;
 G = arrayfun(@(w) n.C * ((1i * w * eye(rows(n.A)) - n.A) \\ n.B) + n.D, m.freq);
@@ -64,12 +71,17 @@ Ts = 1e-3; A = 1; B = 1; C = 2 * pi * 2 * Ts / abs(m.response(1)); D = C / 2;
 save('-v7', 'controller_from_octave.mat', 'A', 'B', 'C', 'D', 'Ts');
 """
 if shutil.which("octave"):
-    done = subprocess.run(["octave", "--quiet", "--eval", script], cwd=out, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        ["octave", "--quiet", "--eval", script], cwd=out, capture_output=True, text=True, check=True
+    )
     print(done.stdout.strip())
 else:
     print("Octave is not installed: the same file is written by SciPy instead")
     gain = 2 * np.pi * 2 * 1e-3 / np.abs(content.response[0])
-    savemat(out / "controller_from_octave.mat", {"A": 1.0, "B": 1.0, "C": gain, "D": gain / 2, "Ts": 1e-3})
+    savemat(
+        out / "controller_from_octave.mat",
+        {"A": 1.0, "B": 1.0, "C": gain, "D": gain / 2, "Ts": 1e-3},
+    )
 
 # %%
 # The returned controller is checked like any other.
@@ -79,7 +91,10 @@ report = robust.check(model, K, w_P=robust.performance_weight(2 * np.pi * 0.5, M
 print(report.summary)
 robust.save(K, out / "controller.json")
 robust.io.export_matlab(K, out / "controller.mat")
-print("second-order sections for the target, b0 b1 b2 a0 a1 a2:", robust.io.controller_sections(K).round(4).tolist())
+print(
+    "second-order sections for the target, b0 b1 b2 a0 a1 a2:",
+    robust.io.controller_sections(K).round(4).tolist(),
+)
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(15, 5), layout="constrained")
 plot_loop(report, ax=left)

@@ -2,10 +2,10 @@
 20. A cascade tuned at once: position P, velocity PI and notch, on three levels of the rig
 ==========================================================================================
 
-A PLC has a position loop, a velocity loop and a notch. They cannot be tuned one by one: a machine on a spring has a
-zero that cancels the integrator of its velocity loop, so the position loop is needed too. Here all are tuned together,
-for three levels of motion and with a computation delay, as stiff against a force as the margins allow. Each level is
-then checked with its own set.
+A PLC has a position loop, a velocity loop and a notch. They cannot be tuned one by one: a machine
+on a spring has a zero that cancels the integrator of its velocity loop, so the position loop is
+needed too. Here all are tuned together, for three levels of motion and with a computation delay, as
+stiff against a force as the margins allow. Each level is then checked with its own set.
 """
 
 import argparse
@@ -31,10 +31,13 @@ levels = (0.025, 0.25, 2.5)
 blas = nlfrf.level_study(nlfrf.paper_rig(), ms, levels).blas
 models = [robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2, n_zeros=0)) for bla in blas]
 for level, model in zip(levels, models, strict=True):
-    print(f"{level:5g} N rms: spring {1 / model.nominal.dcgain():.0f} N/m, radius up to {model.radius.max():.2f}")
+    print(
+        f"{level:5g} N rms: spring {1 / model.nominal.dcgain():.0f} N/m, radius up to"
+        f" {model.radius.max():.2f}"
+    )
 
-# %%
-# The fixed parts, joined by signal names; the velocity is the difference of positions, as in the drive.
+# %% The fixed parts, joined by signal names; the velocity is the difference of positions, as in the
+# drive.
 T, delay = 1e-3, 0.5e-3
 velocity = control.tf([1 / T, -1 / T], [1, 0], T, inputs="y", outputs="v")
 system = [
@@ -55,7 +58,11 @@ design = robust.tune(
     system,
     Plants(models, inputs="force", outputs="y"),
     blocks,
-    hard=[Limit("d", "force", 1.8, worst=True), Limit("r", "y", 1.8), Limit("d", "y", 3e-6, band=(0, 2.0))],
+    hard=[
+        Limit("d", "force", 1.8, worst=True),
+        Limit("r", "y", 1.8),
+        Limit("d", "y", 3e-6, band=(0, 2.0)),
+    ],
     soft=[Limit("d", "y", 1e-6)],
     dt=T,
     delay=delay,
@@ -64,14 +71,19 @@ design = robust.tune(
 )
 print(design)
 K_x, K_v = design.blocks["K_x"], design.blocks["K_v"]
-print(f"into the drive: Kv = {K_x.kp:.4g} 1/s, Kp = {K_v.kp:.4g} Ns/m, Tn = {1e3 * K_v.kp / K_v.ki:.4g} ms")
+print(
+    f"into the drive: Kv = {K_x.kp:.4g} 1/s, Kp = {K_v.kp:.4g} Ns/m, Tn ="
+    f" {1e3 * K_v.kp / K_v.ki:.4g} ms"
+)
 
 # %%
 # The proof, level by level, by ``check``.
 K = design.controller("y", "u")
 for level, model in zip(levels, models, strict=True):
     report = robust.check(model, K, delay=delay)
-    print(f"{level:5g} N rms: {report.verdict}, the set may be {report.margins.rs:.3g} times as large")
+    print(
+        f"{level:5g} N rms: {report.verdict}, the set may be {report.margins.rs:.3g} times as large"
+    )
 
 figure, ax = plt.subplots(figsize=(8, 5), layout="constrained")
 plot_limits(design, ax=ax)

@@ -2,9 +2,10 @@
 23. Learn from trial to trial: a move that repeats, with friction
 =================================================================
 
-A machine that repeats a move repeats its error, and feedback is too slow to remove the error by friction. Iterative
-learning control corrects the input of the next trial with the error of the last one. The filter is designed for the
-whole set of plants from one record, on the friction rig and on a simulated linear motor under its drive.
+A machine that repeats a move repeats its error, and feedback is too slow to remove the error by
+friction. Iterative learning control corrects the input of the next trial with the error of the last
+one. The filter is designed for the whole set of plants from one record, on the friction rig and on
+a simulated linear motor under its drive.
 """
 
 import argparse
@@ -24,13 +25,17 @@ from robust import servo
 from robust.plot import plot_contraction, plot_trials
 
 parser = argparse.ArgumentParser(description=__doc__)
-parser.add_argument("--out", type=Path, default=Path("demo/23"), help="folder for files and the picture")
+parser.add_argument(
+    "--out", type=Path, default=Path("demo/23"), help="folder for files and the picture"
+)
 out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
-warnings.simplefilter("ignore", robust.DesignWarning)  # two poles miss some of the axis: the misfit is in the radius
+warnings.simplefilter(
+    "ignore", robust.DesignWarning
+)  # two poles miss some of the axis: the misfit is in the radius
 
-# %%
-# Fixed before any filter: ten trials of a move of 1 mm and of 100 mm in 0.3 s, and the band of the error that counts.
+# %% Fixed before any filter: ten trials of a move of 1 mm and of 100 mm in 0.3 s, and the band of
+# the error that counts.
 TRIALS, BAND = 10, 40.0  # Hz
 
 
@@ -53,12 +58,15 @@ def learn(learning, trial, n):
         e = trial(u)
         errors.append(rms_in_band(e, learning.dt))
         u = learning.update(u, e)
-    print(f"{errors[0] / errors[-1]:.0f} times lower [um]:", *(f"{1e6 * error:.2g}" for error in errors))
+    print(
+        f"{errors[0] / errors[-1]:.0f} times lower [um]:",
+        *(f"{1e6 * error:.2g}" for error in errors),
+    )
     return np.array(errors)
 
 
-# %%
-# The rig: a record at a level that slides, a set, a PID from the FRF, and the filter. The move slides too.
+# %% The rig: a record at a level that slides, a set, a PID from the FRF, and the filter. The move
+# slides too.
 rig, T, n = nlfrf.paper_rig(), 1e-3, 1000
 ms = nlfrf.multisine("special-odd", fs=4096, n_samples=8192, f_min=2, f_max=250, rms=8.0, rng=1)
 bla = nlfrf.identify(nlfrf.simulate(rig, ms, n_periods=2, oversampling=2))
@@ -69,17 +77,23 @@ print(f"--- friction rig ---\n{on_rig}")
 r = move(1e-3, n, T)
 rig_errors = learn(on_rig, lambda u: nlfrf.rig.run(rig, r, K, disturbance=u).e, n)
 
-# %%
-# The axis: set points that the drive plays in motion, its trace, a set, and the drive itself as the controller.
+# %% The axis: set points that the drive plays in motion, its trace, a set, and the drive itself as
+# the controller.
 axis, limits = nlfrf.servo_axis("linear motor"), AxisLimits(force=1000, velocity=0.5, travel=0.6)
 rough = nlfrf.rig.ServoAxis(motor_inertia=12, drive=replace(axis.drive, kv=20, kp=40, tn=0.05))
 ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=400, rng=3)
 played = servo.design_experiment(rough, ms, rms=60, base_velocity=0.1, strokes=1, limits=limits)
 nlfrf.save(played, out / "moving.csv")
-servo.play_experiment(replace(axis, drive=rough.drive), out / "moving.csv", out / "moving-trace.csv")
-record = load_trace(out / "moving-trace.csv", out / "moving.npz", u="force set point", y="position")[-1]
+servo.play_experiment(
+    replace(axis, drive=rough.drive), out / "moving.csv", out / "moving-trace.csv"
+)
+record = load_trace(
+    out / "moving-trace.csv", out / "moving.npz", u="force set point", y="position"
+)[-1]
 bla = nlfrf.identify(record)
-model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2, n_zeros=0, delay="estimate"), order=4)
+model = robust.uncertainty(
+    bla, robust.fit_nominal(bla, n_poles=2, n_zeros=0, delay="estimate"), order=4
+)
 drive = servo.cascade(axis.drive, output_unit="N")
 on_axis = robust.design_learning(model, drive, omega_Q=2 * np.pi * 60)
 print(f"\n--- servo axis ---\n{on_axis}")

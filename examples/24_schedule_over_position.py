@@ -2,10 +2,11 @@
 24. A schedule over position: four records, one controller each, proved while the axis moves
 ============================================================================================
 
-The belt of a gantry is softer in the middle, so its resonance moves with the position, and a notch has to follow it.
-Four records give four frequency responses; a model interpolates between them, with one weight. A PID with a notch is
-tuned at each position, and the controllers are interpolated in one realisation. That each frozen loop is stable proves
-nothing for an axis that moves: the proof is for every motion up to a speed, and for every plant of the set.
+The belt of a gantry is softer in the middle, so its resonance moves with the position, and a notch
+has to follow it. Four records give four frequency responses; a model interpolates between them,
+with one weight. A PID with a notch is tuned at each position, and the controllers are interpolated
+in one realisation. That each frozen loop is stable proves nothing for an axis that moves: the proof
+is for every motion up to a speed, and for every plant of the set.
 """
 
 import argparse
@@ -23,13 +24,17 @@ from robust.plot import plot_schedule
 from robust.tuning import Limit, Notch, Pid, Plants
 
 parser = argparse.ArgumentParser(description=__doc__)
-parser.add_argument("--out", type=Path, default=Path("demo/24"), help="folder for files and the picture")
+parser.add_argument(
+    "--out", type=Path, default=Path("demo/24"), help="folder for files and the picture"
+)
 out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
-warnings.simplefilter("ignore", robust.DesignWarning)  # one start, and no weight in the tuning: the proof has it
+warnings.simplefilter(
+    "ignore", robust.DesignWarning
+)  # one start, and no weight in the tuning: the proof has it
 
-# %%
-# The machine: a motor and a carriage on a belt whose stiffness goes with the position, on a weak spring to ground.
+# %% The machine: a motor and a carriage on a belt whose stiffness goes with the position, on a weak
+# spring to ground.
 T, POSITIONS, SPEED = 1e-3, np.array([-0.25, -0.08, 0.08, 0.25]), 1.0  # s, m, m/s
 
 
@@ -40,55 +45,81 @@ def machine(p):
     return control.ss(A, [[0], [0], [1 / 4], [0]], [[0, 1, 0, 0]], 0)
 
 
-# %%
-# A record at each position: a multisine as force, held over each sample, two periods in steady state with noise.
-ms = nlfrf.multisine("random-odd", fs=1 / T, n_samples=4000, f_min=0.5, f_max=100, rms=20.0, n_realizations=2, rng=1)
+# %% A record at each position: a multisine as force, held over each sample, two periods in steady
+# state with noise.
+ms = nlfrf.multisine(
+    "random-odd", fs=1 / T, n_samples=4000, f_min=0.5, f_max=100, rms=20.0, n_realizations=2, rng=1
+)
 rng, blas, u = np.random.default_rng(24), [], np.repeat(ms.u[:, None], 2, axis=1)
 for p in POSITIONS:
     G = control.sample_system(machine(p), T, "zoh")
-    played = [control.forced_response(G, U=np.tile(one, 4)).outputs.reshape(4, -1)[2:] for one in ms.u]
+    played = [
+        control.forced_response(G, U=np.tile(one, 4)).outputs.reshape(4, -1)[2:] for one in ms.u
+    ]
     y = np.array(played) + 1.2e-6 * rng.normal(size=u.shape)
     blas.append(nlfrf.identify(nlfrf.Record(u=u, y=y, fs=ms.fs, lines=ms.lines, hold="zoh")))
-plant = interpolate(blas, at=POSITIONS, n_poles=4, degree=2, dt=T, order=2, over="position", unit="m")
+plant = interpolate(
+    blas, at=POSITIONS, n_poles=4, degree=2, dt=T, order=2, over="position", unit="m"
+)
 print(plant)
 
-# %%
-# A PID with a notch at each position, one sample of computation delay. The notch begins at the resonance there.
-junctions = [control.summing_junction(["u", "d"], "force"), control.summing_junction(["r", "-y"], "e")]
+# %% A PID with a notch at each position, one sample of computation delay. The notch begins at the
+# resonance there.
+junctions = [
+    control.summing_junction(["u", "d"], "force"),
+    control.summing_junction(["r", "-y"], "e"),
+]
 
 
 def tune(p):
     """The controller at a position, by `tune` from one start."""
     blocks = {
-        "K": Pid(kp=800, ki=4e3, kd=40, filter_time=3e-3, lower={"filter_time": 2e-3}, reads="e", drives="u_c"),
-        "notch": Notch(omega=np.abs(plant.at(p).poles()).max(), width=0.6, depth=0.3, reads="u_c", drives="u"),
+        "K": Pid(
+            kp=800,
+            ki=4e3,
+            kd=40,
+            filter_time=3e-3,
+            lower={"filter_time": 2e-3},
+            reads="e",
+            drives="u_c",
+        ),
+        "notch": Notch(
+            omega=np.abs(plant.at(p).poles()).max(), width=0.6, depth=0.3, reads="u_c", drives="u"
+        ),
     }
     hard = [Limit("d", "force", 1.6), Limit("r", "y", 1.5), Limit("d", "y", 1e-4, band=(0, 1.0))]
     rest = {"hard": hard, "soft": [Limit("d", "y", 1e-4)], "dt": T, "delay": T, "n_starts": 1}
-    design = robust.tune(junctions, Plants(plant.at(p), inputs="force", outputs="y"), blocks, **rest)
-    print(f"{p:5.2f} m: kp {design.blocks['K'].kp:.0f} N/m, notch {design.blocks['notch'].omega / 2 / np.pi:.1f} Hz")
+    design = robust.tune(
+        junctions, Plants(plant.at(p), inputs="force", outputs="y"), blocks, **rest
+    )
+    print(
+        f"{p:5.2f} m: kp {design.blocks['K'].kp:.0f} N/m, notch"
+        f" {design.blocks['notch'].omega / 2 / np.pi:.1f} Hz"
+    )
     return design.controller("y", "u")
 
 
 K = LpvModel.from_points([tune(p) for p in POSITIONS], at=POSITIONS, over="position", unit="m")
 
-# %%
-# The proof: every motion up to 1 m/s, every plant of the set, the position moving within each sample too.
+# %% The proof: every motion up to 1 m/s, every plant of the set, the position moving within each
+# sample too.
 proof = robust.prove_schedule(plant, K, rate=SPEED, delay=T)
 print(proof)
 if proof.holds:
     robust.save(proof, out / "schedule.json")
     print(robust.io.verify_certificate(out / "schedule.json"))
 
-# %%
-# Played: the true machine goes to and fro at 1 m/s while its error decays from a push, with the controller of the
-# schedule, and with the one of the middle alone.
+# %% Played: the true machine goes to and fro at 1 m/s while its error decays from a push, with the
+# controller of the schedule, and with the one of the middle alone.
 
 
 def play(controller, n=1000):  # the machine and its position move within every sample
     x, state, late, trace = np.array([0, 0, 0.1, 0.0]), np.zeros(controller.order), 0.0, []
     for k in range(n):
-        p, ahead = (0.25 * (2 / np.pi) * np.arcsin(np.sin(2 * np.pi * t * SPEED)) for t in (k * T, (k + 0.5) * T))
+        p, ahead = (
+            0.25 * (2 / np.pi) * np.arcsin(np.sin(2 * np.pi * t * SPEED))
+            for t in (k * T, (k + 0.5) * T)
+        )
         now, law = control.sample_system(machine(ahead), T, "zoh"), controller.at(p)
         trace.append(y := x[1])
         u = -(law.C @ state + law.D[:, 0] * y)[0]
@@ -103,7 +134,10 @@ figure, (left, right) = plt.subplots(1, 2, figsize=(12, 4.5), layout="constraine
 plot_schedule(K, ax=left)
 for name, controller in {"schedule": K, "controller of the middle": middle}.items():
     trace = play(controller)
-    print(f"{name}: at most {1e3 * np.abs(trace[300:500]).max():.2f} mm from 0.3 to 0.5 s after the push")
+    print(
+        f"{name}: at most {1e3 * np.abs(trace[300:500]).max():.2f} mm from 0.3 to 0.5 s after the"
+        " push"
+    )
     right.plot(np.arange(trace.size) * T, 1e3 * trace, label=name)
 right.set(xlabel="time [s]", ylabel="position of the carriage [mm]", title="After a push, at 1 m/s")
 right.legend()

@@ -1,8 +1,10 @@
-"""Best linear approximations of nonlinear systems, with a bound on their distortion, from one multisine experiment.
+"""Best linear approximations of nonlinear systems, with a bound on their distortion, from one
+multisine experiment.
 
     multisine -> Record -> identify -> Bla
 
-`dir(nlfrf)` lists the names for most scripts. The rest is in submodules, each loaded at its first use:
+`dir(nlfrf)` lists the names for most scripts. The rest is in submodules, each loaded at its first
+use:
 
     nlfrf.io          files: records, results, designs, inspection
     nlfrf.rig         simulated machines: the friction rig, the stage, the servo axis, a controller around them

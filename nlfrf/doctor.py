@@ -1,8 +1,9 @@
-"""Check the installation: versions, names that import something else, linear algebra, compiled code, readers of files.
+"""Check the installation: versions, names that import something else, linear algebra, compiled
+code, readers of files.
 
-A file of the user with the name of a module hides it from every program run in its folder: `robust.py` hides our
-package, `control.py` a required one, `random.py` one of Python. Only the standard library is imported at the top, so
-that this module works when any other is hidden.
+A file of the user with the name of a module hides it from every program run in its folder:
+`robust.py` hides our package, `control.py` a required one, `random.py` one of Python. Only the
+standard library is imported at the top, so that this module works when any other is hidden.
 """
 
 from __future__ import annotations
@@ -30,13 +31,16 @@ _OWN_PACKAGES = ("nlfrf", "robust")
 _IMPORT_NAMES = {"python-flint": "flint", "lazy-loader": "lazy_loader"}
 
 
-def examine(extra_of_file: Callable[[Path], str] = lambda path: "") -> tuple[list[tuple[str, str, str]], list[str]]:
+def examine(
+    extra_of_file: Callable[[Path], str] = lambda path: "",
+) -> tuple[list[tuple[str, str, str]], list[str]]:
     """List the installed packages and the faults of the installation.
 
     Parameters
     ----------
     extra_of_file : callable, optional
-        Function that returns the extra needed to read a file; it is called for files of the working folder.
+        Function that returns the extra needed to read a file; it is called for files of the working
+        folder.
 
     Returns
     -------
@@ -56,28 +60,41 @@ def examine(extra_of_file: Callable[[Path], str] = lambda path: "") -> tuple[lis
     here = f"on {platform.platform(terse=True)}"
     rows = [("nlfrf", installed_version("nlfrf"), ""), ("Python", platform.python_version(), here)]
     faults = []
-    for extra, need in sorted(_iterate_requirements(), key=lambda one: (one[0], one[1].name.lower())):
+    for extra, need in sorted(
+        _iterate_requirements(), key=lambda one: (one[0], one[1].name.lower())
+    ):
         version = installed_version(need.name)
         requirement = str(need.specifier) + (f", for nlfrf[{extra}]" if extra else "")
         rows.append((need.name, version, requirement))
         if version and not need.specifier.contains(version, prereleases=True):
-            faults.append(f"{need.name} must be {need.specifier}, got {version}: pip install -U '{need}'")
+            faults.append(
+                f"{need.name} must be {need.specifier}, got {version}: pip install -U '{need}'"
+            )
         elif not version and not extra:
             faults.append(f"{need.name} must be installed, got none of it: pip install '{need}'")
-    folders = [Path.cwd(), *map(Path, sys.path)] if not sys.flags.safe_path else list(map(Path, sys.path))
+    folders = (
+        [Path.cwd(), *map(Path, sys.path)] if not sys.flags.safe_path else list(map(Path, sys.path))
+    )
     faults += find_hiding_files(folders)
-    other = None if faults and any("'robust'" in fault for fault in faults) else _find_name_conflict()
+    other = (
+        None if faults and any("'robust'" in fault for fault in faults) else _find_name_conflict()
+    )
     faults += [other] if other else []
     if not faults:  # these checks import the packages
-        faults = [*find_wrong_algebra(), *find_cache_fault(), *find_missing_readers(Path.cwd(), extra_of_file)]
+        faults = [
+            *find_wrong_algebra(),
+            *find_cache_fault(),
+            *find_missing_readers(Path.cwd(), extra_of_file),
+        ]
     return rows, faults
 
 
 def find_hiding_files(folders: Iterable[Path]) -> list[str]:
-    """Return a line for each file in a folder that hides a module that our packages need, with the cure.
+    """Return a line for each file in a folder that hides a module that our packages need, with the
+    cure.
 
-    Folders with installed modules, and the folder of our packages, hide nothing. Modules of Python count only if they
-    are loaded by now: a `test.py` hides one that is not needed.
+    Folders with installed modules, and the folder of our packages, hide nothing. Modules of Python
+    count only if they are loaded by now: a `test.py` hides one that is not needed.
 
     Examples
     --------
@@ -98,25 +115,28 @@ def find_hiding_files(folders: Iterable[Path]) -> list[str]:
     for folder in searched:
         if folder == home or not folder.is_dir() or _is_installation(folder):
             continue
-        for name in sorted({entry.name.partition(".")[0] for entry in folder.iterdir()} & (python | packages)):
+        for name in sorted(
+            {entry.name.partition(".")[0] for entry in folder.iterdir()} & (python | packages)
+        ):
             spec = PathFinder.find_spec(name, list(map(str, searched)))
             if spec is None or spec.origin is None:  # a folder without an __init__.py hides nothing
                 continue
             place = Path(spec.origin)
             place = place.parent if place.name == "__init__.py" else place
             if place.parent == folder:  # and no folder earlier on the path
-                whose, what = (
-                    "package" if name in packages else "module of Python",
-                    "file" if place.suffix else "folder",
-                )
+                whose = "package" if name in packages else "module of Python"
+                what = "file" if place.suffix else "folder"
                 lines.append(
-                    f"{place} hides the {whose} {name!r} from every program run in its folder: rename that {what}"
+                    f"{place} hides the {whose} {name!r} from every program run in its folder:"
+                    f" rename that {what}"
                 )
     return lines
 
 
 def _required_distributions() -> Iterator[str]:
-    """Yield the names of the required distributions; none if the module that reads them is hidden itself."""
+    """Yield the names of the required distributions; none if the module that reads them is hidden
+    itself.
+    """
     try:
         yield from (need.name for extra, need in _iterate_requirements() if not extra)
     except Exception:  # a foreign module of the same name may raise anything
@@ -125,7 +145,10 @@ def _required_distributions() -> Iterator[str]:
 
 def _is_installation(folder: Path) -> bool:
     """Return whether a folder contains installed modules, or those of Python."""
-    paths = {Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")}
+    paths = {
+        Path(sysconfig.get_path(name)).resolve()
+        for name in ("stdlib", "platstdlib", "purelib", "platlib")
+    }
     known = folder in paths or folder.name in ("site-packages", "dist-packages", "lib-dynload")
     return known or any(folder.glob("*.dist-info"))
 
@@ -145,7 +168,9 @@ def _iterate_requirements() -> Iterator[tuple[str, Requirement]]:
     for extra in extras:
         for text in own.requires or []:
             need = Requirement(text)
-            if text not in always and (need.marker is None or need.marker.evaluate({"extra": extra})):
+            if text not in always and (
+                need.marker is None or need.marker.evaluate({"extra": extra})
+            ):
                 yield extra, Requirement(text.split(";")[0])
                 if not extra:
                     always.add(text)
@@ -162,9 +187,11 @@ def installed_version(name: str) -> str:
 
 
 def find_wrong_algebra(n: int = 256) -> list[str]:
-    """Return a line if the linear algebra of NumPy is wrong, as with a library made for another processor.
+    """Return a line if the linear algebra of NumPy is wrong, as with a library made for another
+    processor.
 
-    Products of small whole numbers are exact in any order of the sums. Factorisations are checked by their residual.
+    Products of small whole numbers are exact in any order of the sums. Factorisations are checked
+    by their residual.
 
     Parameters
     ----------
@@ -180,29 +207,48 @@ def find_wrong_algebra(n: int = 256) -> list[str]:
 
     whole = np.random.default_rng(1).integers(-8, 9, (4, n, n))
     A, B, C, D = whole.astype(float)
-    exact = whole[0] @ whole[1] - whole[2] @ whole[3], whole[0] @ whole[3] + whole[2] @ whole[1]  # without the library
+    exact = (
+        whole[0] @ whole[1] - whole[2] @ whole[3],
+        whole[0] @ whole[3] + whole[2] @ whole[1],
+    )  # without the library
     H, M = A + A.T, A + 16 * n * np.eye(n)  # a symmetric and a regular matrix
     found = {"products": (A + 1j * C) @ (B + 1j * D) - (exact[0] + 1j * exact[1])}
     try:
         left, sv, right = np.linalg.svd(B)
         eigenvalues, vectors = np.linalg.eigh(H)
-        residuals = (M @ np.linalg.solve(M, B) - B, (left * sv) @ right - B, (vectors * eigenvalues) @ vectors.T - H)
+        residuals = (
+            M @ np.linalg.solve(M, B) - B,
+            (left * sv) @ right - B,
+            (vectors * eigenvalues) @ vectors.T - H,
+        )
         found |= {"factorisations": np.array(residuals) / (n**2 * 64 * np.finfo(float).eps)}
     except np.linalg.LinAlgError as error:
         found |= {f"factorisations ({error})": np.array([np.inf])}
     wrong = [what for what, error in found.items() if not np.abs(error).max() < 1]
-    cure = "install NumPy and SciPy anew from one source, or set OPENBLAS_CORETYPE=Haswell to try another kernel"
-    return [f"NumPy's linear algebra must be right, got wrong {' and '.join(wrong)}: {cure}"] if wrong else []
+    cure = (
+        "install NumPy and SciPy anew from one source, or set OPENBLAS_CORETYPE=Haswell to try"
+        " another kernel"
+    )
+    return (
+        [f"NumPy's linear algebra must be right, got wrong {' and '.join(wrong)}: {cure}"]
+        if wrong
+        else []
+    )
 
 
 def find_cache_fault() -> list[str]:
-    """Return a line if numba has no folder for its compiled code, without which it refuses to compile."""
+    """Return a line if numba has no folder for its compiled code, without which it refuses to
+    compile.
+    """
     try:
         import_module("nlfrf.rig.kernels.leuven")
     except ModuleNotFoundError:  # numba is an extra
         return []
     except RuntimeError as error:
-        return [f"numba must have a folder for its compiled code, got '{error}': set NUMBA_CACHE_DIR to one"]
+        return [
+            f"numba must have a folder for its compiled code, got '{error}': set NUMBA_CACHE_DIR"
+            " to one"
+        ]
     return []
 
 
@@ -212,7 +258,11 @@ def find_missing_readers(folder: Path, extra_of_file: Callable[[Path], str]) -> 
     for path in sorted(folder.iterdir()):
         if extra := extra_of_file(path):
             extras.setdefault(extra, path)
-    absent = [(extra, need.name) for extra, need in _iterate_requirements() if not installed_version(need.name)]
+    absent = [
+        (extra, need.name)
+        for extra, need in _iterate_requirements()
+        if not installed_version(need.name)
+    ]
     return [
         f"{path.name} needs {name}, which is not installed: pip install 'nlfrf[{extra}]'"
         for extra, path in extras.items()
@@ -224,8 +274,9 @@ def find_missing_readers(folder: Path, extra_of_file: Callable[[Path], str]) -> 
 def _find_name_conflict() -> str | None:
     """Return the reason, with the cure, if `import robust` does not give our package; else None.
 
-    Another distribution has the same import name. If it is installed after ours, it overwrites files without a warning.
-    If it is removed, it deletes them. With an editable checkout it comes first on the path.
+    Another distribution has the same import name. If it is installed after ours, it overwrites
+    files without a warning. If it is removed, it deletes them. With an editable checkout it comes
+    first on the path.
 
     Examples
     --------
@@ -239,21 +290,29 @@ def _find_name_conflict() -> str | None:
     place = None if spec is None or spec.origin is None else Path(spec.origin).resolve().parent
     if place is not None and place == home and not _is_damaged(home):
         return None
-    others = [name for name in metadata.packages_distributions().get("robust", []) if name != "nlfrf"]
+    others = [
+        name for name in metadata.packages_distributions().get("robust", []) if name != "nlfrf"
+    ]
     other = others[0] if others else "robust"
     if place is not None and place != home:
         what = f"`import robust` must give the package next to nlfrf, got the one in {place}"
     elif others:
         what = (
-            f"`import robust` must give our package, got files of the distribution {other} {installed_version(other)}"
+            f"`import robust` must give our package, got files of the distribution {other}"
+            f" {installed_version(other)}"
         )
     else:
-        what = "`import robust` must give our package, got it with files removed or changed by another of this name"
+        what = (
+            "`import robust` must give our package, got it with files removed or changed by another"
+            " of this name"
+        )
     return f"{what}: {_REINSTALL_HINT.format(other=other)}"
 
 
 def _is_damaged(home: Path) -> bool:
-    """Return whether files of our `robust` are missing, or its first one differs from the installed one."""
+    """Return whether files of our `robust` are missing, or its first one differs from the installed
+    one.
+    """
     from importlib import metadata  # a slow import
 
     if not (home / "__init__.py").exists():
@@ -273,18 +332,24 @@ def _is_damaged(home: Path) -> bool:
 
 
 def nlfrf_command() -> None:
-    """Run the command `nlfrf`, or print one line that names the file that hides a module it needs."""
+    """Run the command `nlfrf`, or print one line that names the file that hides a module it
+    needs.
+    """
     _run_or_explain("nlfrf")
 
 
 def robust_command() -> None:
-    """Run the command `robust`, or print one line that names the distribution or file in its way."""
+    """Run the command `robust`, or print one line that names the distribution or file in its
+    way.
+    """
     _exit_with_line("robust", _hiding_files_on_path("robust"))
     _run_or_explain("robust", _find_name_conflict)
 
 
 def _run_or_explain(name: str, find_fault: Callable[[], str | None] = lambda: None) -> None:
-    """Run a command if `find_fault` finds no fault; if it fails and a file hides a module from it, name the file."""
+    """Run a command if `find_fault` finds no fault; if it fails and a file hides a module from it,
+    name the file.
+    """
     try:
         found = find_fault()
         _exit_with_line(name, [found] if found else [])
@@ -295,7 +360,9 @@ def _run_or_explain(name: str, find_fault: Callable[[], str | None] = lambda: No
 
 
 def _hiding_files_on_path(*names: str) -> list[str]:
-    """Return the lines of `find_hiding_files` for the folders on the path of Python, for some modules or all."""
+    """Return the lines of `find_hiding_files` for the folders on the path of Python, for some
+    modules or all.
+    """
     lines = find_hiding_files(Path(folder or os.getcwd()) for folder in sys.path)
     return [line for line in lines if not names or any(repr(name) in line for name in names)]
 

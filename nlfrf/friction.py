@@ -1,4 +1,5 @@
-"""Friction laws: Coulomb, Dahl, LuGre, Leuven, generalised Maxwell slip, varying sliders, a law of the user.
+"""Friction laws: Coulomb, Dahl, LuGre, Leuven, generalised Maxwell slip, varying sliders, a law of
+the user.
 
 This module collects the public names of `nlfrf.rig.laws`.
 """

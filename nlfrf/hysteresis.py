@@ -3,7 +3,15 @@
 This module collects the public names of `nlfrf.rig.laws.curves` and `nlfrf.rig.laws.hysteresis`.
 """
 
-from nlfrf.rig.laws.curves import ElasticPlastic, Exponential, Linear, MaxwellSlip, Parabola, Table, Tanh
+from nlfrf.rig.laws.curves import (
+    ElasticPlastic,
+    Exponential,
+    Linear,
+    MaxwellSlip,
+    Parabola,
+    Table,
+    Tanh,
+)
 from nlfrf.rig.laws.hysteresis import hysteresis_force
 
 __all__ = [

@@ -1,8 +1,11 @@
-"""Robust control design on a measured FRF: uncertainty models, weights, controllers, and a check with proofs.
+"""Robust control design on a measured FRF: uncertainty models, weights, controllers, and a check
+with proofs.
 
-    Bla -> fit_nominal -> uncertainty -> UncertaintyModel -> ncfsyn -> K -> check -> RobustnessReport
+    Bla -> fit_nominal -> uncertainty -> UncertaintyModel -> ncfsyn -> K -> check ->
+    RobustnessReport
 
-`dir(robust)` shows what most scripts need. The rest is in submodules, each of which is loaded when it is first used:
+`dir(robust)` shows what most scripts need. The rest is in submodules, each of which is loaded when
+it is first used:
 
     robust.models    nominal models, weights, sets of plants, validation
     robust.synthesis H-infinity, D-K iteration, fixed structure, tuning, two degrees of freedom, reduction

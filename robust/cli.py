@@ -36,13 +36,33 @@ from nlfrf._base.files import (
     require_writable,
     write_text,
 )
-from robust._base.options import Discard, Period, PlayedDesign, Reference, Resample, SamplingFrequency
+from robust._base.options import (
+    Discard,
+    Period,
+    PlayedDesign,
+    Reference,
+    Resample,
+    SamplingFrequency,
+)
 from robust._base.states import FrictionVerdict, Stability
 from robust.servo.cli import servo_app
 
 #: Imported when a command uses them, so that help and refusals of the command line are fast.
-certificates, learnings, models, measured, pid, sampling, from_options, to_prove, prover, shaping_page = (
-    lazy_loader.load(f"robust.{module}", suppress_warning=True)  # their packages are lazy themselves
+(
+    certificates,
+    learnings,
+    models,
+    measured,
+    pid,
+    sampling,
+    from_options,
+    to_prove,
+    prover,
+    shaping_page,
+) = (
+    lazy_loader.load(
+        f"robust.{module}", suppress_warning=True
+    )  # their packages are lazy themselves
     for module in (
         "io.certificates",
         "io.learning",
@@ -95,7 +115,9 @@ class _DesignByDefault(typer.core.TyperGroup):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Put `design` in front of arguments without a command."""
-        return super().parse_args(ctx, args if not args or args[0] in (*self.commands, "--help") else ["design", *args])
+        return super().parse_args(
+            ctx, args if not args or args[0] in (*self.commands, "--help") else ["design", *args]
+        )
 
 
 learn_app = Commands(
@@ -105,23 +127,35 @@ learn_app = Commands(
 )
 app.add_typer(servo_app, name="servo")
 app.add_typer(learn_app, name="learn")
-_CONTROLLER_FILES = "from 'robust design', matrices saved by MATLAB (.mat), or a PID with notches (.toml)"
+_CONTROLLER_FILES = (
+    "from 'robust design', matrices saved by MATLAB (.mat), or a PID with notches (.toml)"
+)
 _PADE_ORDER = 4  # of the computation delay in the design of a continuous loop
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write (.json).")]
-Delay = Annotated[float | None, typer.Option(help="Computation delay [s]; default: that of the controller file.")]
+Delay = Annotated[
+    float | None, typer.Option(help="Computation delay [s]; default: that of the controller file.")
+]
 Picture = Annotated[Path | None, typer.Option(help="Picture to write (.png, .pdf, .svg).")]
 #: Signals that act on a loop, from which its level is predicted.
 StepHeight = Annotated[
-    float | None, typer.Option("--reference-step", help="Level of the loop: height of a step of the reference.")
+    float | None,
+    typer.Option("--reference-step", help="Level of the loop: height of a step of the reference."),
 ]
 DisturbanceRms = Annotated[
-    float | None, typer.Option("--disturbance", help="Level of the loop: rms of white noise at the plant input.")
+    float | None,
+    typer.Option("--disturbance", help="Level of the loop: rms of white noise at the plant input."),
 ]
-NoiseRms = Annotated[float | None, typer.Option("--noise", help="Level of the loop: rms of white noise of the sensor.")]
+NoiseRms = Annotated[
+    float | None,
+    typer.Option("--noise", help="Level of the loop: rms of white noise of the sensor."),
+]
 NoiseBand = Annotated[
     float | None,
     typer.Option(
-        "--up-to", help="Level of the loop: highest frequency of the noise [Hz]; needed for a continuous loop."
+        "--up-to",
+        help=(
+            "Level of the loop: highest frequency of the noise [Hz]; needed for a continuous loop."
+        ),
     ),
 ]
 
@@ -136,15 +170,21 @@ def model(
     bla: Annotated[
         list[Path],
         typer.Argument(
-            help="BLA or matrix from 'nlfrf identify', or an FRF (see 'nlfrf inspect'); several make a family."
+            help=(
+                "BLA or matrix from 'nlfrf identify', or an FRF (see 'nlfrf inspect'); several make"
+                " a family."
+            )
         ),
     ],
     out: Out,
     poles: Annotated[
         int | None,
         typer.Option(
-            help="Poles of the nominal model; default: as few as the loop of --bandwidth needs, without --bandwidth as "
-            "many as the data need."
+            help=(
+                "Poles of the nominal model; default: as few as the loop of --bandwidth needs,"
+                " without --bandwidth as "
+                "many as the data need."
+            )
         ),
     ] = None,
     zeros: Annotated[
@@ -153,19 +193,32 @@ def model(
     delay: Annotated[
         str | None,
         typer.Option(
-            help="Delay [s] of the nominal model, or 'estimate'; default: none with --poles, else from the phase."
+            help=(
+                "Delay [s] of the nominal model, or 'estimate'; default: none with --poles, else"
+                " from the phase."
+            )
         ),
     ] = None,
     bandwidth: Annotated[
         float | None,
-        typer.Option(help="Crossover [Hz] of the loop for which fit and order are chosen; default: the whole band."),
+        typer.Option(
+            help=(
+                "Crossover [Hz] of the loop for which fit and order are chosen; default: the whole"
+                " band."
+            )
+        ),
     ] = None,
-    sample_time: Annotated[float, typer.Option(help="Sampling time [s] of a discrete model; 0 for continuous.")] = 0.0,
+    sample_time: Annotated[
+        float, typer.Option(help="Sampling time [s] of a discrete model; 0 for continuous.")
+    ] = 0.0,
     unstable: Annotated[bool, typer.Option("--unstable", help="Allow unstable poles.")] = False,
     form: Annotated[
         str | None,
         typer.Option(
-            help="multiplicative (default), additive, inverse-..., coprime; for a matrix elements, additive, input."
+            help=(
+                "multiplicative (default), additive, inverse-..., coprime; for a matrix elements,"
+                " additive, input."
+            )
         ),
     ] = None,
     order: Annotated[
@@ -178,32 +231,51 @@ def model(
     simultaneous: Annotated[
         bool, typer.Option("--simultaneous", help="This probability for all lines together.")
     ] = False,
-    no_even: Annotated[bool, typer.Option("--no-even", help="Leave out the even distortion.")] = False,
+    no_even: Annotated[
+        bool, typer.Option("--no-even", help="Leave out the even distortion.")
+    ] = False,
     systematic: Annotated[
-        float | None, typer.Option(help="Systematic part of the distortion [dB above the odd level].")
+        float | None,
+        typer.Option(help="Systematic part of the distortion [dB above the odd level]."),
     ] = None,
-    below: Annotated[str, typer.Option(help="Radius below the band: 'flat', or its slope [dB/decade].")] = "flat",
-    above: Annotated[str, typer.Option(help="Radius above the band: 'flat', or its slope [dB/decade].")] = "20",
+    below: Annotated[
+        str, typer.Option(help="Radius below the band: 'flat', or its slope [dB/decade].")
+    ] = "flat",
+    above: Annotated[
+        str, typer.Option(help="Radius above the band: 'flat', or its slope [dB/decade].")
+    ] = "20",
     perturbation: Annotated[
         str, typer.Option(help="Class of the perturbations: statistical, LTI or operator.")
     ] = "statistical",
     relative_std: Annotated[
-        float | None, typer.Option(help="For an FRF: standard deviation over |G|, from repeated sweeps.")
+        float | None,
+        typer.Option(help="For an FRF: standard deviation over |G|, from repeated sweeps."),
     ] = None,
     averages: Annotated[
         float | None,
-        typer.Option(help="For an FRF: number of independent averages behind the coherence, or of sweeps."),
+        typer.Option(
+            help="For an FRF: number of independent averages behind the coherence, or of sweeps."
+        ),
     ] = None,
-    channel: Annotated[str, typer.Option(help="Name of the FRF in a file with several, such as CH2.")] = "",
+    channel: Annotated[
+        str, typer.Option(help="Name of the FRF in a file with several, such as CH2.")
+    ] = "",
     columns: Annotated[
         str,
-        typer.Option(help="For an FRF: its columns, 'f=col1 [Hz], re=col2 [Ohm], im=-col3 [Ohm]', or mag=, phase=."),
+        typer.Option(
+            help=(
+                "For an FRF: its columns, 'f=col1 [Hz], re=col2 [Ohm], im=-col3 [Ohm]', or mag=,"
+                " phase=."
+            )
+        ),
     ] = "",
     picture: Picture = None,
 ) -> None:
     """Fit a nominal model to a measured BLA or FRF, and a weight to its uncertainty."""
     json_path(out)
-    blas = from_options.load_blas(bla, relative_std=relative_std, n_averages=averages, channel=channel, columns=columns)
+    blas = from_options.load_blas(
+        bla, relative_std=relative_std, n_averages=averages, channel=channel, columns=columns
+    )
     tau = delay if delay in (None, "estimate") else parse_number("delay", delay)
     with spinner("fitting the nominal model"):
         nominal, words = from_options.fit_nominal_model(
@@ -241,35 +313,57 @@ def model(
 
 @app.command()
 def design(
-    model: Annotated[Path, typer.Argument(help="Model from 'robust model'; for pid also a BLA from 'nlfrf identify'.")],
+    model: Annotated[
+        Path,
+        typer.Argument(help="Model from 'robust model'; for pid also a BLA from 'nlfrf identify'."),
+    ],
     out: Out,
     bandwidth: Annotated[
         float | None,
         typer.Option(
-            help="Wanted crossover [Hz] (ncfsyn; optional for pid), or bandwidth of S [Hz] (mixsyn). That of the loop "
-            "is printed beside it."
+            help=(
+                "Wanted crossover [Hz] (ncfsyn; optional for pid), or bandwidth of S [Hz] (mixsyn)."
+                " That of the loop "
+                "is printed beside it."
+            )
         ),
     ] = None,
     crossover_within: Annotated[
         float,
         typer.Option(
-            help="Largest factor between the wanted crossover and that of the loop: a limit (pid) or a warning "
-            "(ncfsyn). inf: any crossover above --bandwidth."
+            help=(
+                "Largest factor between the wanted crossover and that of the loop: a limit (pid) or"
+                " a warning "
+                "(ncfsyn). inf: any crossover above --bandwidth."
+            )
         ),
     ] = 2.0,
-    sample_time: Annotated[float, typer.Option(help="Sampling time [s] of the controller; 0 for continuous.")] = 0.0,
+    sample_time: Annotated[
+        float, typer.Option(help="Sampling time [s] of the controller; 0 for continuous.")
+    ] = 0.0,
     delay: Annotated[float, typer.Option(help="Computation delay [s] to design for.")] = 0.0,
-    factor: Annotated[float, typer.Option(help="gamma over the smallest possible gamma, above 1 (ncfsyn).")] = 1.1,
+    factor: Annotated[
+        float, typer.Option(help="gamma over the smallest possible gamma, above 1 (ncfsyn).")
+    ] = 1.1,
     method: Annotated[
         str,
-        typer.Option(help="ncfsyn: loop shaping; mixsyn: mixed sensitivity; pid: fixed structure from the FRF."),
+        typer.Option(
+            help=(
+                "ncfsyn: loop shaping; mixsyn: mixed sensitivity; pid: fixed structure from the"
+                " FRF."
+            )
+        ),
     ] = "ncfsyn",
-    structure: Annotated[str, typer.Option(help="P, I, PI, PD, PID, lead, lead-lag or order-n (pid).")] = "PID",
+    structure: Annotated[
+        str, typer.Option(help="P, I, PI, PD, PID, lead, lead-lag or order-n (pid).")
+    ] = "PID",
     positive_gains: Annotated[
-        bool, typer.Option("--positive", help="Keep Kp, Ki and Kd positive, as a PLC needs them (pid).")
+        bool,
+        typer.Option("--positive", help="Keep Kp, Ki and Kd positive, as a PLC needs them (pid)."),
     ] = False,
     filter_time: Annotated[
-        float | None, typer.Option(help="Time constant of the derivative filter [s]; default: chosen (pid).")
+        float | None,
+        typer.Option(help="Time constant of the derivative filter [s]; default: chosen (pid)."),
     ] = None,
     plant_integrators: Annotated[
         int | None, typer.Option(help="Integrators of the plant; default: read from the FRF (pid).")
@@ -279,10 +373,12 @@ def design(
     error: Annotated[float, typer.Option(help="|S| allowed at zero frequency (mixsyn).")] = 1e-2,
     json: Json = False,
 ) -> None:
-    """Design a controller by loop shaping (Glover & McFarlane), by mixed sensitivity, or with a fixed structure.
+    """Design a controller by loop shaping (Glover & McFarlane), by mixed sensitivity, or with a
+    fixed structure.
 
-    Exit code 0: every limit is met. Exit code 1: not every limit is met; the best controller is written. Exit code 3:
-    the FRF does not decide whether the loop is stable; the text names what would.
+    Exit code 0: every limit is met. Exit code 1: not every limit is met; the best controller is
+    written. Exit code 3: the FRF does not decide whether the loop is stable; the text names what
+    would.
     """
     json_path(out)
     method = method.lower()
@@ -301,7 +397,11 @@ def design(
             raise ValueError(f"--{option} must be given with --method pid, got it with {method}")
     result: robust.Design
     if method == "pid":
-        plant = models.load_model(model) if model.suffix.lower() == ".json" else from_options.load_blas([model])
+        plant = (
+            models.load_model(model)
+            if model.suffix.lower() == ".json"
+            else from_options.load_blas([model])
+        )
         omega_c = from_options.crossover_limits(plant, bandwidth, crossover_within)
         with spinner("designing"):
             result = robust.design_frf(
@@ -319,12 +419,18 @@ def design(
         words = f"{result.limits_in_words}; {result.reason}"
         words += f"\n{result.loop_in_words}" if result.loop_in_words else ""
         if not result.met and isinstance(omega_c, tuple):
-            words += "\na mode above the crossover may lift |L| above one: allow that with --crossover-within inf"
+            words += (
+                "\na mode above the crossover may lift |L| above one: allow that with"
+                " --crossover-within inf"
+            )
     else:
         with spinner("designing"):
-            plant, result = _synthesise(model, method, bandwidth, (peak, error, factor), dt=sample_time, delay=delay)
+            plant, result = _synthesise(
+                model, method, bandwidth, (peak, error, factor), dt=sample_time, delay=delay
+            )
         words = (
-            f"gamma {result.gamma:.3f}{'' if result.certified else ' (not certified)'}, at best {result.gamma_min:.3f}"
+            f"gamma {result.gamma:.3f}{'' if result.certified else ' (not certified)'}, at best"
+            f" {result.gamma_min:.3f}"
         )
         words += from_options.describe_bandwidth(
             plant, result.K, bandwidth, method, delay=delay, within=crossover_within
@@ -340,10 +446,15 @@ def design(
     say(f"controller of order {result.K.nstates}, {kind}: {words}{gains}")
     if method == "pid":
         advice = "" if structure == "I" else pid.advice_on_structure(result.K, plant.omega)
-        checked = _describe_limit_checks(plant, model, out, bandwidth, between=result.met and not result.n_lines)
+        checked = _describe_limit_checks(
+            plant, model, out, bandwidth, between=result.met and not result.n_lines
+        )
         say(f"{advice}\n{checked}".strip())
     if method == "ncfsyn" and result.gamma > 4:
-        say("gamma above 4: the plant does not allow this shape of the loop; choose another --bandwidth")
+        say(
+            "gamma above 4: the plant does not allow this shape of the loop; choose another"
+            " --bandwidth"
+        )
     short = method == "mixsyn" and result.gamma > 1
     if short:
         say("gamma above 1: demands and uncertainty cannot both be met; choose another --bandwidth")
@@ -355,47 +466,77 @@ def check(
     model: Annotated[Path, typer.Argument(help="Model from 'robust model'.")],
     controller: Annotated[list[Path], typer.Argument(help=f"Controllers: {_CONTROLLER_FILES}.")],
     delay: Delay = None,
-    bandwidth: Annotated[float | None, typer.Option(help="Performance: required bandwidth of S [Hz].")] = None,
+    bandwidth: Annotated[
+        float | None, typer.Option(help="Performance: required bandwidth of S [Hz].")
+    ] = None,
     peak: Annotated[
-        float, typer.Option(help="Largest |S| over the set without a warning; with --bandwidth it is required.")
+        float,
+        typer.Option(
+            help="Largest |S| over the set without a warning; with --bandwidth it is required."
+        ),
     ] = 2.0,
-    error: Annotated[float, typer.Option(help="Performance: largest |S| at zero frequency.")] = 1e-2,
-    no_certify: Annotated[bool, typer.Option("--no-certify", help="Check on a grid only, without proof.")] = False,
+    error: Annotated[
+        float, typer.Option(help="Performance: largest |S| at zero frequency.")
+    ] = 1e-2,
+    no_certify: Annotated[
+        bool, typer.Option("--no-certify", help="Check on a grid only, without proof.")
+    ] = False,
     proof: Annotated[
-        str, typer.Option(help="Proof of a single loop: exact, lmi (a matrix from cvxpy, verified exactly) or both.")
+        str,
+        typer.Option(
+            help=(
+                "Proof of a single loop: exact, lmi (a matrix from cvxpy, verified exactly) or"
+                " both."
+            )
+        ),
     ] = "exact",
     solver: Annotated[
-        str | None, typer.Option(help="CLARABEL or SCS, for --proof lmi and several channels; default: both.")
+        str | None,
+        typer.Option(help="CLARABEL or SCS, for --proof lmi and several channels; default: both."),
     ] = None,
     reference_step: StepHeight = None,
     disturbance: DisturbanceRms = None,
     noise: NoiseRms = None,
     up_to: NoiseBand = None,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Report to write (.txt), with its certificate beside it.")
+        Path | None,
+        typer.Option("--out", "-o", help="Report to write (.txt), with its certificate beside it."),
     ] = None,
     picture: Picture = None,
     json: Json = False,
 ) -> None:
-    """Check controllers against a model: nominal stability, the whole set, and a proof over all frequencies.
+    """Check controllers against a model: nominal stability, the whole set, and a proof over all
+    frequencies.
 
-    Exit code 0: every loop is proved stable with the whole set, and the demand, if there is one, is met. Exit code 1:
-    not so. A warning of thin margins, |S| above --peak over the set, does not change the exit code.
-    With several controllers each has its own files: report.txt becomes report-CONTROLLER.txt.
+    Exit code 0: every loop is proved stable with the whole set, and the demand, if there is one, is
+    met. Exit code 1: not so. A warning of thin margins, |S| above --peak over the set, does not
+    change the exit code. With several controllers each has its own files: report.txt becomes
+    report-CONTROLLER.txt.
     """
     _require_demand(bandwidth, error)
     if len({path.stem for path in controller}) < len(controller):
-        raise ValueError(f"controller must be files of different names, got {', '.join(map(str, controller))}")
+        raise ValueError(
+            f"controller must be files of different names, got {', '.join(map(str, controller))}"
+        )
     several = len(controller) > 1
-    files = {path: [_controller_file(path, one, several) for one in (out, picture)] for path in controller}
+    files = {
+        path: [_controller_file(path, one, several) for one in (out, picture)]
+        for path in controller
+    }
     require_writable(*(one for pair in files.values() for one in pair if one is not None))
-    require_writable(*(certificates.certificate_path(report) for report, _ in files.values() if report is not None))
-    plant, say, reports = models.load_model(model), printer(json), {}
-    w_P, signals = (
-        from_options.demand_weight(plant, bandwidth, peak, error),
-        from_options.signals_from_options(reference_step, disturbance, noise, up_to),
+    require_writable(
+        *(
+            certificates.certificate_path(report)
+            for report, _ in files.values()
+            if report is not None
+        )
     )
-    for path, (K, late) in zip(controller, from_options.load_loops(controller, delay, plant.origin.unit), strict=True):
+    plant, say, reports = models.load_model(model), printer(json), {}
+    w_P = from_options.demand_weight(plant, bandwidth, peak, error)
+    signals = from_options.signals_from_options(reference_step, disturbance, noise, up_to)
+    for path, (K, late) in zip(
+        controller, from_options.load_loops(controller, delay, plant.origin.unit), strict=True
+    ):
         with spinner("checking"):
             report = robust.check(
                 plant,
@@ -416,17 +557,27 @@ def check(
         if drawing is not None:
             write_pictures(drawing, from_options.check_pictures(plant, K, report))
         reports[str(path)] = report
-    good = all(r.proofs.robustly_stable and (r.proofs.robust_performance or w_P is None) for r in reports.values())
+    good = all(
+        r.proofs.robustly_stable and (r.proofs.robust_performance or w_P is None)
+        for r in reports.values()
+    )
     finish_command(reports, good, json)
 
 
 @app.command()
 def verify(
     file: Annotated[
-        Path, typer.Argument(help="Certificate from 'robust check' or 'robust prove' (.certificate.json).")
+        Path,
+        typer.Argument(
+            help="Certificate from 'robust check' or 'robust prove' (.certificate.json)."
+        ),
     ],
-    model: Annotated[Path | None, typer.Option(help="Model that must be the one in the certificate.")] = None,
-    controller: Annotated[Path | None, typer.Option(help="Controller that must be the one in the certificate.")] = None,
+    model: Annotated[
+        Path | None, typer.Option(help="Model that must be the one in the certificate.")
+    ] = None,
+    controller: Annotated[
+        Path | None, typer.Option(help="Controller that must be the one in the certificate.")
+    ] = None,
     seconds: Annotated[
         float, typer.Option(help="Processor time [s] after which the rest counts as not verified.")
     ] = 60.0,
@@ -445,47 +596,81 @@ def verify(
 def prove(
     machine: Annotated[
         list[Path],
-        typer.Argument(help="Model from 'robust model', or BLAs or records at three levels or more."),
+        typer.Argument(
+            help="Model from 'robust model', or BLAs or records at three levels or more."
+        ),
     ],
     controller: Annotated[Path, typer.Argument(help=f"Controller: {_CONTROLLER_FILES}.")],
     stiffness: Annotated[
-        float | None, typer.Option(help="Presliding stiffness of the friction [N/m]; default: read from the levels.")
+        float | None,
+        typer.Option(
+            help="Presliding stiffness of the friction [N/m]; default: read from the levels."
+        ),
     ] = None,
     nominal: Annotated[
-        Path | None, typer.Option(help="With BLAs: model of one level, for a machine that is flexible or has a delay.")
+        Path | None,
+        typer.Option(
+            help="With BLAs: model of one level, for a machine that is flexible or has a delay."
+        ),
     ] = None,
-    free: Annotated[bool, typer.Option("--free", help="With records: the machine has no spring to ground.")] = False,
+    free: Annotated[
+        bool, typer.Option("--free", help="With records: the machine has no spring to ground.")
+    ] = False,
     masses: Annotated[
-        int, typer.Option(help="2: with records, a motor and a load, which takes up to half a minute.")
+        int,
+        typer.Option(help="2: with records, a motor and a load, which takes up to half a minute."),
     ] = 1,
     stiction: Annotated[float, typer.Option(help="Largest over smallest force of a slider.")] = 1.5,
     delay: Delay = None,
     force: Annotated[
         float | None,
-        typer.Option(help="Largest friction force [N], for a bound of the hunting or a kick that destabilises."),
+        typer.Option(
+            help=(
+                "Largest friction force [N], for a bound of the hunting or a kick that"
+                " destabilises."
+            )
+        ),
     ] = None,
-    input: Annotated[str | None, typer.Option("--input", help="Name of the force in traces; default: u.")] = None,
-    output: Annotated[str | None, typer.Option("--output", help="Name of the position in traces; default: y.")] = None,
+    input: Annotated[
+        str | None, typer.Option("--input", help="Name of the force in traces; default: u.")
+    ] = None,
+    output: Annotated[
+        str | None, typer.Option("--output", help="Name of the position in traces; default: y.")
+    ] = None,
     reference: Reference = None,
     fs: SamplingFrequency = None,
     period: Period = None,
     discard: Discard = 0,
     resample: Resample = False,
     design: PlayedDesign = None,
-    hold: Annotated[str | None, typer.Option(help="Force between its samples: zoh or band-limited.")] = None,
+    hold: Annotated[
+        str | None, typer.Option(help="Force between its samples: zoh or band-limited.")
+    ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Result to write (.txt), with its certificates beside it.")
+        Path | None,
+        typer.Option(
+            "--out", "-o", help="Result to write (.txt), with its certificates beside it."
+        ),
     ] = None,
     json: Json = False,
 ) -> None:
-    """Prove that a machine comes to rest with every friction of a class, or find a friction with which it does not.
+    """Prove that a machine comes to rest with every friction of a class, or find a friction with
+    which it does not.
 
     Exit code 0: proved for every machine. Exit code 1: not proved.
     """
     if out is not None:
         require_writable(*(certificates.certificate_path(out, number) for number in range(2)))
     [(K, late)] = from_options.load_loops([controller], delay)
-    named = {"u": input, "y": output, "r": reference, "fs": fs, "n_samples": period, "design": design, "hold": hold}
+    named = {
+        "u": input,
+        "y": output,
+        "r": reference,
+        "fs": fs,
+        "n_samples": period,
+        "design": design,
+        "hold": hold,
+    }
     named |= {"n_discard": discard or None, "resample": resample or None}
     load = {name: option for name, option in named.items() if option is not None}
     given = to_prove.MachineFiles(
@@ -512,12 +697,17 @@ def prove(
 
 @app.command("prove-schedule")
 def prove_schedule(
-    bla: Annotated[list[Path], typer.Argument(help="BLAs of 'nlfrf identify', one at each operating point.")],
+    bla: Annotated[
+        list[Path], typer.Argument(help="BLAs of 'nlfrf identify', one at each operating point.")
+    ],
     controller: Annotated[
-        list[Path], typer.Option(help="Controller at each operating point in one realisation; or one for all.")
+        list[Path],
+        typer.Option(help="Controller at each operating point in one realisation; or one for all."),
     ],
     at: Annotated[str, typer.Option(help="Operating points, increasing: -0.2,0,0.2")],
-    rate: Annotated[float, typer.Option(help="Largest rate of the operating point, per second; inf: it jumps.")],
+    rate: Annotated[
+        float, typer.Option(help="Largest rate of the operating point, per second; inf: it jumps.")
+    ],
     poles: Annotated[int, typer.Option(help="Number of poles at each operating point.")],
     degree: Annotated[int, typer.Option(help="Degree of the polynomials of the plant.")] = 2,
     form: Annotated[
@@ -529,21 +719,37 @@ def prove_schedule(
     over: Annotated[str, typer.Option(help="Name of the operating point.")] = "position",
     unit: Annotated[str, typer.Option(help="Its unit.")] = "m",
     delay: Delay = None,
-    limit: Annotated[bool, typer.Option(help="Search the largest provable rate, and one that breaks it.")] = True,
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="Certificate to write (.json).")] = None,
+    limit: Annotated[
+        bool, typer.Option(help="Search the largest provable rate, and one that breaks it.")
+    ] = True,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Certificate to write (.json).")
+    ] = None,
     json: Json = False,
 ) -> None:
-    """Prove that a scheduled loop stays stable while its operating point moves; exit code 0 where it is proved."""
+    """Prove that a scheduled loop stays stable while its operating point moves; exit code 0 where
+    it is proved.
+    """
     points = [parse_number("--at", part) for part in at.split(",")]
     loops = from_options.load_loops(controller, delay)
     dt, late = float(loops[0][0].dt or 0.0), loops[0][1]
-    named: dict[str, Any] = {"at": points, "over": over, "unit": unit} | ({} if form is None else {"form": form})
+    named: dict[str, Any] = {"at": points, "over": over, "unit": unit} | (
+        {} if form is None else {"form": form}
+    )
     blas = [models.load_bla(path) for path in bla]
     with spinner("fitting"):
-        plant = robust.models.interpolate(blas, n_poles=poles, degree=degree, dt=dt, order=order, **named)
-    K = loops[0][0] if len(loops) == 1 else robust.models.LpvModel.from_points([K for K, _ in loops], **named)
+        plant = robust.models.interpolate(
+            blas, n_poles=poles, degree=degree, dt=dt, order=order, **named
+        )
+    K = (
+        loops[0][0]
+        if len(loops) == 1
+        else robust.models.LpvModel.from_points([K for K, _ in loops], **named)
+    )
     with spinner("proving"):
-        proof = robust.prove_schedule(plant, K, rate=rate, delay=late, gain=gain, level=level, limit=limit)
+        proof = robust.prove_schedule(
+            plant, K, rate=rate, delay=late, gain=gain, level=level, limit=limit
+        )
     printer(json)(f"{plant}\n{proof}")
     if out is not None and proof.holds:
         robust.save(proof, out)
@@ -555,20 +761,27 @@ def design_learning(
     model: Annotated[Path, typer.Argument(help="Model from 'robust model'.")],
     controller: Annotated[Path, typer.Argument(help="Sampled controller that stays in the loop.")],
     out: Out,
-    factor: Annotated[float, typer.Option(help="Largest factor per trial, for every plant of the set.")] = 0.8,
+    factor: Annotated[
+        float, typer.Option(help="Largest factor per trial, for every plant of the set.")
+    ] = 0.8,
     cutoff: Annotated[
-        float | None, typer.Option(help="Cut-off of Q [Hz]; default: the highest in the band with this factor.")
+        float | None,
+        typer.Option(help="Cut-off of Q [Hz]; default: the highest in the band with this factor."),
     ] = None,
     limit: Annotated[float, typer.Option(help="Largest learned |u|, in the unit of u.")] = np.inf,
     delay: Delay = None,
     picture: Picture = None,
 ) -> None:
-    """Design a learning filter for a loop with repeated trials (the word design may be left out)."""
+    """Design a learning filter for a loop with repeated trials (the word design may be left
+    out).
+    """
     plant = models.load_model(model)
     [(K, late)] = from_options.load_loops([controller], delay, plant.origin.unit)
     omega_Q = None if cutoff is None else 2 * np.pi * require_positive("--cutoff", cutoff)
     with spinner("designing and proving"):
-        learning = robust.design_learning(plant, K, factor=factor, omega_Q=omega_Q, delay=late, u_max=limit)
+        learning = robust.design_learning(
+            plant, K, factor=factor, omega_Q=omega_Q, delay=late, u_max=limit
+        )
     print(learning)
     robust.save(learning, out)
     if picture is not None:
@@ -582,9 +795,13 @@ def step_learning(
     learning: Annotated[Path, typer.Argument(help="Filter from 'robust learn'.")],
     u: Annotated[Path, typer.Argument(help="Added input of the trial: the last column of a .csv.")],
     e: Annotated[Path, typer.Argument(help="Error r - y of the trial: the last column of a .csv.")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="File for the input of the next trial (.csv).")],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="File for the input of the next trial (.csv).")
+    ],
 ) -> None:
-    """Compute the input of the next trial from input and error of the last trial, sampled like the controller."""
+    """Compute the input of the next trial from input and error of the last trial, sampled like the
+    controller.
+    """
     filters = learnings.load_learning(learning)
     found = filters.update(from_options.read_last_column(u), from_options.read_last_column(e))
     rows = [f"{k * filters.dt:.12g},{sample!r}" for k, sample in enumerate(found.tolist())]
@@ -594,16 +811,22 @@ def step_learning(
 
 @app.command()
 def orders(
-    bla: Annotated[list[Path], typer.Argument(help="BLA from 'nlfrf identify'; several make a plant family.")],
+    bla: Annotated[
+        list[Path], typer.Argument(help="BLA from 'nlfrf identify'; several make a plant family.")
+    ],
     most: Annotated[int, typer.Option(help="Largest number of poles to try.")] = 8,
     relative_degree: Annotated[
         int | None, typer.Option(help="Poles minus zeros; default: 1, or a likelier number.")
     ] = None,
-    delay: Annotated[str, typer.Option(help="Delay [s], 'estimate', or 'auto': if the phase shows one.")] = "auto",
+    delay: Annotated[
+        str, typer.Option(help="Delay [s], 'estimate', or 'auto': if the phase shows one.")
+    ] = "auto",
     bandwidth: Annotated[
         float | None, typer.Option(help="Crossover [Hz] of the loop for which the order is chosen.")
     ] = None,
-    sample_time: Annotated[float, typer.Option(help="Sampling time [s] of discrete models; 0 for continuous.")] = 0.0,
+    sample_time: Annotated[
+        float, typer.Option(help="Sampling time [s] of discrete models; 0 for continuous.")
+    ] = 0.0,
     picture: Picture = None,
 ) -> None:
     """Fit nominal models of growing order, and choose the one that a loop or the data need."""
@@ -614,7 +837,9 @@ def orders(
             relative_degree=relative_degree,
             delay=delay if delay in ("estimate", "auto") else parse_number("delay", delay),
             dt=sample_time,
-            omega_c=None if bandwidth is None else 2 * np.pi * require_positive("bandwidth", bandwidth),
+            omega_c=(
+                None if bandwidth is None else 2 * np.pi * require_positive("bandwidth", bandwidth)
+            ),
         )
     print(scan)
     if picture is not None:
@@ -628,7 +853,10 @@ def export(
     file: Annotated[
         Path,
         typer.Argument(
-            help="Model, controller or certificate from 'robust check --proof lmi' (.json), or a PID (.toml)."
+            help=(
+                "Model, controller or certificate from 'robust check --proof lmi' (.json), or a PID"
+                " (.toml)."
+            )
         ),
     ],
     out: Annotated[
@@ -636,27 +864,40 @@ def export(
         typer.Option(
             "--out",
             "-o",
-            help="File to write: .mat (with a loader .m), .py (python-control), .csv (sections), .h (C), .st (PLC).",
+            help=(
+                "File to write: .mat (with a loader .m), .py (python-control), .csv (sections), .h"
+                " (C), .st (PLC)."
+            ),
         ),
     ],
     dtype: Annotated[
-        str | None, typer.Option(help="Code: float32 (default in C) or float64 (default in structured text).")
+        str | None,
+        typer.Option(help="Code: float32 (default in C) or float64 (default in structured text)."),
     ] = None,
     limit: Annotated[
-        list[float] | None, typer.Option(help="Code: largest |u|; given twice: smallest and largest u.")
+        list[float] | None,
+        typer.Option(help="Code: largest |u|; given twice: smallest and largest u."),
     ] = None,
     rounded: Annotated[
         Path | None,
-        typer.Option(help="Code: file for the controller with rounded coefficients, to check it again (.json)."),
+        typer.Option(
+            help=(
+                "Code: file for the controller with rounded coefficients, to check it again"
+                " (.json)."
+            )
+        ),
     ] = None,
 ) -> None:
-    """Write a model or controller for MATLAB (.mat), a model for python-control (.py), or a controller as code.
+    """Write a model or controller for MATLAB (.mat), a model for python-control (.py), or a
+    controller as code.
 
     Code of a sampled controller is C (.h), structured text (.st), or second-order sections (.csv).
     """
     is_code = out.suffix in (".h", ".st")
     if not is_code and (dtype or limit or rounded):
-        raise ValueError(f"--dtype, --limit and --rounded must be left out except for .h and .st, got {out}")
+        raise ValueError(
+            f"--dtype, --limit and --rounded must be left out except for .h and .st, got {out}"
+        )
     if is_code:
         K, late, unit = from_options.load_controller(file)
         write = robust.io.export_c if out.suffix == ".h" else robust.io.export_structured_text
@@ -668,7 +909,13 @@ def export(
             models.save_controller(code.K, rounded, delay=late, unit=unit)
         print(code)
     elif out.suffix == ".mat":
-        require_file_of(file, "robust-model", "robust-matrix-model", "robust-controller", "robust-mu-certificate")
+        require_file_of(
+            file,
+            "robust-model",
+            "robust-matrix-model",
+            "robust-controller",
+            "robust-mu-certificate",
+        )
         robust.io.export_matlab(robust.load(file), out)
     elif out.suffix == ".py":
         robust.io.export_python(models.load_model(file), out)
@@ -676,7 +923,8 @@ def export(
         sections = robust.io.controller_sections(from_options.load_controller(file)[0])
         if isinstance(sections, tuple):
             raise ValueError(
-                f"file must be a controller with one input and output for .csv, got {len(sections)} channels in {file}"
+                f"file must be a controller with one input and output for .csv, got {len(sections)}"
+                f" channels in {file}"
             )
         rows = [",".join(map(repr, row)) for row in sections.tolist()]
         write_text(out, "\n".join(["b0,b1,b2,a0,a1,a2", *rows]) + "\n")
@@ -693,16 +941,21 @@ def reduce(
         int | None, typer.Option(help="Order to reach; default: the lowest that keeps all proofs.")
     ] = None,
     delay: Delay = None,
-    bandwidth: Annotated[float | None, typer.Option(help="Performance: required bandwidth of S [Hz].")] = None,
+    bandwidth: Annotated[
+        float | None, typer.Option(help="Performance: required bandwidth of S [Hz].")
+    ] = None,
     peak: Annotated[float, typer.Option(help="Performance: largest allowed |S|.")] = 2.0,
-    error: Annotated[float, typer.Option(help="Performance: largest |S| at zero frequency.")] = 1e-2,
+    error: Annotated[
+        float, typer.Option(help="Performance: largest |S| at zero frequency.")
+    ] = 1e-2,
     candidates: Annotated[int, typer.Option(help="Number of reduced controllers to try.")] = 300,
     json: Json = False,
 ) -> None:
-    """Lower the order of a controller as far as the check still proves everything that it proved before.
+    """Lower the order of a controller as far as the check still proves everything that it proved
+    before.
 
-    Exit code 0: all proofs are kept. If no lower order keeps them, the controller is written unchanged. Exit code 1:
-    --order loses a proof; the controller is written.
+    Exit code 0: all proofs are kept. If no lower order keeps them, the controller is written
+    unchanged. Exit code 1: --order loses a proof; the controller is written.
     """
     json_path(out)
     _require_demand(bandwidth, error)
@@ -710,7 +963,9 @@ def reduce(
     [(K, late)] = from_options.load_loops([controller], delay, plant.origin.unit)
     w_P = from_options.demand_weight(plant, bandwidth, peak, error)
     with spinner("reducing"):
-        result = robust.reduce_controller(K, plant, w_P, order=order, delay=late, max_candidates=candidates)
+        result = robust.reduce_controller(
+            K, plant, w_P, order=order, delay=late, max_candidates=candidates
+        )
     robust.save(result.K, out, delay=late or None, unit=plant.origin.unit)
     printer(json)(result)
     finish_command(result, result.kept, json)
@@ -723,39 +978,68 @@ def report(
     out: Annotated[Path, typer.Option("--out", "-o", help="Report to write (.html).")],
     bla: Annotated[
         list[Path] | None,
-        typer.Option("--bla", help="BLA behind the model; may be repeated. Default: identified from the record."),
+        typer.Option(
+            "--bla",
+            help="BLA behind the model; may be repeated. Default: identified from the record.",
+        ),
     ] = None,
-    record: Annotated[list[Path] | None, typer.Option("--record", help="Measured record; may be repeated.")] = None,
+    record: Annotated[
+        list[Path] | None, typer.Option("--record", help="Measured record; may be repeated.")
+    ] = None,
     input: Annotated[
-        str | None, typer.Option("--input", help="Name of the input in the record; default: that of the model.")
+        str | None,
+        typer.Option(
+            "--input", help="Name of the input in the record; default: that of the model."
+        ),
     ] = None,
     output: Annotated[
-        str | None, typer.Option("--output", help="Name of the output in the record; default: that of the model.")
+        str | None,
+        typer.Option(
+            "--output", help="Name of the output in the record; default: that of the model."
+        ),
     ] = None,
     reference: Annotated[
-        list[str] | None, typer.Option(help="Name of the reference in the record; may be repeated, one for each input.")
+        list[str] | None,
+        typer.Option(
+            help="Name of the reference in the record; may be repeated, one for each input."
+        ),
     ] = None,
     fs: Annotated[
-        float | None, typer.Option(help="Sampling frequency of the record [Hz]; default: from the file.")
+        float | None,
+        typer.Option(help="Sampling frequency of the record [Hz]; default: from the file."),
     ] = None,
     period: Annotated[
-        int | None, typer.Option(help="Samples in one period of the record; default: found in the input.")
+        int | None,
+        typer.Option(help="Samples in one period of the record; default: found in the input."),
     ] = None,
-    discard: Annotated[int, typer.Option(help="Periods to leave out at the start of the record.")] = 0,
+    discard: Annotated[
+        int, typer.Option(help="Periods to leave out at the start of the record.")
+    ] = 0,
     resample: Resample = False,
     delay: Delay = None,
-    bandwidth: Annotated[float | None, typer.Option(help="Performance: required bandwidth of S [Hz].")] = None,
+    bandwidth: Annotated[
+        float | None, typer.Option(help="Performance: required bandwidth of S [Hz].")
+    ] = None,
     peak: Annotated[float, typer.Option(help="Performance: largest allowed |S|.")] = 2.0,
-    error: Annotated[float, typer.Option(help="Performance: largest |S| at zero frequency.")] = 1e-2,
+    error: Annotated[
+        float, typer.Option(help="Performance: largest |S| at zero frequency.")
+    ] = 1e-2,
     stiffness: Annotated[
         float | None,
-        typer.Option(help="Presliding stiffness of the friction [N/m], for a proof with friction beside the check."),
+        typer.Option(
+            help=(
+                "Presliding stiffness of the friction [N/m], for a proof with friction beside the"
+                " check."
+            )
+        ),
     ] = None,
     stiction: Annotated[
-        float, typer.Option(help="Largest over smallest force of a slider, for the proof with friction.")
+        float,
+        typer.Option(help="Largest over smallest force of a slider, for the proof with friction."),
     ] = 1.5,
     force: Annotated[
-        float | None, typer.Option(help="Largest friction force [N], for a kick after which the loop runs away.")
+        float | None,
+        typer.Option(help="Largest friction force [N], for a kick after which the loop runs away."),
     ] = None,
     reference_step: StepHeight = None,
     disturbance: DisturbanceRms = None,
@@ -766,8 +1050,8 @@ def report(
 ) -> None:
     """Write a whole run as one HTML file: record, BLA, model, controller, check and proof.
 
-    Exit code 0: the loop is proved stable with the whole set, and the demand and the proof with friction, if there are
-    any, hold. Exit code 1: not so; the page is written.
+    Exit code 0: the loop is proved stable with the whole set, and the demand and the proof with
+    friction, if there are any, hold. Exit code 1: not so; the page is written.
     """
     _require_demand(bandwidth, error)
     plant = models.load_model(model)
@@ -787,7 +1071,9 @@ def report(
     proof = None
     if stiffness is not None:
         basis = to_prove.read_basis(
-            to_prove.MachineFiles(files=(model,), controller=controller, stiffness=stiffness, stiction=stiction)
+            to_prove.MachineFiles(
+                files=(model,), controller=controller, stiffness=stiffness, stiction=stiction
+            )
         )
         proof = prover.prove_all(basis.machines, K, basis.friction, delay=late, Fs=force)[0]
     with spinner("checking and drawing"):
@@ -810,23 +1096,35 @@ def report(
     if proof is not None:
         print(f"friction: {proof.verdict}")
     good = result.proofs.robustly_stable and (result.proofs.robust_performance or w_P is None)
-    finish_command(result, good and (proof is None or proof.verdict is FrictionVerdict.PROVED), json=False)
+    finish_command(
+        result, good and (proof is None or proof.verdict is FrictionVerdict.PROVED), json=False
+    )
 
 
 @app.command()
 def shape(
-    model: Annotated[list[Path], typer.Argument(help="Model from 'robust model'; several are shown together.")],
+    model: Annotated[
+        list[Path], typer.Argument(help="Model from 'robust model'; several are shown together.")
+    ],
     out: Annotated[Path, typer.Option("--out", "-o", help="Page to write (.html).")],
     controller: Annotated[
         Path | None, typer.Option(help="Controller at the start; default: made for the plant.")
     ] = None,
-    sample_time: Annotated[float, typer.Option(help="Sampling time [s] of the controller; 0 for continuous.")] = 0.0,
+    sample_time: Annotated[
+        float, typer.Option(help="Sampling time [s] of the controller; 0 for continuous.")
+    ] = 0.0,
     delay: Delay = None,
-    bandwidth: Annotated[float | None, typer.Option(help="Performance: required bandwidth of S [Hz].")] = None,
+    bandwidth: Annotated[
+        float | None, typer.Option(help="Performance: required bandwidth of S [Hz].")
+    ] = None,
     peak: Annotated[float, typer.Option(help="Performance: largest allowed |S|.")] = 2.0,
-    error: Annotated[float, typer.Option(help="Performance: largest |S| at zero frequency.")] = 1e-2,
+    error: Annotated[
+        float, typer.Option(help="Performance: largest |S| at zero frequency.")
+    ] = 1e-2,
 ) -> None:
-    """Write a page to shape a loop by hand in any browser; it needs no server and proves nothing."""
+    """Write a page to shape a loop by hand in any browser; it needs no server and proves
+    nothing.
+    """
     _require_demand(bandwidth, error)
     models, K, late = [from_options.load_single_model(path) for path in model], None, delay or 0.0
     if controller is not None:
@@ -846,16 +1144,21 @@ def _synthesise(
     dt: float,
     delay: float,
 ) -> tuple[robust.UncertaintyModel, robust.Design]:
-    """Return the model in a file and its H-infinity controller; the demands are peak, error and factor."""
+    """Return the model in a file and its H-infinity controller; the demands are peak, error and
+    factor.
+    """
     if bandwidth is None:
         raise ValueError(f"--bandwidth must be given [Hz] for {method}")
     plant, (peak, error, factor) = models.load_model(model), demands
     if delay and not plant.is_single and plant.nominal.dt:
         raise ValueError(
-            f"--delay must be left out for several channels, got {delay:g} s: give it to robust model --delay"
+            f"--delay must be left out for several channels, got {delay:g} s: give it to robust"
+            " model --delay"
         )
     if plant.measured_only:
-        raise ValueError(f"model must have a parametric nominal for a design, got {model} with a measured FRF")
+        raise ValueError(
+            f"model must have a parametric nominal for a design, got {model} with a measured FRF"
+        )
     if method == "mixsyn":
         w_P = robust.performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
         found = robust.mixsyn(plant, w_P, dt=dt, delay=delay)
@@ -863,8 +1166,14 @@ def _synthesise(
         G = plant.nominal
         if dt and G.dt and abs(dt / G.dt - 1) > 1e-9:
             raise ValueError(f"--sample-time must be that of the model, {G.dt:g} s, got {dt:g} s")
-        G = robust.sampled(G, dt, delay) if dt and not G.dt else sampling.delayed(G, delay, order=_PADE_ORDER)
-        found = robust.ncfsyn(G, robust.shaping.crossover_weight(G, 2 * np.pi * bandwidth), factor=factor)
+        G = (
+            robust.sampled(G, dt, delay)
+            if dt and not G.dt
+            else sampling.delayed(G, delay, order=_PADE_ORDER)
+        )
+        found = robust.ncfsyn(
+            G, robust.shaping.crossover_weight(G, 2 * np.pi * bandwidth), factor=factor
+        )
     if not found.met:
         raise ValueError(f"model must allow a controller, got none: {found.reason}")
     return plant, found
@@ -876,31 +1185,42 @@ def _controller_file(controller: Path, out: Path | None, several: bool) -> Path 
 
 
 def _describe_limit_checks(
-    plant: nlfrf.Bla | robust.UncertaintyModel, model: Path, out: Path, bandwidth: float | None, *, between: bool
+    plant: nlfrf.Bla | robust.UncertaintyModel,
+    model: Path,
+    out: Path,
+    bandwidth: float | None,
+    *,
+    between: bool,
 ) -> str:
-    """Return text on the place where the limits of a design were tried, and the command that proves more.
+    """Return text on the place where the limits of a design were tried, and the command that proves
+    more.
 
-    A check uses the weight of a model, which covers every line and also holds outside the band. A limit that holds on
-    the lines may fail there.
+    A check uses the weight of a model, which covers every line and also holds outside the band. A
+    limit that holds on the lines may fail there.
     """
     model_file, controller = shlex.quote(str(model)), shlex.quote(str(out))
     if not isinstance(plant, nlfrf.Bla) and not plant.measured_only:
         return (
-            f"limits tried: on a grid, for every plant within the weight of {model}; a grid proves nothing\n"
-            f"prove it:    robust check {model_file} {controller}"
+            f"limits tried: on a grid, for every plant within the weight of {model}; a grid proves"
+            f" nothing\nprove it:    robust check {model_file} {controller}"
         )
     first, last = plant.omega[[0, -1]] / (2 * np.pi)
     where = "lines and along the arcs between them" if between else "lines only"
-    tried = f"limits tried: on the {plant.omega.size} measured {where}, {first:.4g} to {last:.4g} Hz"
+    tried = (
+        f"limits tried: on the {plant.omega.size} measured {where}, {first:.4g} to {last:.4g} Hz"
+    )
     if isinstance(plant, nlfrf.Bla):
         made = shlex.quote(f"{model.stem}-model.json")
         return (
-            f"{tried}, each with its bound at 95 %; below and above nothing was measured. A model has a weight that "
-            "covers these bounds, so it may fail although the lines pass\n"
-            f"prove it:    robust model {model_file}{f' --bandwidth {bandwidth:g}' if bandwidth else ''} -o {made}; "
-            f"robust check {made} {controller}"
+            f"{tried}, each with its bound at 95 %; below and above nothing was measured. A model"
+            " has a weight that covers these bounds, so it may fail although the lines pass\nprove"
+            f" it:    robust model {model_file}{f' --bandwidth {bandwidth:g}' if bandwidth else ''}"
+            f" -o {made}; robust check {made} {controller}"
         )
-    return f"{tried}, with the weight of {model} there\nprove it:    robust check {model_file} {controller}"
+    return (
+        f"{tried}, with the weight of {model} there\nprove it:    robust check {model_file}"
+        f" {controller}"
+    )
 
 
 def _require_demand(bandwidth: float | None, error: float) -> None:

@@ -10,30 +10,38 @@ from hypothesis import settings
 
 from benchmarks.readers_here import readers_in_this_process
 
-# How long a case takes says something of the machine only. The same cases in every run of the tests: what fails was
-# changed since the last one. `make attack` draws others each time.
+# How long a case takes says something of the machine only. The same cases in every run of the
+# tests: what fails was changed since the last one. `make attack` draws others each time.
 settings.register_profile("repeatable", deadline=None, derandomize=True)
 settings.register_profile("searching", deadline=None)
 settings.load_profile("repeatable")
 
 
-#: What `make test` leaves out, by the option that runs it: long statistics; examples of one path more, and the pages.
+# : What `make test` leaves out, by the option that runs it: long statistics; examples of one path
+# more, and the pages.
 LATER = ("attack", "docs")
 
 
 def pytest_addoption(parser):
     for name in LATER:
-        parser.addoption(f"--{name}", action="store_true", help=f"run only what `make test` leaves to `make {name}`")
+        parser.addoption(
+            f"--{name}",
+            action="store_true",
+            help=f"run only what `make test` leaves to `make {name}`",
+        )
 
 
 def left_to(item, number):
-    """Return what runs the case of this number of its test: "attack", "docs", or "" where `make test` does.
+    """Return what runs the case of this number of its test: "attack", "docs", or "" where `make
+    test` does.
 
     Of a test with every=3 it is the first case of every three.
     """
     for name in LATER:
         mark = item.get_closest_marker(name)
-        if mark is not None and (number % mark.kwargs["every"] != 0 if "every" in mark.kwargs else True):
+        if mark is not None and (
+            number % mark.kwargs["every"] != 0 if "every" in mark.kwargs else True
+        ):
             return name
     return ""
 
@@ -77,13 +85,17 @@ def measured():
     """The folder of measured records: NLFRF_DATA, else ../shared/data beside the checkout."""
     folder = Path(os.environ.get("NLFRF_DATA", Path(__file__).parents[2] / "shared" / "data"))
     if not (folder / "motor_bench").is_dir():
-        pytest.skip(f"no measured records in {folder}; set NLFRF_DATA to the folder that holds motor_bench")
+        pytest.skip(
+            f"no measured records in {folder}; set NLFRF_DATA to the folder that holds motor_bench"
+        )
     return folder
 
 
 @pytest.fixture(autouse=True)
 def read_here(request):
-    """Files of foreign libraries are read in this process, but where a test is of the process that they have."""
+    """Files of foreign libraries are read in this process, but where a test is of the process that
+    they have.
+    """
     if request.node.get_closest_marker("own_process") is not None:
         yield
         return

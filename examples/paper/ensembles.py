@@ -1,8 +1,10 @@
-"""The paper's experiments on its rig, its equations as functions of an ensemble, and its findings in numbers.
+"""The paper's experiments on its rig, its equations as functions of an ensemble, and its findings
+in numbers.
 
-"The impact of nonlinear friction on FRF measurements": a mass on a spring with Leuven friction, excited by
-random-phase multisines on odd, odd-odd and special-odd grids, at a level that stays in presliding (1), one ten
-times smaller (2) and one ten times larger (3), 100 realisations each. `reproduce.py` runs and draws them.
+"The impact of nonlinear friction on FRF measurements": a mass on a spring with Leuven friction,
+excited by random-phase multisines on odd, odd-odd and special-odd grids, at a level that stays in
+presliding (1), one ten times smaller (2) and one ten times larger (3), 100 realisations each.
+`reproduce.py` runs and draws them.
 """
 
 from __future__ import annotations
@@ -21,8 +23,14 @@ LEVELS = {1: 0.25, 2: 0.025, 3: 2.5}
 #: The paper's grids, and the one it recommends looking at.
 GRIDS = ("odd", "odd-odd", "special-odd", "random-odd")
 F0, FS = 0.25, 4096.0
-#: First and last line of the band: 5, 7, ..., 573 for the odd grid, from 9 on for the two that leave lines out.
-_BAND_LINES = {"odd": (5, 573), "odd-odd": (9, 573), "special-odd": (9, 573), "random-odd": (5, 573)}
+# : First and last line of the band: 5, 7, ..., 573 for the odd grid, from 9 on for the two that
+# leave lines out.
+_BAND_LINES = {
+    "odd": (5, 573),
+    "odd-odd": (9, 573),
+    "special-odd": (9, 573),
+    "random-odd": (5, 573),
+}
 #: Half width [Hz] of what is called "at the resonance".
 _RESONANCE_HALF_WIDTH = 3.0
 
@@ -38,7 +46,8 @@ class Ensemble:
     f0 : float
         Resolution [Hz].
     U, Y : (M, L) complex ndarray
-        Amplitudes of the cosines of input [N] and output [m] on lines 0 to L - 1, averaged over periods.
+        Amplitudes of the cosines of input [N] and output [m] on lines 0 to L - 1, averaged over
+        periods.
     """
 
     lines: LineGrid
@@ -58,14 +67,20 @@ Ensembles = dict[tuple[int, str], Ensemble]
 def ensemble_spectra(record: nlfrf.Record) -> Ensemble:
     """Return the spectra of a record, up to its last excited line."""
     last = record.lines.excited[-1] + 1
-    U, Y = (np.fft.rfft(s.mean(axis=1), axis=1)[:, :last] * (2 / record.n_samples) for s in (record.u, record.y))
+    U, Y = (
+        np.fft.rfft(s.mean(axis=1), axis=1)[:, :last] * (2 / record.n_samples)
+        for s in (record.u, record.y)
+    )
     return Ensemble(lines=record.lines, f0=record.f0, U=U, Y=Y)
 
 
 def paper_multisine(
     kind: str, level: int, *, n_realizations: int, rng: np.random.Generator | int | None = None
 ) -> nlfrf.Multisine:
-    """Return the paper's excitation: 4 s periods, lines up to 573 at 0.25 Hz, the same rms on every grid."""
+    """Return the paper's excitation:
+
+    4 s periods, lines up to 573 at 0.25 Hz, the same rms on every grid.
+    """
     first, last = _BAND_LINES[kind]
     return nlfrf.multisine(
         kind,
@@ -80,7 +95,10 @@ def paper_multisine(
 
 
 def output_linear(e: Ensemble) -> np.ndarray:
-    """Return the (F,) output that is linear in the input, equation (7): E[Y U*] / |U| on the excited lines."""
+    """Return the (F,) output that is linear in the input, equation (7):
+
+    E[Y U*] / |U| on the excited lines.
+    """
     u, y = e.U[:, e.lines.excited], e.Y[:, e.lines.excited]
     return np.asarray(np.mean(y * u.conj(), axis=0) / np.sqrt(np.mean(np.abs(u) ** 2, axis=0)))
 
@@ -88,7 +106,9 @@ def output_linear(e: Ensemble) -> np.ndarray:
 def output_stochastic(e: Ensemble) -> np.ndarray:
     """Return the (F,) stochastic distortion on the excited lines, equation (8): std(Y U*) / |U|."""
     u, y = e.U[:, e.lines.excited], e.Y[:, e.lines.excited]
-    return np.asarray(np.std(y * u.conj(), axis=0, ddof=1) / np.sqrt(np.mean(np.abs(u) ** 2, axis=0)))
+    return np.asarray(
+        np.std(y * u.conj(), axis=0, ddof=1) / np.sqrt(np.mean(np.abs(u) ** 2, axis=0))
+    )
 
 
 def output_rms(e: Ensemble, lines: np.ndarray) -> np.ndarray:
@@ -107,13 +127,19 @@ def frf(e: Ensemble) -> tuple[np.ndarray, np.ndarray]:
 
 
 def find_resonance(e: Ensemble) -> float:
-    """Find where |G| is largest [Hz]: the vertex of a parabola through the lines within 3 Hz of the largest one."""
+    """Find where |G| is largest [Hz]: the vertex of a parabola through the lines within 3 Hz of the
+    largest one.
+    """
     G, _ = frf(e)
     f = e.lines.excited * e.f0
     peak = f[np.argmax(np.abs(G))]
     near = np.abs(f - peak) <= _RESONANCE_HALF_WIDTH
     a, b, _ = np.polyfit(f[near] - peak, np.abs(G[near]) / np.abs(G).max(), 2)
-    return float(peak - np.clip(b / (2 * a), -_RESONANCE_HALF_WIDTH, _RESONANCE_HALF_WIDTH)) if a < 0 else float(peak)
+    return (
+        float(peak - np.clip(b / (2 * a), -_RESONANCE_HALF_WIDTH, _RESONANCE_HALF_WIDTH))
+        if a < 0
+        else float(peak)
+    )
 
 
 def is_near_resonance(e: Ensemble, lines: np.ndarray) -> np.ndarray:
@@ -122,14 +148,20 @@ def is_near_resonance(e: Ensemble, lines: np.ndarray) -> np.ndarray:
 
 
 def underestimation_db(e: Ensemble) -> float:
-    """Return the stochastic distortion on excited lines over the rms of odd detection lines, at the resonance [dB]."""
+    """Return the stochastic distortion on excited lines over the rms of odd detection lines, at the
+    resonance [dB].
+    """
     excited = output_stochastic(e)[is_near_resonance(e, e.lines.excited)]
     odd = output_rms(e, e.lines.odd)[is_near_resonance(e, e.lines.odd)]
     return float(power_db(np.mean(excited**2) / np.mean(odd**2)))
 
 
-def bootstrap_sigma(e: Ensemble, quantity: Callable[[Ensemble], float], *, n_draws: int = 200) -> float:
-    """Return the standard deviation of a quantity of the ensemble, over draws of realisations with replacement."""
+def bootstrap_sigma(
+    e: Ensemble, quantity: Callable[[Ensemble], float], *, n_draws: int = 200
+) -> float:
+    """Return the standard deviation of a quantity of the ensemble, over draws of realisations with
+    replacement.
+    """
     rng = np.random.default_rng(0)
     drawn = []
     for _ in range(n_draws):
@@ -139,8 +171,12 @@ def bootstrap_sigma(e: Ensemble, quantity: Callable[[Ensemble], float], *, n_dra
 
 
 def normalised_difference(a: Ensemble, b: Ensemble) -> float:
-    """Return the mean over common lines of |G_a - G_b|^2 over its variance: one where the two are the same BLA."""
-    common, i, j = np.intersect1d(a.lines.excited, b.lines.excited, assume_unique=True, return_indices=True)
+    """Return the mean over common lines of |G_a - G_b|^2 over its variance: one where the two are
+    the same BLA.
+    """
+    common, i, j = np.intersect1d(
+        a.lines.excited, b.lines.excited, assume_unique=True, return_indices=True
+    )
     (Ga, va), (Gb, vb) = frf(a), frf(b)
     if common.size == 0:
         raise ValueError("a and b must share excited lines, got none in common")
@@ -150,7 +186,9 @@ def normalised_difference(a: Ensemble, b: Ensemble) -> float:
 
 
 def systematic_over_detection(e: Ensemble, rig: Rig) -> np.ndarray:
-    """Return (F,) systematic distortion |G_R - G_0| |U| over the odd detection level [dB]; G_0: before it slips."""
+    """Return (F,) systematic distortion |G_R - G_0| |U| over the odd detection level [dB]; G_0:
+    before it slips.
+    """
     G, _ = frf(e)
     f = e.lines.excited * e.f0
     s = 2j * np.pi * f
@@ -159,16 +197,23 @@ def systematic_over_detection(e: Ensemble, rig: Rig) -> np.ndarray:
     G0 = 1 / (rig.mass * s**2 + damping * s + rig.stiffness + law.curve.K0)
     u = e.U[:, e.lines.excited]
     odd = np.interp(e.lines.excited, e.lines.odd, np.log(output_rms(e, e.lines.odd)))
-    return np.asarray(2 * power_db(np.abs(G - G0) * np.sqrt(np.mean(np.abs(u) ** 2, axis=0)) / np.exp(odd)))
+    return np.asarray(
+        2 * power_db(np.abs(G - G0) * np.sqrt(np.mean(np.abs(u) ** 2, axis=0)) / np.exp(odd))
+    )
 
 
-def single_experiment_coverage(e: Ensemble, *, factor: float, n_detection: int = 6) -> tuple[float, float]:
-    """Return the level of one experiment over the true one [dB, median], and how often its 95 % disc holds G.
+def single_experiment_coverage(
+    e: Ensemble, *, factor: float, n_detection: int = 6
+) -> tuple[float, float]:
+    """Return the level of one experiment over the true one [dB, median], and how often its 95 %
+    disc holds G.
 
     The level is the rms over the nearest odd detection lines, its square times `factor`.
     """
     u, y, detected = e.U[:, e.lines.excited], e.Y[:, e.lines.excited], e.Y[:, e.lines.odd]
-    nearest = np.argsort(np.abs(e.lines.excited[:, np.newaxis] - e.lines.odd), axis=1)[:, :n_detection]
+    nearest = np.argsort(np.abs(e.lines.excited[:, np.newaxis] - e.lines.odd), axis=1)[
+        :, :n_detection
+    ]
     level = np.sqrt(factor * np.mean(np.abs(detected[:, nearest]) ** 2, axis=2))
     G, _ = frf(e)
     quantile = n_detection * (0.05 ** (-1 / n_detection) - 1)  # F(2, 2 L) at 95 %

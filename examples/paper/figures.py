@@ -26,7 +26,12 @@ _BLUE, _ORANGE, _GREEN, _RED, _GREY = "tab:blue", "tab:orange", "tab:green", "ta
 
 def draw_figures(ensembles: Ensembles, rig: Rig) -> dict[str, Figure]:
     """Every figure by its name."""
-    names = {"odd": "figure4", "odd-odd": "figure5", "special-odd": "figure6", "random-odd": "random_odd"}
+    names = {
+        "odd": "figure4",
+        "odd-odd": "figure5",
+        "special-odd": "figure6",
+        "random-odd": "random_odd",
+    }
     grids = {names[kind]: _figure_grid(ensembles, kind, rig) for kind in GRIDS}
     return {"figure3": _figure_levels(ensembles), **grids, "figure7": _figure_comparison(ensembles)}
 
@@ -48,7 +53,10 @@ def _figure_levels(ensembles: Ensembles) -> Figure:
         top.plot(f, 2 * power_db(np.abs(G)), color=colour, label=label)
         top.plot(f, power_db(variance), color=colour, lw=0.6, ls=":")
         bottom.plot(f, np.degrees(np.unwrap(np.angle(G))), color=colour)
-    top.set(ylabel="|G| [dB re 1 m/N]", title="Figure 3. BLA on the odd grid (dotted: its standard deviation)")
+    top.set(
+        ylabel="|G| [dB re 1 m/N]",
+        title="Figure 3. BLA on the odd grid (dotted: its standard deviation)",
+    )
     bottom.set(xlabel="frequency [Hz]", ylabel="phase [deg]")
     return _add_grids(figure, (top, bottom))
 
@@ -56,12 +64,21 @@ def _figure_levels(ensembles: Ensembles) -> Figure:
 def _figure_grid(ensembles: Ensembles, kind: str, rig: Rig) -> Figure:
     """Draw figures 4 to 6: the output on excited and detection lines at the three levels."""
     figure, axes = _new_figure(11, 3)
-    number = {"odd": "Figure 4. ", "odd-odd": "Figure 5. ", "special-odd": "Figure 6. "}.get(kind, "")
+    number = {"odd": "Figure 4. ", "odd-odd": "Figure 5. ", "special-odd": "Figure 6. "}.get(
+        kind, ""
+    )
     for level, ax in zip(LEVELS, axes, strict=True):
         e = ensembles[level, kind]
         f = e.lines.excited * e.f0
-        ax.plot(f, 2 * power_db(np.abs(output_linear(e))), color=_BLUE, label="linear output, eq. (7)")
-        ax.plot(f, 2 * power_db(output_stochastic(e)), color=_RED, label="stochastic distortion, eq. (8)")
+        ax.plot(
+            f, 2 * power_db(np.abs(output_linear(e))), color=_BLUE, label="linear output, eq. (7)"
+        )
+        ax.plot(
+            f,
+            2 * power_db(output_stochastic(e)),
+            color=_RED,
+            label="stochastic distortion, eq. (8)",
+        )
         if e.lines.odd.size:
             ax.plot(
                 e.lines.odd * e.f0,
@@ -75,7 +92,13 @@ def _figure_grid(ensembles: Ensembles, kind: str, rig: Rig) -> Figure:
         floor = 2 * power_db(np.sqrt(np.mean(even**2)))
         if kind == "special-odd":
             odd = np.interp(e.lines.excited, e.lines.odd, 2 * power_db(output_rms(e, e.lines.odd)))
-            ax.plot(f, odd + systematic_over_detection(e, rig), color=_GREEN, lw=0.8, label="systematic distortion")
+            ax.plot(
+                f,
+                odd + systematic_over_detection(e, rig),
+                color=_GREEN,
+                lw=0.8,
+                label="systematic distortion",
+            )
         ax.plot(
             e.lines.even * e.f0,
             2 * power_db(even),
@@ -91,7 +114,9 @@ def _figure_grid(ensembles: Ensembles, kind: str, rig: Rig) -> Figure:
 
 
 def _figure_comparison(ensembles: Ensembles) -> Figure:
-    """Draw figure 7: the BLAs of the three grids at level 1, their differences and the standard deviation."""
+    """Draw figure 7: the BLAs of the three grids at level 1, their differences and the standard
+    deviation.
+    """
     figure, (top, bottom) = _new_figure(7, 2)
     G_odd, variance = frf(ensembles[1, "odd"])
     lines = ensembles[1, "odd"].lines.excited
@@ -102,8 +127,20 @@ def _figure_comparison(ensembles: Ensembles) -> Figure:
         top.plot(f, 2 * power_db(np.abs(G)), color=colour, label=kind)
         if kind != "odd":
             _, i, j = np.intersect1d(lines, e.lines.excited, return_indices=True)
-            bottom.plot(f[j], 2 * power_db(np.abs(G_odd[i] - G[j])), ".", color=colour, label=f"odd minus {kind}")
-            bottom.plot(f[j], power_db(variance[i] + other[j]), color=colour, lw=0.8, label="standard deviation of it")
+            bottom.plot(
+                f[j],
+                2 * power_db(np.abs(G_odd[i] - G[j])),
+                ".",
+                color=colour,
+                label=f"odd minus {kind}",
+            )
+            bottom.plot(
+                f[j],
+                power_db(variance[i] + other[j]),
+                color=colour,
+                lw=0.8,
+                label="standard deviation of it",
+            )
     top.set(ylabel="|G| [dB re 1 m/N]", title="Figure 7. Three grids, one BLA (level 1)")
     bottom.set(xlabel="frequency [Hz]", ylabel="difference [dB re 1 m/N]")
     return _add_grids(figure, (top, bottom))

@@ -37,8 +37,9 @@ _NUMBER_WORDS = (
     "eleven",
     "twelve",
 )
-#: Characters that control a terminal or turn the direction of the text behind them: control characters except line
-#: break and tab, marks of direction and of no width, tags, halves of a pair (bytes of a file name that are no text).
+# : Characters that control a terminal or turn the direction of the text behind them: control
+# characters except line : break and tab, marks of direction and of no width, tags, halves of a pair
+# (bytes of a file name that are no text).
 _CONTROL_CHARACTERS = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff\U000e0000-\U000e007f]"
 )
@@ -92,7 +93,11 @@ def format_small_count(n: int, what: str) -> str:
     >>> format_small_count(1, "sample"), format_small_count(2, "sample"), format_small_count(40, "sample")
     ('one sample', 'two samples', '40 samples')
     """
-    return f"{_NUMBER_WORDS[n]} {what}" + "s" * (n != 1) if 0 <= n < len(_NUMBER_WORDS) else format_count(n, what)
+    return (
+        f"{_NUMBER_WORDS[n]} {what}" + "s" * (n != 1)
+        if 0 <= n < len(_NUMBER_WORDS)
+        else format_count(n, what)
+    )
 
 
 def join_names(names: Sequence[str]) -> str:
@@ -126,7 +131,8 @@ def ratio_unit(top: str, bottom: str) -> str:
 
 
 def label_with_unit(what: str, unit: str, otherwise: str) -> str:
-    """Return a quantity with its unit in brackets, for an axis: the known unit, or a description of it.
+    """Return a quantity with its unit in brackets, for an axis: the known unit, or a description of
+    it.
 
     >>> label_with_unit("u", "N", "unit of u"), label_with_unit("u", "", "unit of u")
     ('u [N]', 'u [unit of u]')
@@ -169,9 +175,14 @@ Kept = TypeVar("Kept", bound=_Warned)
 
 
 def data_warning(text: str, category: type[UserWarning] = DataWarning) -> None:
-    """Warn at the line of the user's code, outside both packages; `keep_warnings` keeps the text."""
+    """Warn at the line of the user's code, outside both packages; `keep_warnings` keeps the
+    text.
+    """
     level, frame = 1, sys._getframe()
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in ("nlfrf", "robust"):
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in (
+        "nlfrf",
+        "robust",
+    ):
         level, frame = level + 1, frame.f_back
     warnings.warn(text, category, stacklevel=level)
     for texts in WARNED.get():  # not reached if the warning is an error
@@ -190,17 +201,24 @@ def _collect_warnings() -> Iterator[dict[str, None]]:
 
 
 def keep_warnings(make: Callable[Given, Made]) -> Callable[Given, Made]:
-    """Decorate a function so that the value, or the list of values, that it returns keeps its warnings in `warnings`.
+    """Decorate a function so that the value, or the list of values, that it returns keeps its
+    warnings in `warnings`.
 
-    These are the warnings of its arguments, those that it has already, and those of `data_warning` while the function
-    runs, whether a filter shows them or not.
+    These are the warnings of its arguments, those that it has already, and those of `data_warning`
+    while the function runs, whether a filter shows them or not.
     """
 
     @wraps(make)
     def keeping(*args: Given.args, **kwargs: Given.kwargs) -> Made:
-        given = [one for arg in (*args, *kwargs.values()) for one in (arg if isinstance(arg, list | tuple) else [arg])]
+        given = [
+            one
+            for arg in (*args, *kwargs.values())
+            for one in (arg if isinstance(arg, list | tuple) else [arg])
+        ]
         with _collect_warnings() as texts:
-            texts.update(dict.fromkeys(text for one in given for text in getattr(one, "warnings", ())))
+            texts.update(
+                dict.fromkeys(text for one in given for text in getattr(one, "warnings", ()))
+            )
             made = make(*args, **kwargs)
         if isinstance(made, list | tuple):
             return cast("Made", type(made)(add_warnings(one, texts) for one in made))
@@ -226,7 +244,8 @@ def require_kind(name: str, thing: object, *kinds: type) -> None:
     """Refuse an object of none of these kinds, which would fail somewhere inside."""
     if not isinstance(thing, kinds):
         raise ValueError(
-            f"{name} must be of type {' or '.join(kind.__name__ for kind in kinds)}, got {short_form(thing)}"
+            f"{name} must be of type {' or '.join(kind.__name__ for kind in kinds)}, got"
+            f" {short_form(thing)}"
         )
 
 
@@ -245,8 +264,9 @@ def require_known(where: str, given: Iterable[str], known: Sequence[str]) -> Non
             lower = {one.lower(): one for one in known}
             near = [lower[one] for one in get_close_matches(name.lower(), lower, n=1, cutoff=0.5)]
             raise ValueError(
-                f"{where} must have no entry {name!r}{f', did you mean {near[0]}?' if near else '.'} "
-                f"It may have {', '.join(sorted(known))}"
+                f"{where} must have no entry"
+                f" {name!r}{f', did you mean {near[0]}?' if near else '.'} It may have"
+                f" {', '.join(sorted(known))}"
             )
 
 
@@ -303,17 +323,23 @@ def require_probability(name: str, number: object) -> float:
 
 
 def random_generator(name: str, seed: Seed) -> np.random.Generator:
-    """Return a generator of random numbers, from a generator, a seed or None; refuse other types."""
+    """Return a generator of random numbers, from a generator, a seed or None; refuse other
+    types.
+    """
     try:
         return np.random.default_rng(seed)
     except (TypeError, ValueError):
-        raise ValueError(f"{name} must be a numpy Generator, a whole number or None, got {short_form(seed)}") from None
+        raise ValueError(
+            f"{name} must be a numpy Generator, a whole number or None, got {short_form(seed)}"
+        ) from None
 
 
 def require_choice(name: str, choice: object, choices: tuple[str, ...]) -> str:
     """Return the choice; refuse it unless it is one of the choices."""
     if choice not in choices:
-        raise ValueError(f"{name} must be one of {', '.join(map(repr, choices))}, got {short_form(choice)}")
+        raise ValueError(
+            f"{name} must be one of {', '.join(map(repr, choices))}, got {short_form(choice)}"
+        )
     return str(choice)
 
 
@@ -331,7 +357,9 @@ def require_real_array(name: str, array: object, *, ndim: int) -> np.ndarray:
         bad = int(np.count_nonzero(~np.isfinite(array)))
         first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         where = first[0] if ndim == 1 else first
-        raise ValueError(f"{name} must be finite, got {bad} nan or infinite numbers, the first at {where}")
+        raise ValueError(
+            f"{name} must be finite, got {bad} nan or infinite numbers, the first at {where}"
+        )
     return array
 
 
@@ -349,7 +377,11 @@ def _require_unmasked(name: str, array: np.ma.MaskedArray) -> None:
 def channel_names(name: str, given: object, count: int) -> tuple[str, ...]:
     """Return names of channels, none if none are given; a text suffices for one channel."""
     names = (given,) if isinstance(given, str) or not isinstance(given, Sequence) else tuple(given)
-    if names and (not all(isinstance(one, str) for one in names) or len(set(names)) != count or len(names) != count):
+    if names and (
+        not all(isinstance(one, str) for one in names)
+        or len(set(names)) != count
+        or len(names) != count
+    ):
         wanted = "one name" if count == 1 else f"{count} different names"
         raise ValueError(f"{name} must be {wanted}, got {given!r}")
     return names

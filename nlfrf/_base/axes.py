@@ -28,14 +28,19 @@ _MAX_GROWTH = 1.25  # growth of the width of axes by a layout
 
 
 def _single_axes(ax: AxesLike | None, n_axes: int = 1) -> Axes | None:
-    """Return one Axes from a result of `plt.subplots`; refuse an array of several, as the picture draws on one."""
+    """Return one Axes from a result of `plt.subplots`; refuse an array of several, as the picture
+    draws on one.
+    """
     if not isinstance(ax, (np.ndarray, list, tuple)):
         return ax
     given = np.asarray(ax, dtype=object).ravel()
     if given.size == 1:
         return given[0]
     also = f", or {n_axes} of them" if n_axes > 1 else ""
-    raise ValueError(f"ax must be one Axes{also}, got an array of {given.size}; give one of them, such as ax.flat[0]")
+    raise ValueError(
+        f"ax must be one Axes{also}, got an array of {given.size}; give one of them, such as"
+        " ax.flat[0]"
+    )
 
 
 def axes_or_new(ax: AxesLike | None) -> Axes:
@@ -49,7 +54,9 @@ def axes_or_new(ax: AxesLike | None) -> Axes:
 
 
 def bode_axes(ax: AxesLike | None) -> tuple[Axes, Axes]:
-    """Return axes for magnitude and phase: the two given ones, or two in the place of one, or in a new figure."""
+    """Return axes for magnitude and phase: the two given ones, or two in the place of one, or in a
+    new figure.
+    """
     if isinstance(ax, (np.ndarray, list, tuple)) and np.size(np.asarray(ax, dtype=object)) == 2:
         top, bottom = np.asarray(ax, dtype=object).ravel()
         return top, bottom
@@ -74,17 +81,23 @@ def bode_axes(ax: AxesLike | None) -> tuple[Axes, Axes]:
     return top, bottom
 
 
-def matrix_axes(ax: AxesLike | None, rows: Sequence[str], columns: Sequence[str]) -> tuple[np.ndarray, Axes]:
-    """Return (n, m) axes of a matrix, in the place of the given ones or in a new figure, and axes for their legend.
+def matrix_axes(
+    ax: AxesLike | None, rows: Sequence[str], columns: Sequence[str]
+) -> tuple[np.ndarray, Axes]:
+    """Return (n, m) axes of a matrix, in the place of the given ones or in a new figure, and axes
+    for their legend.
 
-    Rows have names at their left end, columns at their top: outputs and inputs. A row shares its vertical axis.
+    Rows have names at their left end, columns at their top: outputs and inputs. A row shares its
+    vertical axis.
     """
     n, m = len(rows), len(columns)
     whole = _single_axes(ax)
     if whole is None:
         from matplotlib import pyplot as plt
 
-        whole = plt.figure(figsize=(1.6 + 2.8 * m, 1.4 + 2.0 * n), layout="constrained").add_subplot()
+        whole = plt.figure(
+            figsize=(1.6 + 2.8 * m, 1.4 + 2.0 * n), layout="constrained"
+        ).add_subplot()
     figure = whole.figure
     spec, place = whole.get_subplotspec(), whole.get_position()
     whole.remove()
@@ -94,7 +107,11 @@ def matrix_axes(ax: AxesLike | None, rows: Sequence[str], columns: Sequence[str]
     for j, i in np.ndindex(n, m):
         where = (place.x0 + i * wide, place.y0 + (n - 1 - j) * high, 0.93 * wide, 0.86 * high)
         shared = {"sharex": made[0, 0], "sharey": made[j, 0]}  # None for the first axes
-        one = figure.add_axes(where, **shared) if inside is None else figure.add_subplot(inside[j, i], **shared)
+        one = (
+            figure.add_axes(where, **shared)
+            if inside is None
+            else figure.add_subplot(inside[j, i], **shared)
+        )
         one.tick_params(which="both", labelbottom=j == n - 1, labelleft=i == 0)
         one.set_title(columns[i] if j == 0 else "", fontsize="medium")
         one.set_ylabel(rows[j] if i == 0 else "")
@@ -106,7 +123,9 @@ def matrix_axes(ax: AxesLike | None, rows: Sequence[str], columns: Sequence[str]
 
 
 def finish_matrix(made: np.ndarray, foot: Axes, across: str) -> np.ndarray:
-    """Draw grids, the label of the horizontal axis in the lowest row, and one legend for all below it."""
+    """Draw grids, the label of the horizontal axis in the lowest row, and one legend for all below
+    it.
+    """
     entries: dict[str, Artist] = {}
     for one in made.flat:
         _draw_grid(one)
@@ -116,13 +135,18 @@ def finish_matrix(made: np.ndarray, foot: Axes, across: str) -> np.ndarray:
         one.set_xlabel(across)
     if entries:
         _legend_below(
-            foot, list(entries.values()), labels=list(entries), down=-34 if foot.get_subplotspec() is None else 0
+            foot,
+            list(entries.values()),
+            labels=list(entries),
+            down=-34 if foot.get_subplotspec() is None else 0,
         )
     return made
 
 
 def finish_axes(ax: Axes) -> Axes:
-    """Draw grid and legend, alike in every picture; the title fits, and the legend is below the axes."""
+    """Draw grid and legend, alike in every picture; the title fits, and the legend is below the
+    axes.
+    """
     _draw_grid(ax)
     _fit_title(ax)
     handles, labels = ax.get_legend_handles_labels()
@@ -132,7 +156,9 @@ def finish_axes(ax: Axes) -> Axes:
 
 
 def _fit_title(ax: Axes) -> None:
-    """Set a title that is wider than the axes in small letters, and wrap it: a figure cuts off what sticks out."""
+    """Set a title that is wider than the axes in small letters, and wrap it: a figure cuts off what
+    sticks out.
+    """
     wide = ax.get_position().width * ax.figure.figure.get_figwidth()
     if len(ax.get_title()) > wide * _TITLE_LETTERS:
         ax.set_title(fill(ax.get_title(), int(wide * _SMALL_LETTERS)), fontsize="small")
@@ -145,7 +171,9 @@ def _draw_grid(ax: Axes) -> None:
         _plain_numbers(ax)
 
 
-def _legend_below(ax: Axes, handles: Sequence[Artist], *, labels: list[str], down: float = -34) -> None:
+def _legend_below(
+    ax: Axes, handles: Sequence[Artist], *, labels: list[str], down: float = -34
+) -> None:
     """Draw a legend below the axes, at a distance `down` [points]."""
     from matplotlib.transforms import offset_copy
 
@@ -171,7 +199,11 @@ def _plain_numbers(ax: Axes) -> None:
     between = (2, 5) if high < 300 * low else ()
     ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
     ax.xaxis.set_minor_formatter(
-        FuncFormatter(lambda x, _: f"{x:g}" if round(x / 10 ** np.floor(np.log10(x) + 1e-9)) in between else "")
+        FuncFormatter(
+            lambda x, _: (
+                f"{x:g}" if round(x / 10 ** np.floor(np.log10(x) + 1e-9)) in between else ""
+            )
+        )
     )
 
 
@@ -187,13 +219,28 @@ def join_labels(bottom: Axes, top: Axes) -> None:
         handle.set_label(f"_{label}")
 
 
-def _line_style(handle: Artist) -> dict[str, Any]:  # values of many types, like the arguments of a drawing
+def _line_style(
+    handle: Artist,
+) -> dict[str, Any]:  # values of many types, like the arguments of a drawing
     """Return the style of a curve or a band, for its sample in a legend."""
     if hasattr(handle, "get_linestyle") and hasattr(handle, "get_marker"):
-        kept = ("color", "linestyle", "linewidth", "marker", "markersize", "markerfacecolor", "alpha")
+        kept = (
+            "color",
+            "linestyle",
+            "linewidth",
+            "marker",
+            "markersize",
+            "markerfacecolor",
+            "alpha",
+        )
         return {name: getattr(handle, f"get_{name}")() for name in kept}
-    face, edge, hatch = (getattr(handle, f"get_{name}")() for name in ("facecolor", "edgecolor", "hatch"))
-    drawn = {"facecolor": face[0] if len(face) else "none", "edgecolor": edge[0] if len(edge) else "none"}
+    face, edge, hatch = (
+        getattr(handle, f"get_{name}")() for name in ("facecolor", "edgecolor", "hatch")
+    )
+    drawn = {
+        "facecolor": face[0] if len(face) else "none",
+        "edgecolor": edge[0] if len(edge) else "none",
+    }
     return drawn | {"hatch": hatch, "linewidth": 0}
 
 
@@ -229,17 +276,23 @@ def to_decibel(x: np.ndarray) -> np.ndarray:
 def write_pictures(
     path: Path, pictures: Sequence[tuple[Callable[..., object], object]], *, height: float = 4.8
 ) -> None:
-    """Draw pictures (function, argument) side by side into one file of this height [inch], without a screen."""
+    """Draw pictures (function, argument) side by side into one file of this height [inch], without
+    a screen.
+    """
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 
-    figure, places = plt.subplots(1, len(pictures), figsize=(7.5 * len(pictures), height), layout="constrained")
+    figure, places = plt.subplots(
+        1, len(pictures), figsize=(7.5 * len(pictures), height), layout="constrained"
+    )
     for ax, (plot, content) in zip(np.atleast_1d(places), pictures, strict=True):
         plot(content, ax=ax)
     if path.suffix.lstrip(".").lower() not in figure.canvas.get_supported_filetypes():
-        raise ValueError(f"picture must be a file that matplotlib writes (.png, .pdf, .svg), got {path}")
+        raise ValueError(
+            f"picture must be a file that matplotlib writes (.png, .pdf, .svg), got {path}"
+        )
     save_figure(path, figure, dpi=130)
     plt.close(figure)
 
@@ -247,15 +300,25 @@ def write_pictures(
 def save_figure(path: Path, figure: Figure, *, dpi: int, role: Role = Role.NAMED) -> None:
     """Write a figure, with a signature in the formats that have one."""
     kind = path.suffix.lstrip(".").lower()
-    existing = {"png": "Software", "pdf": "Creator", "svg": "Creator", "eps": "Creator", "ps": "Creator"}.get(kind)
+    existing = {
+        "png": "Software",
+        "pdf": "Creator",
+        "svg": "Creator",
+        "eps": "Creator",
+        "ps": "Creator",
+    }.get(kind)
     metadata = None if existing is None else {existing: PICTURE_SIGNATURE}
     write_atomically(
-        path, lambda temporary: figure.savefig(temporary, format=kind, dpi=dpi, metadata=metadata), role=role
+        path,
+        lambda temporary: figure.savefig(temporary, format=kind, dpi=dpi, metadata=metadata),
+        role=role,
     )
 
 
 def lower_edge(size: np.ndarray, low: np.ndarray) -> np.ndarray:
-    """Return the lower edge of a band of gains on a logarithmic axis, at most _DEPTH_DB below the curve (for zero)."""
+    """Return the lower edge of a band of gains on a logarithmic axis, at most _DEPTH_DB below the
+    curve (for zero).
+    """
     return np.maximum(low, 10 ** (-_DEPTH_DB / 20) * size)
 
 
@@ -273,8 +336,8 @@ def gain_band(
 ) -> None:
     """Draw gains `low` to `high` as a band in decibels around the curve `size`.
 
-    Where `low` is not above zero, the band has no lower edge: it ends _DEPTH_DB below the curve, is hatched, and `over`
-    explains this in the legend.
+    Where `low` is not above zero, the band has no lower edge: it ends _DEPTH_DB below the curve, is
+    hatched, and `over` explains this in the legend.
     """
     edge, top = to_decibel(lower_edge(size, low)), to_decibel(np.minimum(high, 1e3 * size))
     ax.fill_between(f, edge, top, color=color, alpha=alpha, lw=0, label=label)
@@ -283,20 +346,34 @@ def gain_band(
         hatched = endless.copy()  # hatched up to the next line on both sides
         hatched[1:] |= endless[:-1]
         hatched[:-1] |= endless[1:]
-        ax.fill_between(f, edge, top, where=hatched, label=over, facecolor="none", edgecolor=color, hatch="/////", lw=0)
+        ax.fill_between(
+            f,
+            edge,
+            top,
+            where=hatched,
+            label=over,
+            facecolor="none",
+            edgecolor=color,
+            hatch="/////",
+            lw=0,
+        )
 
 
 def follow_lines(ax: Axes) -> None:
     """Fit the vertical axis to the curves and points, and not to the bands around them."""
     drawn_values = [np.asarray(line.get_ydata(), dtype=float) for line in ax.get_lines()]
-    values = np.concatenate([y[np.isfinite(y)] for y in drawn_values]) if drawn_values else np.zeros(0)
+    values = (
+        np.concatenate([y[np.isfinite(y)] for y in drawn_values]) if drawn_values else np.zeros(0)
+    )
     if values.size:
         free = max(_HEADROOM, 0.08 * float(np.ptp(values)))
         ax.set_ylim(float(values.min()) - free, float(values.max()) + _HEADROOM)
 
 
 def phase_band(G: np.ndarray, radius: np.ndarray) -> np.ndarray:
-    """Return (W,) half the phase width [deg] of a disc around G; nan if it contains zero, and so every phase."""
+    """Return (W,) half the phase width [deg] of a disc around G; nan if it contains zero, and so
+    every phase.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = radius / np.abs(G)
         return np.degrees(np.arcsin(np.where(ratio < 1, ratio, np.nan)))

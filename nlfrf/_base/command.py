@@ -1,4 +1,6 @@
-"""Common parts of the commands `nlfrf` and `robust`: one line for a warning, for bad input, and for the version."""
+"""Common parts of the commands `nlfrf` and `robust`: one line for a warning, for bad input, and for
+the version.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,11 @@ from nlfrf._base.values import to_json
 if TYPE_CHECKING:
     from rich.console import Console
 
-OUTPUT_PARAMETERS = ("out", "picture", "rounded")  # parameters with a file to write; every other path is read
+OUTPUT_PARAMETERS = (
+    "out",
+    "picture",
+    "rounded",
+)  # parameters with a file to write; every other path is read
 _OVERWRITE_HELP = "Replace files that were not made by such a command; inputs are never replaced."
 
 
@@ -32,7 +38,10 @@ Command = TypeVar("Command", bound=Callable[..., object])
 
 
 class Commands(typer.Typer):
-    """The commands of a program. Each protects its inputs from its outputs, and prints every file that it wrote."""
+    """The commands of a program.
+
+    Each protects its inputs from its outputs, and prints every file that it wrote.
+    """
 
     def command(self, name: str | None = None, **options: Any) -> Callable[[Command], Command]:
         """Register a command; one with an output has `--overwrite`, too."""
@@ -40,24 +49,38 @@ class Commands(typer.Typer):
         def add(function: Command) -> Command:
             # the whole first sentence; typer would cut it to 45 letters
             sentence = (inspect.getdoc(function) or "").partition("\n\n")[0].replace("\n", " ")
-            super(Commands, self).command(name, **{"short_help": sentence, **options})(_guard_outputs(function))
+            super(Commands, self).command(name, **{"short_help": sentence, **options})(
+                _guard_outputs(function)
+            )
             return function
 
         return add
 
 
 def _guard_outputs(function: Callable[..., object]) -> Callable[..., object]:
-    """Return the command with a check that outputs do not overwrite inputs, and a list of outputs at its end."""
+    """Return the command with a check that outputs do not overwrite inputs, and a list of outputs
+    at its end.
+    """
     signature = inspect.signature(function)
     if not set(OUTPUT_PARAMETERS) & set(signature.parameters):
         return function
 
     @functools.wraps(function)
     def run_with_outputs(*, overwrite: bool, **given: object) -> None:
-        read = [path for name, value in given.items() if name not in OUTPUT_PARAMETERS for path in _find_paths(value)]
+        read = [
+            path
+            for name, value in given.items()
+            if name not in OUTPUT_PARAMETERS
+            for path in _find_paths(value)
+        ]
         with guarded_outputs(read, overwrite=overwrite) as running:
             require_writable(
-                *(path for name in OUTPUT_PARAMETERS for path in _find_paths(given.get(name)) if not path.is_dir())
+                *(
+                    path
+                    for name in OUTPUT_PARAMETERS
+                    for path in _find_paths(given.get(name))
+                    if not path.is_dir()
+                )
             )
             try:
                 function(**given)
@@ -79,7 +102,11 @@ def _guard_outputs(function: Callable[..., object]) -> Callable[..., object]:
 
 
 def _find_paths(value: object) -> list[Path]:
-    return [one for one in (value if isinstance(value, (list, tuple)) else [value]) if isinstance(one, Path)]
+    return [
+        one
+        for one in (value if isinstance(value, (list, tuple)) else [value])
+        if isinstance(one, Path)
+    ]
 
 
 class _Printable:
@@ -105,7 +132,9 @@ class _Printable:
 
 @contextmanager
 def _clean_streams() -> Iterator[None]:
-    """Make everything that is printed inside printable: names in files, paths, messages of libraries."""
+    """Make everything that is printed inside printable: names in files, paths, messages of
+    libraries.
+    """
     before = sys.stdout, sys.stderr
     sys.stdout, sys.stderr = (_Printable(stream) for stream in before)
     try:
@@ -121,12 +150,14 @@ def _rich_console() -> Console:
     return Console(file=getattr(sys.stderr, "stream", sys.stderr))
 
 
-def run_command(name: str, app: Callable[..., object], *shown: type[Warning], options: Mapping[str, str]) -> None:
+def run_command(
+    name: str, app: Callable[..., object], *shown: type[Warning], options: Mapping[str, str]
+) -> None:
     """Run a command: bad input is one line on standard error and exit code 2, never a traceback.
 
-    Warnings of the classes `shown` are one line each, too, and appear once. `options` maps parameters of the library to
-    options of the command line, which replace them in messages. All printed text is made printable, so that names in a
-    file cannot control a terminal.
+    Warnings of the classes `shown` are one line each, too, and appear once. `options` maps
+    parameters of the library to options of the command line, which replace them in messages. All
+    printed text is made printable, so that names in a file cannot control a terminal.
     """
     with _clean_streams(), warnings.catch_warnings():
         for category in shown:
@@ -178,25 +209,35 @@ def _name_options(text: str, options: Mapping[str, str]) -> str:
         option = f"--{option or parameter}"
         text = re.sub(rf"\b{parameter} ?= ?True\b", option, text)
         text = re.sub(rf"\b{parameter} ?= ?(?!\.\.\.)(?=\S)", f"{option} ", text)
-        verb = " must name" if len(parameter) == 1 else "(?: of [^ ]+)? must"  # u, y and r are signals elsewhere
-        text = re.sub(rf"(?<![-\w.]){parameter}(?={verb}\b| above\b)|(?<=give ){parameter}\b", option, text)
+        verb = (
+            " must name" if len(parameter) == 1 else "(?: of [^ ]+)? must"
+        )  # u, y and r are signals elsewhere
+        text = re.sub(
+            rf"(?<![-\w.]){parameter}(?={verb}\b| above\b)|(?<=give ){parameter}\b", option, text
+        )
     return text
 
 
 def _describe_error(error: Exception) -> str:
-    """Describe an error for the command line; errors of the system have the name of the file first."""
+    """Describe an error for the command line; errors of the system have the name of the file
+    first.
+    """
     if isinstance(error, OSError) and error.strerror and error.filename:
         return f"{one_line(str(error.filename))} could not be opened: {error.strerror.lower()}"
     return one_line(str(error))
 
 
 def printer(json: bool) -> Callable[[object], None]:
-    """Return the print function: standard output, or standard error if that is reserved for JSON."""
+    """Return the print function: standard output, or standard error if that is reserved for
+    JSON.
+    """
     return lambda printed: typer.echo(str(printed), err=json)
 
 
 def finish_command(results: object, good: bool, json: bool, *, code: int = 1) -> None:
-    """End a command with a verdict: print the result as JSON if wanted, exit with a code if it is not good."""
+    """End a command with a verdict: print the result as JSON if wanted, exit with a code if it is
+    not good.
+    """
     if json:
         typer.echo(to_json(results, most=MAX_ROWS))
     if not good:
@@ -206,7 +247,9 @@ def finish_command(results: object, good: bool, json: bool, *, code: int = 1) ->
 def require_left_out(options: Mapping[str, object]) -> None:
     """Refuse the first option that was given for an experiment on a drive."""
     if name := next((name for name, given in options.items() if given), None):
-        raise ValueError(f"--{name} must be left out for an experiment on a drive: its design contains it")
+        raise ValueError(
+            f"--{name} must be left out for an experiment on a drive: its design contains it"
+        )
 
 
 def parse_number(name: str, text: str) -> float:
@@ -214,7 +257,9 @@ def parse_number(name: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise ValueError(f"{name} must be a number or the word its help names, got {text!r}") from None
+        raise ValueError(
+            f"{name} must be a number or the word its help names, got {text!r}"
+        ) from None
 
 
 @contextmanager
@@ -226,7 +271,8 @@ def spinner(what: str) -> Iterator[None]:
 
 @contextmanager
 def progress_display(what: str, *, even: bool = True) -> Iterator[Callable[[int, int], None]]:
-    """Show a bar on standard error, moved by calls (done, total), also during a long step; it vanishes at the end.
+    """Show a bar on standard error, moved by calls (done, total), also during a long step; it
+    vanishes at the end.
 
     Nothing is written if standard error is a file, because rich would end it with an empty line.
     """
@@ -250,14 +296,24 @@ _INTERRUPTED = 130  # exit code of an interrupted command, as in a shell
 MAX_ROWS = 64  # most numbers of an array in a JSON verdict; a longer array is given by its shape
 Decimal = Annotated[
     str,
-    typer.Option("--decimal", help="Decimal mark of the .csv to write: '.', or ',' with semicolons between columns."),
+    typer.Option(
+        "--decimal",
+        help="Decimal mark of the .csv to write: '.', or ',' with semicolons between columns.",
+    ),
 ]
 Json = Annotated[
     bool,
     typer.Option(
-        "--json", help="Print the result as JSON, everything else on standard error; long arrays as their shape."
+        "--json",
+        help=(
+            "Print the result as JSON, everything else on standard error; long arrays as their"
+            " shape."
+        ),
     ),
 ]
 Version = Annotated[
-    bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version and stop.")
+    bool,
+    typer.Option(
+        "--version", is_eager=True, callback=_print_version, help="Print the version and stop."
+    ),
 ]

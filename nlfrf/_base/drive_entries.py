@@ -11,8 +11,8 @@ from nlfrf._base.units import parse_gain_unit, parse_quantity, split_quantity
 PORTS = ("force", "velocity", "position")  # set points of a drive to which a signal can be added
 GAINS = ("kv", "kp", "tn")  # gains that identify the drive of an experiment
 SAME_GAIN = 1e-3  # relative error up to which two gains are the same
-#: Position gains [1/s] without a warning. Chosen: the four preset axes have 15 to 100 1/s, and a misread unit gives an
-#: error by a factor of 16.7 or 60.
+# : Position gains [1/s] without a warning. Chosen: the four preset axes have 15 to 100 1/s, and a
+# misread unit gives an : error by a factor of 16.7 or 60.
 USUAL_KV = (5.0, 1000.0)
 #: Entry -> kind of quantity.
 _NUMBERS = {
@@ -29,12 +29,15 @@ _PLAIN = ("position_every", "encoder", "position_unit", "load_unit", "unit_facto
 _WITHOUT_UNIT = ("delay_periods", "filters")
 
 
-def read_drive_entries(where: str, content: Mapping[str, object], *, position: str = "") -> JsonObject:
+def read_drive_entries(
+    where: str, content: Mapping[str, object], *, position: str = ""
+) -> JsonObject:
     """Return the arguments of a `Drive`.
 
-    position : "m" or "rad": a number without a unit is then in m, rad, N, Nm, A and s. If it is not given, every number
-        must have its unit, and a missing `lag` or `delay` is taken as zero and as one period: both are listed as
-        assumed.
+    position : "m" or "rad": a number without a unit is then in m, rad, N, Nm, A and s. If it is not
+    given, every number
+        must have its unit, and a missing `lag` or `delay` is taken as zero and as one period: both
+        are listed as assumed.
 
     Raises
     ------
@@ -59,7 +62,9 @@ def read_drive_entries(where: str, content: Mapping[str, object], *, position: s
 
 
 def _read_gain(written: object, position: str) -> tuple[object, str]:
-    """Return kp and its unit; for an axis in m or rad it must be a gain over a velocity in m/s or rad/s."""
+    """Return kp and its unit; for an axis in m or rad it must be a gain over a velocity in m/s or
+    rad/s.
+    """
     if position and not isinstance(written, str):
         return written, f"A/({position}/s)"
     try:
@@ -68,7 +73,8 @@ def _read_gain(written: object, position: str) -> tuple[object, str]:
             raise ValueError(unit)
     except ValueError:
         raise ValueError(
-            f'kp must be a number with its unit, such as "143 A/({position or "m"}/s)", got {short_form(written)}'
+            f'kp must be a number with its unit, such as "143 A/({position or "m"}/s)", got'
+            f" {short_form(written)}"
         ) from None
     return number, unit
 

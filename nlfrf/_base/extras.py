@@ -35,8 +35,12 @@ def import_extra(name: str, extra: str, purpose: str) -> ModuleType:
     try:
         return import_module(name)
     except ModuleNotFoundError as error:
-        if error.name != name.partition(".")[0]:  # it is installed, but one of its dependencies is missing
+        if (
+            error.name != name.partition(".")[0]
+        ):  # it is installed, but one of its dependencies is missing
             raise
         raise MissingPackageError(
-            f"{purpose} needs the package {name}, which is not installed: pip install 'nlfrf[{extra}]'", name=name
+            f"{purpose} needs the package {name}, which is not installed: pip install"
+            f" 'nlfrf[{extra}]'",
+            name=name,
         ) from None

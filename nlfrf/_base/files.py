@@ -1,4 +1,7 @@
-"""Files are written whole or not at all; arrays as NPZ, HDF5 or MATLAB v5. Pickles are never written or read."""
+"""Files are written whole or not at all; arrays as NPZ, HDF5 or MATLAB v5.
+
+Pickles are never written or read.
+"""
 
 from __future__ import annotations
 
@@ -30,15 +33,17 @@ from nlfrf._base.values import ArrayField
 if TYPE_CHECKING:
     from jsonschema.protocols import Validator
 
-# ---- Output files: a command never writes onto a file that it reads, nor over a file of another kind.
+# ---- Output files: a command never writes onto a file that it reads, nor over a file of another
+# kind.
 #
-# Every file of both packages goes through `write_atomically`, which checks this. A command opens `guarded_outputs`;
-# then its inputs are safe under each of their names, and an existing file is replaced only by a result of its own
-# kind. The kind is read from the file itself (`_file_kind`), because nothing else survives copying a folder or
-# repeating a script.
+# Every file of both packages goes through `write_atomically`, which checks this. A command opens
+# `guarded_outputs`; then its inputs are safe under each of their names, and an existing file is
+# replaced only by a result of its own kind. The kind is read from the file itself (`_file_kind`),
+# because nothing else survives copying a folder or repeating a script.
 #
-# Outside a command the caller wrote the path, and the file is replaced as NumPy and pandas do. A file whose name a
-# function made (`Role.DERIVED`) is treated as in a command, because the caller did not choose that name.
+# Outside a command the caller wrote the path, and the file is replaced as NumPy and pandas do. A
+# file whose name a function made (`Role.DERIVED`) is treated as in a command, because the caller
+# did not choose that name.
 
 PICTURE_SIGNATURE = "nlfrf and robust: a picture of a result"  # signature in pictures
 RECORD_SCHEMAS = ("nlfrf-record", "nlfrf-multirecord")
@@ -68,7 +73,9 @@ class _FileKind(NamedTuple):
 
 
 _MULTISINE_FILE = _FileKind(
-    "a multisine", "nlfrf simulate {0} -o record.npz, or play it and: nlfrf identify RECORD --design {0} -o bla.npz"
+    "a multisine",
+    "nlfrf simulate {0} -o record.npz, or play it and: nlfrf identify RECORD --design {0} -o"
+    " bla.npz",
 )
 _RECORD_FILE = _FileKind("a record", "nlfrf identify {} -o bla.npz")
 _BLA_FILE = _FileKind("a BLA", "robust model {} -o model.json")
@@ -91,7 +98,9 @@ FILE_KINDS = {
     "robust-model": _MODEL_FILE,
     "robust-matrix-model": _MODEL_FILE,
     "robust-controller": _FileKind("a controller", "robust check MODEL {}"),
-    "robust-learning": _FileKind("a learning filter", "robust learn step {} u.csv e.csv -o next.csv"),
+    "robust-learning": _FileKind(
+        "a learning filter", "robust learn step {} u.csv e.csv -o next.csv"
+    ),
     "robust-certificate": _CERTIFICATE_FILE,
     "robust-friction-certificate": _CERTIFICATE_FILE,
     "robust-mu-certificate": _CERTIFICATE_FILE,
@@ -152,14 +161,18 @@ def require_writable(*paths: Path, role: Role = Role.NAMED) -> None:
             if _is_same_file(target, taken):
                 which = "" if str(path) == str(taken) else f", which is {taken}"
                 raise ValueError(
-                    f"a file to write must not be one that the command reads, got {path}{which}: its content would be "
-                    "lost; use another name"
+                    f"a file to write must not be one that the command reads, got {path}{which}:"
+                    " its content would be lost; use another name"
                 )
         for taken in () if running is None else running.written:
             if _is_same_file(target, taken):
-                raise ValueError(f"files to write must have different names, got {path} twice; use another name")
+                raise ValueError(
+                    f"files to write must have different names, got {path} twice; use another name"
+                )
         if target.exists() and not target.is_file():
-            raise ValueError(f"a file to write must be a file, got {path}, which is a folder or a device")
+            raise ValueError(
+                f"a file to write must be a file, got {path}, which is a folder or a device"
+            )
         if _is_guarded(running, role) and target.exists() and not _is_replaceable(target, path):
             _raise_for_foreign(path, running)
 
@@ -188,20 +201,26 @@ def _admit_file(path: Path, new: Path, role: Role) -> None:
 
 def _is_guarded(running: _Outputs | None, role: Role) -> bool:
     """Return whether a file of another kind must be kept."""
-    return role is not Role.KEPT and (role is Role.DERIVED if running is None else not running.overwrite)
+    return role is not Role.KEPT and (
+        role is Role.DERIVED if running is None else not running.overwrite
+    )
 
 
 def _raise_for_foreign(path: Path, running: _Outputs | None) -> None:
     """Refuse to replace the file at a path."""
-    cure = "use another name, or move it away" + ("" if running is None else ", or replace it by --overwrite")
+    cure = "use another name, or move it away" + (
+        "" if running is None else ", or replace it by --overwrite"
+    )
     raise ValueError(
-        f"a file to write must be new or an earlier result of the same kind, got {path}, which contains "
-        f"{_describe_content(path)}; {cure}"
+        f"a file to write must be new or an earlier result of the same kind, got {path}, which"
+        f" contains {_describe_content(path)}; {cure}"
     )
 
 
 def _describe_content(path: Path) -> str:
-    """Describe the content of a file; for a table use its design, if the .npz with its name has one."""
+    """Describe the content of a file; for a table use its design, if the .npz with its name has
+    one.
+    """
     design = path.with_suffix(".npz")
     if path != design and stated_kind(design, ".npz") == "nlfrf-axis-experiment":
         return f"set points or a trace of the experiment in {design.name}"
@@ -215,7 +234,9 @@ def _resolve_target(path: Path) -> Path:
 
 
 def _is_same_file(one: Path, other: Path) -> bool:
-    """Return whether two paths name one file: by links of both kinds, or if they differ in case only."""
+    """Return whether two paths name one file: by links of both kinds, or if they differ in case
+    only.
+    """
     try:
         if one.samefile(other):
             return True
@@ -248,7 +269,8 @@ LOAD_OPTIONS = {
 
 
 def command_signature(command: str) -> str:
-    """Return the last line of a text file, by which `_file_kind` recognises the command that wrote it.
+    """Return the last line of a text file, by which `_file_kind` recognises the command that wrote
+    it.
 
     >>> command_signature("robust check")
     "(written by 'robust check')"
@@ -257,7 +279,8 @@ def command_signature(command: str) -> str:
 
 
 def _file_kind(path: Path, suffix: str) -> str | None:
-    """Return the kind stated in a file; None without a signature of these packages, or if it cannot be read.
+    """Return the kind stated in a file; None without a signature of these packages, or if it cannot
+    be read.
 
     A record counts only if a command simulated it, because the same function writes measurements.
     """
@@ -266,7 +289,9 @@ def _file_kind(path: Path, suffix: str) -> str | None:
 
 
 def stated_kind(path: Path, suffix: str) -> str | None:
-    """Return the kind stated in a file, also for a measured record; None without one, or if it cannot be read."""
+    """Return the kind stated in a file, also for a measured record; None without one, or if it
+    cannot be read.
+    """
     try:
         return _KIND_READERS[suffix](path)
     except Exception:  # a damaged file may raise anything, and so does an unknown suffix
@@ -281,7 +306,8 @@ def require_file_of(path: str | os.PathLike[str], *schemas: str) -> None:
 
 
 def describe_wrong_file(path: str | os.PathLike[str], kind: str | None, *schemas: str) -> str:
-    """Return the refusal of a file of a kind (None if it states none): wanted kind, its kind, the command for it.
+    """Return the refusal of a file of a kind (None if it states none): wanted kind, its kind, the
+    command for it.
 
     >>> describe_wrong_file("G.npz", "nlfrf-bla", "robust-model", "robust-matrix-model")
     'path must hold a model, got G.npz, which is a BLA; go on with: robust model G.npz -o model.json'
@@ -297,7 +323,10 @@ def describe_wrong_file(path: str | os.PathLike[str], kind: str | None, *schemas
     else:
         name, command = f"of the kind {kind!r}", "nlfrf inspect {}"
     quoted = shlex.quote(str(path))
-    return f"path must hold {wanted}, got {path}, which is {name}; go on with: {command.format(quoted)}"
+    return (
+        f"path must hold {wanted}, got {path}, which is {name}; go on with:"
+        f" {command.format(quoted)}"
+    )
 
 
 def _kind_of_npz(path: Path) -> str | None:
@@ -335,7 +364,10 @@ def _kind_of_table(path: Path) -> str | None:
     with path.open("rb") as stream:
         first = stream.readline(1 << 20).decode().rstrip("\n").replace('"', "")
     first = first if "," in first else first.replace(";", ",")
-    return next((kind for pattern, kind in _TABLE_HEADERS if re.fullmatch(pattern, first)), None) or None
+    return (
+        next((kind for pattern, kind in _TABLE_HEADERS if re.fullmatch(pattern, first)), None)
+        or None
+    )
 
 
 def _kind_of_signed(path: Path, signature: bytes) -> str | None:
@@ -344,7 +376,11 @@ def _kind_of_signed(path: Path, signature: bytes) -> str | None:
 
 
 def _kind_of_sound(path: Path) -> str | None:
-    return DESIGN_MARK if b"ISFT" in _first_and_last_bytes(path) and b"nlfrf" in _first_and_last_bytes(path) else None
+    return (
+        DESIGN_MARK
+        if b"ISFT" in _first_and_last_bytes(path) and b"nlfrf" in _first_and_last_bytes(path)
+        else None
+    )
 
 
 def _first_and_last_bytes(path: Path) -> bytes:
@@ -357,7 +393,9 @@ def _first_and_last_bytes(path: Path) -> bytes:
 _KIND_READERS: dict[str, Callable[[Path], str | None]] = {
     ".npz": _kind_of_npz,
     ".mat": _kind_of_mat,
-    ".json": lambda path: _kind_of_schema(json.loads(path.read_text(encoding="utf-8"))["schema"], simulated=False),
+    ".json": lambda path: _kind_of_schema(
+        json.loads(path.read_text(encoding="utf-8"))["schema"], simulated=False
+    ),
     ".csv": _kind_of_table,
     ".wav": _kind_of_sound,
     **dict.fromkeys((".h5", ".hdf5"), _kind_of_hdf5),
@@ -366,7 +404,10 @@ _KIND_READERS: dict[str, Callable[[Path], str | None]] = {
         (".png", ".pdf", ".svg", ".eps", ".ps"),
         partial(_kind_of_signed, signature=b"(%b)" % PICTURE_SIGNATURE.encode()),
     ),
-    **dict.fromkeys((".txt", ".m", ".md", ".h", ".st", ".py"), partial(_kind_of_signed, signature=_TEXT_SIGNATURE)),
+    **dict.fromkeys(
+        (".txt", ".m", ".md", ".h", ".st", ".py"),
+        partial(_kind_of_signed, signature=_TEXT_SIGNATURE),
+    ),
 }
 
 
@@ -388,7 +429,9 @@ def page_path(path: str | os.PathLike[str]) -> Path:
 
 
 def json_path(path: str | os.PathLike[str]) -> Path:
-    """Return the path of a JSON file, which `load` recognises by its suffix; refuse another suffix."""
+    """Return the path of a JSON file, which `load` recognises by its suffix; refuse another
+    suffix.
+    """
     return _path_ending_in(path, ".json")
 
 
@@ -400,7 +443,9 @@ def _path_ending_in(path: str | os.PathLike[str], *suffixes: str) -> Path:
     return path
 
 
-def write_atomically(path: str | os.PathLike[str], write: Callable[[Path], None], *, role: Role = Role.NAMED) -> None:
+def write_atomically(
+    path: str | os.PathLike[str], write: Callable[[Path], None], *, role: Role = Role.NAMED
+) -> None:
     """Write a file whole or not at all: `write` fills a temporary file, which then replaces it.
 
     Parameters
@@ -458,7 +503,9 @@ def save_mat(path: Path, content: Mapping[str, np.ndarray]) -> None:
     """Write arrays as a MATLAB v5 file."""
     from scipy.io import savemat
 
-    write_atomically(path, lambda target: savemat(target, dict(content), appendmat=False, do_compression=True))
+    write_atomically(
+        path, lambda target: savemat(target, dict(content), appendmat=False, do_compression=True)
+    )
 
 
 def _save_arrays(target: Path, content: Mapping[str, ArrayField]) -> None:
@@ -480,9 +527,15 @@ def _save_hdf5(target: Path, content: Mapping[str, np.ndarray]) -> None:
 
 
 def write_table(
-    path: Path, table: np.ndarray, names: Sequence[str], *, decimal: str = ".", comments: Sequence[str] = ()
+    path: Path,
+    table: np.ndarray,
+    names: Sequence[str],
+    *,
+    decimal: str = ".",
+    comments: Sequence[str] = (),
 ) -> None:
-    """Write columns of numbers under their names, each number with the fewest digits that reproduce it exactly.
+    """Write columns of numbers under their names, each number with the fewest digits that reproduce
+    it exactly.
 
     Parameters
     ----------
@@ -507,7 +560,10 @@ def write_table(
             stream.writelines(f"# {one_line(one)}\n" for one in comments)
             stream.write(between.join(map(quoted, names)) + "\n")
             for first in range(0, len(table), _CHUNK_ROWS):
-                rows = (between.join(map(repr, row)) for row in table[first : first + _CHUNK_ROWS].tolist())
+                rows = (
+                    between.join(map(repr, row))
+                    for row in table[first : first + _CHUNK_ROWS].tolist()
+                )
                 text = "\n".join(rows) + "\n"
                 stream.write(text if decimal == "." else text.replace(".", ","))
 
@@ -539,8 +595,8 @@ def parse_json(path: str | os.PathLike[str]) -> Json:
     Raises
     ------
     ValueError
-        The file is no JSON, a key occurs twice in one object, a number is not finite or does not fit into a float, or
-        brackets are nested too deeply.
+        The file is no JSON, a key occurs twice in one object, a number is not finite or does not
+        fit into a float, or brackets are nested too deeply.
     FileNotFoundError
         No such file.
     """
@@ -583,13 +639,15 @@ def _object_with_unique_keys(pairs: list[tuple[str, Json]]) -> JsonObject:
     if len(found) < len(pairs):
         keys = [key for key, _ in pairs]
         raise ValueError(
-            f"a key must occur once, got {short_form(next(key for key in keys if keys.count(key) > 1))} twice"
+            "a key must occur once, got"
+            f" {short_form(next(key for key in keys if keys.count(key) > 1))} twice"
         )
     return found
 
 
 def parse_json_of(path: str | os.PathLike[str], *schemas: str) -> JsonObject:
-    """Return the content of a JSON file with one of these schemas; refuse any other file by its kind.
+    """Return the content of a JSON file with one of these schemas; refuse any other file by its
+    kind.
 
     Raises
     ------
@@ -604,11 +662,15 @@ def parse_json_of(path: str | os.PathLike[str], *schemas: str) -> JsonObject:
         raise ValueError(describe_wrong_file(path, stated_kind(path, suffix), *schemas))
     content = parse_json(path)
     found = content.get("schema") if isinstance(content, dict) else type(content).__name__
-    if isinstance(content, dict) and found in schemas:  # a tuple, because `found` may not be hashable
+    if (
+        isinstance(content, dict) and found in schemas
+    ):  # a tuple, because `found` may not be hashable
         return content
     if isinstance(found, str) and found in FILE_KINDS:
         raise ValueError(describe_wrong_file(path, found, *schemas))
-    raise ValueError(f"path must hold {' or '.join(schemas)}, got {path} with schema {short_form(found)}")
+    raise ValueError(
+        f"path must hold {' or '.join(schemas)}, got {path} with schema {short_form(found)}"
+    )
 
 
 def require_schema(content: Json, path: str | os.PathLike[str], *, package: str, name: str) -> None:
@@ -636,7 +698,8 @@ def _schema_validator(package: str, name: str) -> Validator:
 
 
 def _schema_fault(content: Json, validator: Validator) -> str:
-    """Describe in one line the first place in which parsed JSON violates a schema; "" if it does not.
+    """Describe in one line the first place in which parsed JSON violates a schema; "" if it does
+    not.
 
     >>> from jsonschema import Draft202012Validator
     >>> _schema_fault({"dt": -1}, Draft202012Validator({"properties": {"dt": {"minimum": 0}}}))

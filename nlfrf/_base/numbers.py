@@ -1,4 +1,6 @@
-"""Small least-squares problems in many windows at once, Fourier transforms of long signals, quantiles of roots."""
+"""Small least-squares problems in many windows at once, Fourier transforms of long signals,
+quantiles of roots.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,9 @@ import numpy as np
 EPS = float(np.finfo(float).eps)
 TINY = float(np.finfo(float).tiny)  # replaces a zero divisor
 SMALL_NORM = TINY**0.25  # the same for a divisor that is squared
-_PILE_RATIO = 4.0  # samples at an extreme over those at the next level: a rounded parabola has at most 2.4
+_PILE_RATIO = (
+    4.0  # samples at an extreme over those at the next level: a rounded parabola has at most 2.4
+)
 
 
 def two_unknowns(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -55,10 +59,16 @@ def least_squares(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     Q, R = np.linalg.qr(A / scale[..., None, :])
     diagonal = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
     projected = (np.swapaxes(Q, -1, -2).conj() @ b[..., None])[..., 0]
-    projected = np.where(diagonal > 1e-13, projected, 0.0)  # a column spanned by the others carries no information
+    projected = np.where(
+        diagonal > 1e-13, projected, 0.0
+    )  # a column spanned by the others carries no information
     residual = b - (Q @ projected[..., None])[..., 0]
     pivot = np.where(diagonal[..., -1] > 1e-13, R[..., -1, -1] * scale[..., -1], np.inf)
-    return projected[..., -1] / pivot, residual / np.sqrt(A.shape[-2] - A.shape[-1]), 1 / np.abs(pivot) ** 2
+    return (
+        projected[..., -1] / pivot,
+        residual / np.sqrt(A.shape[-2] - A.shape[-1]),
+        1 / np.abs(pivot) ** 2,
+    )
 
 
 def squared_modulus(x: np.ndarray) -> np.ndarray:
@@ -103,10 +113,12 @@ def iterate_blocks(n: int, size: int = 1) -> list[slice]:
 
 
 def clipped_share(x: np.ndarray) -> float:
-    """Return the share of samples at the largest or smallest value, if they are there in runs because of clipping.
+    """Return the share of samples at the largest or smallest value, if they are there in runs
+    because of clipping.
 
-    A signal with few levels, as of integers, also has runs at its extremes, but no longer than at the next level:
-    smooth peaks have at most `_PILE_RATIO` times as many samples in the highest one.
+    A signal with few levels, as of integers, also has runs at its extremes, but no longer than at
+    the next level: smooth peaks have at most `_PILE_RATIO` times as many samples in the highest
+    one.
 
     >>> x = np.sin(np.arange(1000) / 50)
     >>> clipped_share(np.round(10 * x)), clipped_share(np.clip(np.round(10 * x), -7, 7)) > 0.2
@@ -122,7 +134,10 @@ def clipped_share(x: np.ndarray) -> float:
             flat_ones += int(np.count_nonzero(flat[min(2, some.start) :]))
             following = max(following, float(np.max(signed * part[~flat], initial=-np.inf)))
         if some_in_a_row:
-            costs = sum(int(np.count_nonzero(x[some] == signed * following)) for some in iterate_blocks(x.size))
+            costs = sum(
+                int(np.count_nonzero(x[some] == signed * following))
+                for some in iterate_blocks(x.size)
+            )
             n += flat_ones if flat_ones > _PILE_RATIO * costs else 0
     return n / x.size
 
@@ -130,8 +145,8 @@ def clipped_share(x: np.ndarray) -> float:
 def all_finite(x: np.ndarray) -> bool:
     """Return whether every number of an array of any shape is finite.
 
-    A nan or an infinite number stays in a sum, which takes one pass. A sum of finite numbers may overflow, so only a
-    finite sum decides.
+    A nan or an infinite number stays in a sum, which takes one pass. A sum of finite numbers may
+    overflow, so only a finite sum decides.
     """
     if x.size > BLOCK_ENTRIES:
         with np.errstate(over="ignore", invalid="ignore"):
@@ -141,7 +156,9 @@ def all_finite(x: np.ndarray) -> bool:
 
 
 def streams_equal(x: np.ndarray, other: np.ndarray) -> bool:
-    """Return whether two streams (n,) are equal, number by number; stop at the first block that differs."""
+    """Return whether two streams (n,) are equal, number by number; stop at the first block that
+    differs.
+    """
     return all(np.array_equal(x[some], other[some]) for some in iterate_blocks(x.size))
 
 
@@ -153,13 +170,19 @@ def has_equal_periods(x: np.ndarray) -> bool:
 
 
 def is_constant(x: np.ndarray) -> bool:
-    """Return whether all numbers of a stream (n,), or of periods (P, N), are equal; stop at the first other block."""
+    """Return whether all numbers of a stream (n,), or of periods (P, N), are equal; stop at the
+    first other block.
+    """
     rows = np.atleast_2d(x)
-    return all(bool((row[some] == rows[0, 0]).all()) for row in rows for some in iterate_blocks(row.size))
+    return all(
+        bool((row[some] == rows[0, 0]).all()) for row in rows for some in iterate_blocks(row.size)
+    )
 
 
 def smallest_step(x: np.ndarray) -> float:
-    """Return the smallest step between neighbouring samples, as of an encoder; zero for a constant."""
+    """Return the smallest step between neighbouring samples, as of an encoder; zero for a
+    constant.
+    """
     x = np.asarray(x)
     steps = np.abs(np.diff(x.ravel()))
     steps = steps[steps > 1e-9 * np.ptp(x)]
@@ -194,9 +217,10 @@ def rfft(x: np.ndarray) -> np.ndarray:
 def rfft_at(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """Return (..., K) `rfft` of x (..., n) at some lines; a long one is composed of short ones.
 
-    The samples a, a + A, a + 2 A, ... have a transform X_a of n / A lines, and X[k] is the sum over a of
-    X_a[k] exp(-2j pi k a / n), where X_a is periodic beyond its lines (decimation in time; Cooley & Tukey, 1965). For
-    few lines this is faster than the whole transform, and takes less memory.
+    The samples a, a + A, a + 2 A, ... have a transform X_a of n / A lines, and X[k] is the sum over
+    a of X_a[k] exp(-2j pi k a / n), where X_a is periodic beyond its lines (decimation in time;
+    Cooley & Tukey, 1965). For few lines this is faster than the whole transform, and takes less
+    memory.
 
     >>> x = np.sin(np.arange(1 << 18))
     >>> lines = np.array([0, 1, 70_000, 1 << 17])
@@ -216,7 +240,9 @@ def rfft_at(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
     for where in np.ndindex(x.shape[:-1]):
         parts = x[where].reshape(size, n_parts)
         for first in range(0, n_parts, _N_TOGETHER):
-            transformed = np.fft.rfft(np.ascontiguousarray(parts[:, first : first + _N_TOGETHER].T)).take(at, axis=1)
+            transformed = np.fft.rfft(
+                np.ascontiguousarray(parts[:, first : first + _N_TOGETHER].T)
+            ).take(at, axis=1)
             transformed.imag *= sign
             for a, part in enumerate(transformed, first):
                 spectra[where] += np.exp(-2j * np.pi / n * (a * lines % n)) * part
@@ -225,28 +251,42 @@ def rfft_at(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def _number_of_parts(n: int, n_lines: int) -> int:
-    """Return the number of parts of a transform with n samples for `n_lines` lines; 1 if parts do not pay."""
+    """Return the number of parts of a transform with n samples for `n_lines` lines; 1 if parts do
+    not pay.
+    """
     if n <= 2 * _LONG_SIGNAL:
         return 1
     least = -(-n // _PART_SAMPLES)
-    return next((parts for parts in range(least, 8 * least) if n % parts == 0 and n_lines * parts * _FEW_PARTS <= n), 1)
+    return next(
+        (
+            parts
+            for parts in range(least, 8 * least)
+            if n % parts == 0 and n_lines * parts * _FEW_PARTS <= n
+        ),
+        1,
+    )
 
 
-# ---- Roy's largest root: the exact law of the largest singular value of a matrix of estimates over its own scatter.
+# ---- Roy's largest root: the exact law of the largest singular value of a matrix of estimates over
+# its own scatter.
 #
-# Z = C^-1/2 dG Gamma^-1/2, with C = S/L estimated from L complex degrees of freedom. The largest root t of
-# det(H - t (H + S)) = 0, H the square of Z, has the law of the largest eigenvalue of a Jacobi ensemble:
+# Z = C^-1/2 dG Gamma^-1/2, with C = S/L estimated from L complex degrees of freedom. The largest
+# root t of det(H - t (H + S)) = 0, H the square of Z, has the law of the largest eigenvalue of a
+# Jacobi ensemble:
 #
-#     P(sigma_max^2 <= x) = det [ integral_0^t p_i p_j w ],  i, j < s,  w = th^a (1 - th)^b,  t = x / (L + x)
+#     P(sigma_max^2 <= x) = det [ integral_0^t p_i p_j w ],  i, j < s,  w = th^a (1 - th)^b,  t = x
+#     / (L + x)
 #
-# with s = min(n_y, n_u), a = |n_u - n_y|, b = L - n_y and p_i orthonormal on [0, 1] under w; for L = inf the weight is
-# that of Laguerre. One input: Hotelling. (Khatri 1964; C. G. Khatri, Ann. Math. Statist. 35, p. 1807.)
+# with s = min(n_y, n_u), a = |n_u - n_y|, b = L - n_y and p_i orthonormal on [0, 1] under w; for L
+# = inf the weight is that of Laguerre. One input: Hotelling. (Khatri 1964; C. G. Khatri, Ann. Math.
+# Statist. 35, p. 1807.)
 
 _N_NODES = 200
 
 
 def roy_probability(x: float, n_y: int, n_u: int, dof: float) -> float:
-    """Return P(sigma_max^2 <= x) for an (n_y, n_u) matrix over a covariance with `dof` complex degrees of freedom.
+    """Return P(sigma_max^2 <= x) for an (n_y, n_u) matrix over a covariance with `dof` complex
+    degrees of freedom.
 
     >>> round(roy_probability(9.391049, 2, 2, 12.0), 6)
     0.95
@@ -283,7 +323,8 @@ def _nodes_and_weights() -> tuple[np.ndarray, np.ndarray]:
 
 @lru_cache(maxsize=512)
 def roy_quantile(p: float, n_y: int, n_u: int, dof: float) -> float:
-    """Return the p-quantile of the squared largest singular value; dof > n_y - 1 need not be a whole number.
+    """Return the p-quantile of the squared largest singular value; dof > n_y - 1 need not be a
+    whole number.
 
     >>> round(roy_quantile(0.95, 1, 1, 6.0), 6)       # F(2, 12)
     3.885294
@@ -291,10 +332,18 @@ def roy_quantile(p: float, n_y: int, n_u: int, dof: float) -> float:
     from scipy.optimize import brentq
 
     if not dof > n_y - 1:
-        raise ValueError(f"dof must be more than n_y - 1 = {n_y - 1} for a bound on the whole matrix, got {dof:g}")
+        raise ValueError(
+            f"dof must be more than n_y - 1 = {n_y - 1} for a bound on the whole matrix, got"
+            f" {dof:g}"
+        )
     high = 4.0 * (n_y + n_u)
     while roy_probability(high, n_y, n_u, dof) < p:
         high *= 2
         if high > 1e12:
-            raise ValueError(f"dof must be larger for a bound at probability {p:g}, got {dof:g} for {n_y} outputs")
-    return float(brentq(lambda x: roy_probability(x, n_y, n_u, dof) - p, 1e-9, high, xtol=1e-12, rtol=1e-13))
+            raise ValueError(
+                f"dof must be larger for a bound at probability {p:g}, got {dof:g} for {n_y}"
+                " outputs"
+            )
+    return float(
+        brentq(lambda x: roy_probability(x, n_y, n_u, dof) - p, 1e-9, high, xtol=1e-12, rtol=1e-13)
+    )

@@ -1,11 +1,13 @@
-"""A file read in its own process, with limits for time and memory; and the size limit for the content of any file.
+"""A file read in its own process, with limits for time and memory; and the size limit for the
+content of any file.
 
-Libraries in C can hang, run out of memory or crash on a damaged file, and nothing in Python can stop them. So a child
-process reads such a file, and sends the arrays through a pipe in blocks: neither process ever holds an array twice. Any
-failure of the child ends as one clear error here.
+Libraries in C can hang, run out of memory or crash on a damaged file, and nothing in Python can
+stop them. So a child process reads such a file, and sends the arrays through a pipe in blocks:
+neither process ever holds an array twice. Any failure of the child ends as one clear error here.
 
-Compressed files, and wrong headers, can demand any amount of memory. `require_size` is the one limit of every reader,
-in its own process or not. It is called with the sizes in the headers, before anything is unpacked.
+Compressed files, and wrong headers, can demand any amount of memory. `require_size` is the one
+limit of every reader, in its own process or not. It is called with the sizes in the headers, before
+anything is unpacked.
 
     {"arrays": [[name, type, shape], ...], "units": ..., "clocks": ..., "notes": ...}  newline  the arrays, in C order
 """
@@ -25,13 +27,14 @@ from typing import IO
 import numpy as np
 
 SECONDS, _PER_BYTE = 20.0, 1e-7  # [s] time limit: a base, and a slow disk
-#: Limit of the bytes of unpacked arrays: a base, and a multiple of the size of the file. Noise with 16 bits compresses
-#: 4 times as float64, a CSV with one digit per cell takes 4 times its size; constants have the base.
+# : Limit of the bytes of unpacked arrays: a base, and a multiple of the size of the file. Noise
+# with 16 bits compresses : 4 times as float64, a CSV with one digit per cell takes 4 times its
+# size; constants have the base.
 UNPACKED, FACTOR = 1 << 30, 20
 MEMORY_LIMIT = 4 << 30  # bytes of address space of a child, instead of UNPACKED, libraries included
 BLOCK_BYTES = 1 << 20  # bytes sent at a time
-#: Content of a file, by name: arrays, units, clocks (a frequency [Hz] or the name of a time channel; "" is for all
-#: channels), and reasons why an entry is no signal.
+# : Content of a file, by name: arrays, units, clocks (a frequency [Hz] or the name of a time
+# channel; "" is for all : channels), and reasons why an entry is no signal.
 Contents = tuple[dict[str, np.ndarray], dict[str, str], dict[str, float | str], dict[str, str]]
 
 
@@ -43,12 +46,16 @@ def read_in_own_process(reader_file: str, path: Path) -> Contents:
     Raises
     ------
     ValueError
-        The file cannot be read within the limits; the message is that of the library, or that it crashed.
+        The file cannot be read within the limits; the message is that of the library, or that it
+        crashed.
     """
     limit = SECONDS + _PER_BYTE * path.stat().st_size
     command = [sys.executable, "-I", __file__, reader_file, str(path)]
     late = threading.Event()
-    with tempfile.TemporaryFile() as errors, subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors) as reader:
+    with (
+        tempfile.TemporaryFile() as errors,
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors) as reader,
+    ):
 
         def stop() -> None:
             late.set()
@@ -93,8 +100,8 @@ def require_size(wanted: int, file_size: int) -> None:
     limit = UNPACKED + FACTOR * file_size
     if wanted > limit:
         raise ValueError(
-            f"it unpacks to {wanted / 1e9:.3g} GB, but a file of {file_size / 1e9:.2g} GB may unpack to "
-            f"{limit / 1e9:.3g} GB: {UNPACKED >> 30} GiB and {FACTOR} times its size"
+            f"it unpacks to {wanted / 1e9:.3g} GB, but a file of {file_size / 1e9:.2g} GB may"
+            f" unpack to {limit / 1e9:.3g} GB: {UNPACKED >> 30} GiB and {FACTOR} times its size"
         )
 
 
@@ -105,11 +112,16 @@ def receive(stream: IO[bytes], file_size: int) -> Contents | None:
         return None
     about = json.loads(head)
     kinds = [(name, np.dtype(kind), tuple(shape)) for name, kind, shape in about["arrays"]]
-    require_size(sum(kind.itemsize * int(np.prod(shape, dtype=object)) for _, kind, shape in kinds), file_size)
+    require_size(
+        sum(kind.itemsize * int(np.prod(shape, dtype=object)) for _, kind, shape in kinds),
+        file_size,
+    )
     arrays = {}
     for name, kind, shape in kinds:
         arrays[name] = np.empty(shape, kind)
-        left: memoryview | bytes = arrays[name].reshape(-1).view(np.uint8).data if arrays[name].nbytes else b""
+        left: memoryview | bytes = (
+            arrays[name].reshape(-1).view(np.uint8).data if arrays[name].nbytes else b""
+        )
         while left:
             n = stream.readinto(left)  # type: ignore[attr-defined]
             if not n:
@@ -121,8 +133,9 @@ def receive(stream: IO[bytes], file_size: int) -> Contents | None:
 def send(found: Contents, stream: IO[bytes]) -> None:
     """Send the content found by a module, in blocks.
 
-    An array may be any object with a shape and a type that returns arrays for slices of its first axis, so that a
-    module need not read it whole. Its ``rows``, if it has any, are the number of rows that are best read together.
+    An array may be any object with a shape and a type that returns arrays for slices of its first
+    axis, so that a module need not read it whole. Its ``rows``, if it has any, are the number of
+    rows that are best read together.
     """
     arrays, *rest = found
     kinds = [[name, np.dtype(array.dtype).str, list(array.shape)] for name, array in arrays.items()]

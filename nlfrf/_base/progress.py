@@ -17,7 +17,8 @@ _ERASE_LINE = "\r\x1b[2K"
 
 
 def progress_bar(label: str = "") -> _ProgressBar:
-    """Return a progress bar for an argument ``progress=``: in a notebook below the cell, else on standard error.
+    """Return a progress bar for an argument ``progress=``: in a notebook below the cell, else on
+    standard error.
 
     Parameters
     ----------
@@ -27,8 +28,8 @@ def progress_bar(label: str = "") -> _ProgressBar:
     Returns
     -------
     callable
-        Takes the number done and the total. Nothing is shown if standard error is a file. Its method `timed` is for
-        `robust.tune`, which has a time limit.
+        Takes the number done and the total. Nothing is shown if standard error is a file. Its
+        method `timed` is for `robust.tune`, which has a time limit.
 
     Raises
     ------
@@ -47,7 +48,9 @@ def progress_bar(label: str = "") -> _ProgressBar:
 
 
 class _ProgressBar:
-    """A bar that each call draws anew, without a thread, so that an interrupt leaves the terminal intact."""
+    """A bar that each call draws anew, without a thread, so that an interrupt leaves the terminal
+    intact.
+    """
 
     def __init__(self, label: str) -> None:
         self.label = label
@@ -61,7 +64,9 @@ class _ProgressBar:
         self.show(done, total, f"{done} of {total}")
 
     def timed(self, n_evaluated: int, best: float, left: float) -> None:
-        """Show a search with a time limit: evaluations, the best value so far, and the seconds left."""
+        """Show a search with a time limit: evaluations, the best value so far, and the seconds
+        left.
+        """
         passed = time.monotonic() - self.begun
         self.show(passed, passed + left, f"{n_evaluated} evaluations, best {best:.4g}")
 
@@ -97,11 +102,19 @@ class _ProgressBar:
 
 
 def rich_bar(console: Console, label: str, *, even: bool = True) -> Progress:
-    """Return a bar of rich with one task, whose field `status` describes the work done; it vanishes at its end.
+    """Return a bar of rich with one task, whose field `status` describes the work done; it vanishes
+    at its end.
 
     For uneven steps the time left is not shown.
     """
-    from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        ProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
     columns: list[ProgressColumn] = [
         TextColumn("{task.description}"),

@@ -1,4 +1,6 @@
-"""Units of a drive and its axis: positions and velocities in m or rad, currents in A, forces in N or Nm, times in s."""
+"""Units of a drive and its axis: positions and velocities in m or rad, currents in A, forces in N
+or Nm, times in s.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +53,8 @@ _QUANTITIES = {
     "share": {"": 1.0, "%": 0.01},
 }
 
-#: Symbol of a unit -> its base unit and the factor to it; a symbol that is not listed is a base unit of its own.
+# : Symbol of a unit -> its base unit and the factor to it; a symbol that is not listed is a base
+# unit of its own.
 _SYMBOLS = (
     POSITIONS
     | {unit: pair for unit, pair in OUTPUTS.items() if unit != "Nm"}
@@ -63,7 +66,8 @@ _JOINED_SYMBOLS = re.compile(rf"({'|'.join(sorted(_SYMBOLS, key=len, reverse=Tru
 
 
 def parse_gain_unit(unit: str) -> tuple[str, str, float]:
-    """Return (unit of the output, base unit of the position, factor to base units) for the gain of a velocity loop.
+    """Return (unit of the output, base unit of the position, factor to base units) for the gain of
+    a velocity loop.
 
     >>> parse_gain_unit("Nm/(rad/s)"), parse_gain_unit("Nms/rad"), parse_gain_unit("A s/m")
     (('Nm', 'rad', 1.0), ('Nm', 'rad', 1.0), ('A', 'm', 1.0))
@@ -72,13 +76,14 @@ def parse_gain_unit(unit: str) -> tuple[str, str, float]:
     ('A', 'rad', 9.5493)
     """
     found = re.fullmatch(
-        r"\s*(\w+?)\s*(?:/\s*\(?\s*([^()\s]+)\s*\)?|[*·⋅]?\s*s\s*/\s*(\w+))\s*", unit if isinstance(unit, str) else ""
+        r"\s*(\w+?)\s*(?:/\s*\(?\s*([^()\s]+)\s*\)?|[*·⋅]?\s*s\s*/\s*(\w+))\s*",
+        unit if isinstance(unit, str) else "",
     )
     output, velocity = (found[1], found[2] or f"{found[3]}/s") if found else ("", "")
     if output not in OUTPUTS or velocity not in _VELOCITIES:
         raise ValueError(
-            'kp_unit must be current or force over velocity, such as "A/(m/s)", "Ns/m", "Nms/rad" or "A/rpm", '
-            f"got {short_form(unit)}"
+            'kp_unit must be current or force over velocity, such as "A/(m/s)", "Ns/m", "Nms/rad"'
+            f' or "A/rpm", got {short_form(unit)}'
         )
     (name, size), (base, per) = OUTPUTS[output], _VELOCITIES[velocity]
     return name, base, size / per
@@ -89,8 +94,8 @@ def position_factor(name: str, unit: str, base: str) -> float:
     kind, factor = POSITIONS.get(unit, ("", np.nan))
     if kind != base:
         raise ValueError(
-            f"{name} must be given if the position is measured in {unit} and the velocity loop counts in {base}/s: "
-            f"the number of {base} in one {unit}, got none"
+            f"{name} must be given if the position is measured in {unit} and the velocity loop"
+            f" counts in {base}/s: the number of {base} in one {unit}, got none"
         )
     return factor
 
@@ -123,13 +128,18 @@ def split_quantity(written: object) -> tuple[float, str]:
     ((143.0, 'A/(m/s)'), (3.6, 'm/min/mm'))
     """
     found = re.fullmatch(
-        r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(.*?)\s*", written if isinstance(written, str) else ""
+        r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(.*?)\s*",
+        written if isinstance(written, str) else "",
     )
     if found is None:
         raise ValueError(f"written must be a number with its unit, got {short_form(written)}")
     number, unit = found[1], found[2]
-    if number.count(".") > 1 or re.match(r"[,.']|(?!1\s*/)\d", unit):  # "0,9" is no 0 in units of ",9"
-        raise ValueError(f"written must be a number with a decimal point and its unit, got {short_form(written)}")
+    if number.count(".") > 1 or re.match(
+        r"[,.']|(?!1\s*/)\d", unit
+    ):  # "0,9" is no 0 in units of ",9"
+        raise ValueError(
+            f"written must be a number with a decimal point and its unit, got {short_form(written)}"
+        )
     return float(number), unit
 
 

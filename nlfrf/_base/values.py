@@ -1,9 +1,9 @@
 """``@value``: the only way in which this project makes a value type.
 
-A value is frozen and made by keyword. Its arrays are copied when it is made and cannot be written afterwards, so a
-value that was valid once stays valid. At a prompt it is one line; its `str()` fits 100 columns. It has no ``==``,
-because comparing arrays for equality is rarely meant. Validation goes into ``__post_init__``, which runs after the
-arrays are frozen.
+A value is frozen and made by keyword. Its arrays are copied when it is made and cannot be written
+afterwards, so a value that was valid once stays valid. At a prompt it is one line; its `str()` fits
+100 columns. It has no ``==``, because comparing arrays for equality is rarely meant. Validation
+goes into ``__post_init__``, which runs after the arrays are frozen.
 """
 
 from __future__ import annotations
@@ -28,8 +28,9 @@ if TYPE_CHECKING:
 
 _WIDTH, _FEW = 160, 6  # characters of a line; numbers that are shown
 
-#: Type of a field that takes any sequence and holds an array, or None if its kind of value has none. A dataclass can
-#: declare only one of these types, and the reader of the field knows the kind.
+# : Type of a field that takes any sequence and holds an array, or None if its kind of value has
+# none. A dataclass can : declare only one of these types, and the reader of the field knows the
+# kind.
 ArrayField = Any
 
 
@@ -44,7 +45,9 @@ def _repr_line(thing: DataclassInstance) -> str:
     >>> Tone(amplitude=np.ones((3, 100)), fs=10.0)
     Tone(amplitude=array(3, 100), fs=10.0)
     """
-    described = ", ".join(f"{field.name}={_short_repr(getattr(thing, field.name, None))}" for field in fields(thing))
+    described = ", ".join(
+        f"{field.name}={_short_repr(getattr(thing, field.name, None))}" for field in fields(thing)
+    )
     described = described if len(described) <= _WIDTH else described[: _WIDTH - 3] + "..."
     return f"{type(thing).__name__}({described})"
 
@@ -68,7 +71,11 @@ def _short_repr(thing: object) -> str:
         inner = ", ".join(map(_short_repr, thing))
         return f"[{inner}]" if isinstance(thing, list) else f"({inner}{',' * (len(thing) == 1)})"
     if isinstance(thing, dict):
-        return "{" + ", ".join(f"{key}: {_short_repr(held)}" for key, held in list(thing.items())[:_FEW]) + "}"
+        return (
+            "{"
+            + ", ".join(f"{key}: {_short_repr(held)}" for key, held in list(thing.items())[:_FEW])
+            + "}"
+        )
     described = " ".join(repr(thing).split())
     return described if len(described) <= 60 else described[:57] + "..."
 
@@ -77,7 +84,8 @@ SCREEN_WIDTH = 100  # columns of everything that is printed
 
 
 def wrap_lines(text: str) -> str:
-    """Wrap the lines of a text that are wider than a screen; continuation lines are indented by two more.
+    """Wrap the lines of a text that are wider than a screen; continuation lines are indented by two
+    more.
 
     A command to be copied ("run: ...") stays on its line.
 
@@ -89,7 +97,11 @@ def wrap_lines(text: str) -> str:
     for line in text.split("\n"):
         indent = " " * (len(line) - len(line.lstrip()))
         fits = len(line) <= SCREEN_WIDTH or line.startswith("run:")
-        how = {"subsequent_indent": f"{indent}  ", "break_long_words": False, "break_on_hyphens": False}
+        how = {
+            "subsequent_indent": f"{indent}  ",
+            "break_long_words": False,
+            "break_on_hyphens": False,
+        }
         rows += [line] if fits else wrap(line, SCREEN_WIDTH, **how)  # type: ignore[arg-type]
     return "\n".join(rows)
 
@@ -102,17 +114,27 @@ def value(cls: type[T], /) -> type[T]: ...
 
 
 @overload
-def value(*, kw_only: bool = True, copy: bool = True, in_sentences: bool = False) -> Callable[[type[T]], type[T]]: ...
-
-
-@dataclass_transform(frozen_default=True, kw_only_default=True, eq_default=False, field_specifiers=(field,))
 def value(
-    cls: type[T] | None = None, /, *, kw_only: bool = True, copy: bool = True, in_sentences: bool = False
+    *, kw_only: bool = True, copy: bool = True, in_sentences: bool = False
+) -> Callable[[type[T]], type[T]]: ...
+
+
+@dataclass_transform(
+    frozen_default=True, kw_only_default=True, eq_default=False, field_specifiers=(field,)
+)
+def value(
+    cls: type[T] | None = None,
+    /,
+    *,
+    kw_only: bool = True,
+    copy: bool = True,
+    in_sentences: bool = False,
 ) -> type[T] | Callable[[type[T]], type[T]]:
     """Make a class a value type; ``kw_only=False`` lets its fields also be given in order.
 
-    ``copy=False`` is for values that are made inside this package only, from arrays without another owner. Printed text
-    is wrapped at the width of the screen, except for values used in sentences of messages (``in_sentences``).
+    ``copy=False`` is for values that are made inside this package only, from arrays without another
+    owner. Printed text is wrapped at the width of the screen, except for values used in sentences
+    of messages (``in_sentences``).
 
     >>> @value
     ... class Tone:
@@ -133,7 +155,9 @@ def value(
 
 
 def _value_class(cls: type[T], kw_only: bool, *, copy: bool, in_sentences: bool) -> type[T]:
-    """Return the dataclass of `value`; arrays are frozen before the validation of the class, own or inherited."""
+    """Return the dataclass of `value`; arrays are frozen before the validation of the class, own or
+    inherited.
+    """
     validate = getattr(cls, "__post_init__", None)
 
     def __post_init__(self: object) -> None:
@@ -184,7 +208,8 @@ _SIMPLE_TYPES = {"str", "bool", "int", "float", str, bool, int, float}
 
 
 def to_json(thing: object, most: float = np.inf) -> str:
-    """Return a value, or a list of values, as JSON: complex numbers as [re, im], nonfinite ones as null.
+    """Return a value, or a list of values, as JSON: complex numbers as [re, im], nonfinite ones as
+    null.
 
     Arrays of more than `most` numbers are replaced by their shape.
 
@@ -195,7 +220,9 @@ def to_json(thing: object, most: float = np.inf) -> str:
 
 
 def to_plain(thing: object, most: float = np.inf) -> Json:
-    """Return a value in terms of JSON: dictionaries, lists, texts, numbers; systems as matrices, others as text."""
+    """Return a value in terms of JSON: dictionaries, lists, texts, numbers; systems as matrices,
+    others as text.
+    """
     if isinstance(thing, Enum | np.generic):
         return to_plain(thing.value if isinstance(thing, Enum) else thing.item(), most)
     if thing is None or isinstance(thing, str | bool | int | float | complex):
@@ -203,7 +230,9 @@ def to_plain(thing: object, most: float = np.inf) -> Json:
     if isinstance(thing, np.ndarray) and thing.size > most:
         return {"shape": list(thing.shape)}
     if isinstance(thing, np.ndarray):
-        return [to_plain(one, most) for one in thing] if thing.ndim else to_plain(thing.item(), most)
+        return (
+            [to_plain(one, most) for one in thing] if thing.ndim else to_plain(thing.item(), most)
+        )
     if isinstance(thing, list | tuple) and not hasattr(thing, "_fields"):
         return [to_plain(one, most) for one in thing]
     if (named := _named_parts(thing)) is not None:
@@ -212,17 +241,27 @@ def to_plain(thing: object, most: float = np.inf) -> Json:
 
 
 def _named_parts(thing: object) -> dict[str, object] | None:
-    """Return entries, fields with simple properties, or matrices by name; None without named parts."""
+    """Return entries, fields with simple properties, or matrices by name; None without named
+    parts.
+    """
     if isinstance(thing, Mapping):
         return {str(key): held for key, held in thing.items()}
     if is_dataclass(thing):
-        return {name: getattr(thing, name) for name in field_names(thing)} | _simple_properties(thing)
+        return {name: getattr(thing, name) for name in field_names(thing)} | _simple_properties(
+            thing
+        )
     names = getattr(thing, "_fields", ("A", "B", "C", "D", "dt"))
-    return {name: getattr(thing, name) for name in names} if all(hasattr(thing, name) for name in names) else None
+    return (
+        {name: getattr(thing, name) for name in names}
+        if all(hasattr(thing, name) for name in names)
+        else None
+    )
 
 
 def _plain_scalar(thing: str | complex | None) -> Json:
-    """Return a text, a truth value or a number for JSON: complex ones as [re, im], nonfinite ones as null."""
+    """Return a text, a truth value or a number for JSON: complex ones as [re, im], nonfinite ones
+    as null.
+    """
     if isinstance(thing, complex):
         return [_plain_scalar(thing.real), _plain_scalar(thing.imag)]
     return None if isinstance(thing, float) and not np.isfinite(thing) else thing

@@ -1,4 +1,5 @@
-"""Identification: from a periodic record of any number of channels to the best linear approximation with its variances.
+"""Identification: from a periodic record of any number of channels to the best linear approximation
+with its variances.
 
 bla                `Bla`: the matrix, its covariances, its bounds
 calibration        variance of a cubic on detection lines against that on excited lines; crest factor correction

@@ -1,7 +1,9 @@
-"""`Bla`: the best linear approximation of a nonlinear system, its variances, and the bound on its distortion.
+"""`Bla`: the best linear approximation of a nonlinear system, its variances, and the bound on its
+distortion.
 
-One type serves any number of channels: Cov(vec G) = conj(gamma) kron cov (Pintelon & Schoukens, 2nd ed., 2.7). A 1 x 1
-matrix is a scalar with one variance per line, and every function of a matrix accepts it.
+One type serves any number of channels: Cov(vec G) = conj(gamma) kron cov (Pintelon & Schoukens, 2nd
+ed., 2.7). A 1 x 1 matrix is a scalar with one variance per line, and every function of a matrix
+accepts it.
 """
 
 from __future__ import annotations
@@ -29,9 +31,10 @@ from nlfrf.bla.local_models import MIN_FIT_LINES, fit_locally
 from nlfrf.records.record import Channels
 from nlfrf.signals.lines import LineGrid, local_mean
 
-#: Fraction of the distortion of a new realisation that the roughness of the FRF does not show, because it bends the FRF
-#: smoothly: none for a saturation, up to a half for a fifth power. A half costs 7 % more of the loss than a quarter.
-#: With fewer than 27 lines the peaks of the input show it (`crest_correction`), and `var_bound` contains it.
+# : Fraction of the distortion of a new realisation that the roughness of the FRF does not show,
+# because it bends the FRF : smoothly: none for a saturation, up to a half for a fifth power. A half
+# costs 7 % more of the loss than a quarter. : With fewer than 27 lines the peaks of the input show
+# it (`crest_correction`), and `var_bound` contains it.
 _SMOOTH_SHARE = {"roughness": 0.25}
 _COVARIANCES = ("noise", "total", "distortion", "even", "bound")
 _PER_LINE = ("f", "dof", "grid_factor", "coherence")
@@ -58,7 +61,8 @@ class Experiment:
 
     References
     ----------
-    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.7 and 4.3.
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.7 and
+    4.3.
 
     Examples
     --------
@@ -84,16 +88,18 @@ class Experiment:
 
 @value(copy=False)
 class Covariances:
-    """Covariances of the residual Y - G U for ONE experiment, line by line; Cov(vec G) = conj(gamma) kron each of them.
+    """Covariances of the residual Y - G U for ONE experiment, line by line; Cov(vec G) =
+    conj(gamma) kron each of them.
 
     Fields
     ------
     gamma : (n_u, n_u, F) complex ndarray
-        Factor from the covariance of the residual to Cov(vec G). Diagonal, 1/(M A_i^2), in open loop; full in closed
-        loop. Ones for one input and one output: the others are then variances of G itself.
+        Factor from the covariance of the residual to Cov(vec G). Diagonal, 1/(M A_i^2), in open
+        loop; full in closed loop. Ones for one input and one output: the others are then variances
+        of G itself.
     noise, total, distortion, even, bound : (n_y, n_y, F) complex ndarray
-        Covariance by noise; by noise and distortion; by distortion, without negative eigenvalues; on the even lines,
-        noise included; and the one behind `Bla.bound` and `Bla.block`.
+        Covariance by noise; by noise and distortion; by distortion, without negative eigenvalues;
+        on the even lines, noise included; and the one behind `Bla.bound` and `Bla.block`.
 
     References
     ----------
@@ -121,11 +127,13 @@ class Covariances:
 
 @value
 class Bla(Channels):
-    """Best linear approximation of a nonlinear system on the excited lines, with its variances; any number of channels.
+    """Best linear approximation of a nonlinear system on the excited lines, with its variances; any
+    number of channels.
 
-    `identify` returns it. Every variance is E|.|^2 of a complex number, per excited line. For one input and one output
-    the fields are (F,) arrays. For several channels the covariance of the matrix has two factors, which `cov` contains:
-    Cov(vec G) = conj(gamma) kron cov, vec stacking columns.
+    `identify` returns it. Every variance is E|.|^2 of a complex number, per excited line. For one
+    input and one output the fields are (F,) arrays. For several channels the covariance of the
+    matrix has two factors, which `cov` contains: Cov(vec G) = conj(gamma) kron cov, vec stacking
+    columns.
 
     Fields
     ------
@@ -140,26 +148,27 @@ class Bla(Channels):
     experiment : Experiment
         Grid, period and realisations of the measurement.
     level_source : str
-        Source of the distortion level: "detection" (lines without excitation), "roughness" (of the FRF over the excited
-        lines), "realizations" (scatter over M >= 2 experiments), or "realizations and detection".
+        Source of the distortion level: "detection" (lines without excitation), "roughness" (of the
+        FRF over the excited lines), "realizations" (scatter over M >= 2 experiments), or
+        "realizations and detection".
     dof : (F,) ndarray
         Complex degrees of freedom behind the bound.
     grid_factor : (F,) ndarray
-        Variance at an excited line over the mean on its window of detection lines, as applied; ones if no detection
-        lines were used.
+        Variance at an excited line over the mean on its window of detection lines, as applied; ones
+        if no detection lines were used.
     levels : DistortionLevels, or a tuple of them, one per output
         Output amplitudes on excited and detection lines.
     cov : Covariances
         Covariances by noise, by distortion, and behind the bound.
     typical : float
-        Ratio of expected to observed distortion power: a realisation with random phases distorts more than those
-        measured, by the cube of their input, with a ratio from 1 to 3. Inputs with low peaks distort less, whether by
-        chance or by choice. If their peaks are lower than those of one realisation in twenty, the ratio is squared, as
-        a fifth power needs it; with fewer than 27 lines it is always squared, from 0.6 to 6. For several inputs the
-        mean over them.
+        Ratio of expected to observed distortion power: a realisation with random phases distorts
+        more than those measured, by the cube of their input, with a ratio from 1 to 3. Inputs with
+        low peaks distort less, whether by chance or by choice. If their peaks are lower than those
+        of one realisation in twenty, the ratio is squared, as a fifth power needs it; with fewer
+        than 27 lines it is always squared, from 0.6 to 6. For several inputs the mean over them.
     coherence : (F,) ndarray
-        Share of the output power that is linear in the input, for noise excitation (`identify_noise`); nan for periodic
-        records, which separate distortion from noise.
+        Share of the output power that is linear in the input, for noise excitation
+        (`identify_noise`); nan for periodic records, which separate distortion from noise.
     hold : str
         Inputs between their samples, as in `Record`: with "zoh" G includes the hold of 1/fs.
     inputs, outputs, input_units, output_units : tuple of str
@@ -174,9 +183,10 @@ class Bla(Channels):
 
     References
     ----------
-    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.7, 3.4, 3.7 and 4.3; C. G.
-    Khatri, *Distribution of the largest or the smallest characteristic root under null hypothesis concerning complex
-    multivariate normal populations*, Ann. Math. Statist. 35, 1964.
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.7, 3.4,
+    3.7 and 4.3; C. G. Khatri, *Distribution of the largest or the smallest characteristic root
+    under null hypothesis concerning complex multivariate normal populations*, Ann. Math. Statist.
+    35, 1964.
 
     Examples
     --------
@@ -208,7 +218,8 @@ class Bla(Channels):
     dof: np.ndarray
     level_source: str
     grid_factor: np.ndarray
-    levels: Any  # one, or a tuple with one per output: a union would force every reader of the field to cast
+    # one, or a tuple with one per output: a union would force every reader of the field to cast
+    levels: Any
     typical: float = 1.0
     coherence: ArrayField = None
     hold: str = "unknown"
@@ -223,25 +234,37 @@ class Bla(Channels):
         F, held = self.f.size, self.__dict__
         if self.G.ndim == 3 and n_y == n_u == 1:
             held["G"] = self.G[0, 0]
-            held["levels"] = self.levels if isinstance(self.levels, DistortionLevels) else self.levels[0]
+            held["levels"] = (
+                self.levels if isinstance(self.levels, DistortionLevels) else self.levels[0]
+            )
         if self.coherence is None:
             held["coherence"] = freeze_array(np.full(F, np.nan))
-        self._name_channels((n_u, n_y), (self.inputs, self.outputs), (self.input_units, self.output_units))
+        self._name_channels(
+            (n_u, n_y), (self.inputs, self.outputs), (self.input_units, self.output_units)
+        )
         shapes: dict[str, tuple[int, ...]] = {"G": (F,) if self.is_single else (n_y, n_u, F)}
-        shapes |= dict.fromkeys(_PER_LINE, (F,)) | dict.fromkeys(_COVARIANCES, (n_y, n_y, F)) | {"gamma": (n_u, n_u, F)}
+        shapes |= (
+            dict.fromkeys(_PER_LINE, (F,))
+            | dict.fromkeys(_COVARIANCES, (n_y, n_y, F))
+            | {"gamma": (n_u, n_u, F)}
+        )
         for name, shape in shapes.items():
             array = getattr(self if name in held else self.cov, name)
             if array.shape != shape or array.dtype.kind not in "fiuc":
                 raise ValueError(
-                    f"{name} must be numbers of shape {shape}, for {n_y} outputs, {n_u} inputs and {F} lines, "
-                    f"got shape {array.shape}"
+                    f"{name} must be numbers of shape {shape}, for {n_y} outputs, {n_u} inputs and"
+                    f" {F} lines, got shape {array.shape}"
                 )
         if not self.is_single and len(self.levels) != n_y:
-            raise ValueError(f"levels must be one per output, {n_y} of them, got {len(self.levels)}")
+            raise ValueError(
+                f"levels must be one per output, {n_y} of them, got {len(self.levels)}"
+            )
 
     @property
     def is_single(self) -> bool:
-        """True if the plant has one input and one output, so that arrays have no axes of channels."""
+        """True if the plant has one input and one output, so that arrays have no axes of
+        channels.
+        """
         return bool(self.G.ndim == 1)
 
     @property
@@ -269,20 +292,24 @@ class Bla(Channels):
 
     @property
     def var_even(self) -> np.ndarray:
-        """(F,) or (n_y, n_u, F) variance of the FRF of one realisation from the even lines; nan without them."""
+        """(F,) or (n_y, n_u, F) variance of the FRF of one realisation from the even lines; nan
+        without them.
+        """
         return self.experiment.n_realizations * self.entries(self.cov.even)
 
     @property
     def var_bound(self) -> np.ndarray:
         """(F,) or (n_y, n_u, F) scale of the bound: |G - G_BLA|^2 / var_bound ~ F(2, 2 dof).
 
-        One statistical model pools detection lines, roughness and scatter over realisations (docs/guide/distortion.md).
-        Its quantiles at 95 and 99.9 % are those of the model.
+        One statistical model pools detection lines, roughness and scatter over realisations
+        (docs/guide/distortion.md). Its quantiles at 95 and 99.9 % are those of the model.
         """
         return self.entries(self.cov.bound)
 
     def entries(self, cov: np.ndarray) -> np.ndarray:
-        """Return (F,) or (n_y, n_u, F) variances of the entries of G, from a covariance (n_y, n_y, F)."""
+        """Return (F,) or (n_y, n_u, F) variances of the entries of G, from a covariance (n_y, n_y,
+        F).
+        """
         every = np.einsum("jjk->jk", cov).real[:, None] * np.einsum("iik->ik", self.cov.gamma).real
         return np.asarray(every[0, 0] if self.is_single else every)
 
@@ -293,27 +320,40 @@ class Bla(Channels):
 
     @property
     def unit(self) -> str:
-        """Unit of G for one input and one output, that of y over that of u; empty if neither is known."""
+        """Unit of G for one input and one output, that of y over that of u; empty if neither is
+        known.
+        """
         return ratio_unit(self.y_unit, self.u_unit)
 
     @property
     def upper_limit(self) -> np.ndarray:
-        """(F,) or (n_y, n_u, F) bool: distortion is below the noise here, so its level is an upper limit."""
+        """(F,) or (n_y, n_u, F) bool: distortion is below the noise here, so its level is an upper
+        limit.
+        """
         noise = np.apply_along_axis(local_mean, -1, np.nan_to_num(self.var_noise), 13)
         return np.asarray(self.var_total < 2 * noise)
 
     def covariance_of(self, of: str) -> np.ndarray:
-        """Return the (n_y, n_y, F) covariance of one experiment for the bound of the BLA, or of a realisation."""
+        """Return the (n_y, n_y, F) covariance of one experiment for the bound of the BLA, or of a
+        realisation.
+        """
         require_choice("of", of, ("bla", "realization"))
         if of == "bla":
             return self.cov.bound
-        missing = _SMOOTH_SHARE.get(self.level_source.split()[-1], 0.0) if self.f.size >= FEW_LINES else 0.0
+        missing = (
+            _SMOOTH_SHARE.get(self.level_source.split()[-1], 0.0)
+            if self.f.size >= FEW_LINES
+            else 0.0
+        )
         new = (self.experiment.n_realizations + missing) * self.typical
         share = np.sqrt(new * np.atleast_2d(self.distorted_share()))
         return self.cov.bound * (1 + share[:, None] * share)
 
-    def bound(self, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False) -> np.ndarray:
-        """Return the radius of the disc around G, or around each entry of it, that contains the true value.
+    def bound(
+        self, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False
+    ) -> np.ndarray:
+        """Return the radius of the disc around G, or around each entry of it, that contains the
+        true value.
 
         Use `block` for a set that contains the whole matrix.
 
@@ -322,11 +362,12 @@ class Bla(Channels):
         confidence : float
             Probability, strictly between 0 and 1.
         of : str
-            "bla": the disc contains the best linear approximation itself. "realization": it contains the FRF of a new
-            realisation of the same excitation; a controller has to cope with this one.
+            "bla": the disc contains the best linear approximation itself. "realization": it
+            contains the FRF of a new realisation of the same excitation; a controller has to cope
+            with this one.
         simultaneous : bool
-            False: the probability holds line by line, so at 95 % about one line in twenty lies outside.
-            True: it holds for all lines (and all entries) together.
+            False: the probability holds line by line, so at 95 % about one line in twenty lies
+            outside. True: it holds for all lines (and all entries) together.
 
         Returns
         -------
@@ -343,10 +384,12 @@ class Bla(Channels):
     def block(
         self, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return left and right of the set {G + left Delta right, sigma_max(Delta) <= 1} that contains the matrix.
+        """Return left and right of the set {G + left Delta right, sigma_max(Delta) <= 1} that
+        contains the matrix.
 
-        It follows from the exact law of the largest singular value of C^-1/2 dG gamma^-1/2 (Roy's largest root), which
-        has no unknown parameters. An ellipsoid would gain nothing: the smallest destabilising Delta has rank one.
+        It follows from the exact law of the largest singular value of C^-1/2 dG gamma^-1/2 (Roy's
+        largest root), which has no unknown parameters. An ellipsoid would gain nothing: the
+        smallest destabilising Delta has rank one.
 
         Parameters
         ----------
@@ -362,12 +405,14 @@ class Bla(Channels):
         if simultaneous:
             p = p ** (1 / self.f.size)
         x = np.array([roy_quantile(p, self.n_outputs, self.n_inputs, float(L)) for L in self.dof])
-        return np.sqrt(x) * hermitian_sqrt(self.covariance_of(of)), np.swapaxes(
-            hermitian_sqrt(self.cov.gamma), 0, 1
-        ).conj()
+        return (
+            np.sqrt(x) * hermitian_sqrt(self.covariance_of(of)),
+            np.swapaxes(hermitian_sqrt(self.cov.gamma), 0, 1).conj(),
+        )
 
     def f_quantile(self, confidence: float = 0.95, *, simultaneous: bool = False) -> np.ndarray:
-        """Return the quantile of F(2, 2 dof): squared modulus of a complex normal over its estimated variance.
+        """Return the quantile of F(2, 2 dof): squared modulus of a complex normal over its
+        estimated variance.
 
         Parameters
         ----------
@@ -392,10 +437,12 @@ class Bla(Channels):
         return np.asarray(self.dof * np.expm1(-np.log1p(-p) / self.dof))
 
     def distorted_share(self) -> np.ndarray:
-        """Return the (F,) or (n_y, F) share of distortion in `var_bound`: a new realisation scatters by it alone.
+        """Return the (F,) or (n_y, F) share of distortion in `var_bound`: a new realisation
+        scatters by it alone.
 
-        If noise dominates, total less noise is negative on every second line. So the difference is taken over nine
-        lines, with an allowance for chance. A single line with a larger share counts by itself.
+        If noise dominates, total less noise is negative on every second line. So the difference is
+        taken over nine lines, with an allowance for chance. A single line with a larger share
+        counts by itself.
         """
         noise = diagonal(np.nan_to_num(self.cov.noise))
         if not noise.any():
@@ -412,13 +459,14 @@ class Bla(Channels):
         return share[0] if self.is_single else share
 
     def systematic(self, decibels: float = 8.0) -> np.ndarray:
-        """Estimate the order of magnitude of |G_BLA - G_0|, with G_0 the FRF of the linear part alone: not a bound.
+        """Estimate the order of magnitude of |G_BLA - G_0|, with G_0 the FRF of the linear part
+        alone: not a bound.
 
         Parameters
         ----------
         decibels : float
-            Distance of the systematic part above the odd detection level [dB]. A pure cubic on a special-odd grid has
-            7.7, friction near its resonance more.
+            Distance of the systematic part above the odd detection level [dB]. A pure cubic on a
+            special-odd grid has 7.7, friction near its resonance more.
 
         Returns
         -------
@@ -430,7 +478,8 @@ class Bla(Channels):
         Pintelon & Schoukens, 2nd ed., 3.4.
         """
         return np.asarray(
-            10 ** (require_real("decibels", decibels) / 20) * np.sqrt(self.var_distortion / self.grid_factor)
+            10 ** (require_real("decibels", decibels) / 20)
+            * np.sqrt(self.var_distortion / self.grid_factor)
         )
 
     def entry(self, output: int, input: int) -> Bla:
@@ -438,7 +487,8 @@ class Bla(Channels):
         j, i = require_integer("output", output, least=0), require_integer("input", input, least=0)
         if j >= self.n_outputs or i >= self.n_inputs:
             raise ValueError(
-                f"output and input must be below {self.n_outputs} and {self.n_inputs}, got {output} and {input}"
+                f"output and input must be below {self.n_outputs} and {self.n_inputs}, got {output}"
+                f" and {input}"
             )
         if self.is_single:
             return self
@@ -461,15 +511,28 @@ class Bla(Channels):
         some = slice(None, None, require_integer("step", step, least=1))
         cov = replace(self.cov.map(lambda part: part[..., some]), gamma=self.cov.gamma[..., some])
         levels = [
-            replace(one, **{name: getattr(one, name)[..., some] for name in ("f_excited", "excited", "noise_excited")})
+            replace(
+                one,
+                **{
+                    name: getattr(one, name)[..., some]
+                    for name in ("f_excited", "excited", "noise_excited")
+                },
+            )
             for one in ((self.levels,) if self.is_single else self.levels)
         ]
         lines = replace(self.lines, excited=self.lines.excited[some])
         kept = {name: getattr(self, name)[..., some] for name in ("G", *_PER_LINE)}
-        return replace(self, lines=lines, cov=cov, levels=levels[0] if self.is_single else tuple(levels), **kept)
+        return replace(
+            self,
+            lines=lines,
+            cov=cov,
+            levels=levels[0] if self.is_single else tuple(levels),
+            **kept,
+        )
 
     def times(self, factor: np.ndarray, *, output_unit: str | Sequence[str] | None = None) -> Bla:
-        """Return the `Bla` with G multiplied by a factor (F,), and its variances by the squared modulus.
+        """Return the `Bla` with G multiplied by a factor (F,), and its variances by the squared
+        modulus.
 
         The output amplitudes in `levels` stay as measured.
 
@@ -478,8 +541,8 @@ class Bla(Channels):
         factor : (F,) ndarray
             One number per line, as -1/omega**2 from acceleration to position.
         output_unit : str, or one per output, optional
-            Unit of the output behind the factor; `output_units` of this `Bla` for a factor that is a ratio. May be left
-            out if no unit is known, or if the factor changes the phase only.
+            Unit of the output behind the factor; `output_units` of this `Bla` for a factor that is
+            a ratio. May be left out if no unit is known, or if the factor changes the phase only.
 
         Raises
         ------
@@ -499,23 +562,31 @@ class Bla(Channels):
         square = np.abs(factor) ** 2
         if output_unit is None and any(self.output_units) and not np.allclose(square, 1.0):
             raise ValueError(
-                f"output_unit must be given, as the factor may change the unit of {', '.join(self.output_units)}: "
-                'output_unit="m" if it makes metres of an acceleration, output_unit=bla.output_units for a ratio'
+                "output_unit must be given, as the factor may change the unit of"
+                f' {", ".join(self.output_units)}: output_unit="m" if it makes metres of an'
+                " acceleration, output_unit=bla.output_units for a ratio"
             )
         units = self.output_units if output_unit is None else output_unit
         units = (units,) if isinstance(units, str) else tuple(units)
-        return replace(self, G=self.G * factor, output_units=units, cov=self.cov.map(lambda part: part * square))
+        return replace(
+            self,
+            G=self.G * factor,
+            output_units=units,
+            cov=self.cov.map(lambda part: part * square),
+        )
 
     def roughness(self) -> np.ndarray:
-        """Estimate the variance of G from its roughness over the lines: a second estimate to compare with `var_total`.
+        """Estimate the variance of G from its roughness over the lines: a second estimate to
+        compare with `var_total`.
 
-        The roughness of G does not depend on detection lines. It is too high where G bends within a few lines, and
-        misses distortion that is smooth over frequency.
+        The roughness of G does not depend on detection lines. It is too high where G bends within a
+        few lines, and misses distortion that is smooth over frequency.
 
         Returns
         -------
         (F,) ndarray
-            In the unit of G squared; nan on fewer than five lines and for noise excitation, whose lines share a window.
+            In the unit of G squared; nan on fewer than five lines and for noise excitation, whose
+            lines share a window.
 
         Raises
         ------
@@ -527,18 +598,24 @@ class Bla(Channels):
         Pintelon & Schoukens, 2nd ed., 7.2.2 (local polynomials).
         """
         if not self.is_single:
-            raise ValueError(f"bla must have one input and one output, got {self.G.shape}; take entry(output, input)")
+            raise ValueError(
+                f"bla must have one input and one output, got {self.G.shape}; take entry(output,"
+                " input)"
+            )
         if self.f.size < MIN_FIT_LINES or np.isfinite(self.coherence).any():
             return np.full(self.f.size, np.nan)
-        return fit_locally(self.G[None], np.ones((1, self.f.size)), index=index_lines(self.lines)).variance[0]
+        return fit_locally(
+            self.G[None], np.ones((1, self.f.size)), index=index_lines(self.lines)
+        ).variance[0]
 
     def __str__(self) -> str:
         """Describe the result in a few lines."""
         if not self.is_single:
             return _describe_matrix(self)
         about = (
-            f"BLA on {self.f.size} lines from {self.f[0]:g} to {self.f[-1]:g} Hz, {self.experiment.grid} grid, "
-            f"M = {self.experiment.n_realizations}, P = {self.experiment.n_periods}\n"
+            f"BLA on {self.f.size} lines from {self.f[0]:g} to {self.f[-1]:g} Hz,"
+            f" {self.experiment.grid} grid, M = {self.experiment.n_realizations}, P ="
+            f" {self.experiment.n_periods}\n"
         )
         gain = np.abs(self.G)
         peak, there = int(np.argmax(gain)), gain > 0
@@ -558,11 +635,15 @@ class Bla(Channels):
             source += f", {np.nanmedian(self.coherence):.2g} in the median"
         parts = [f"{name} {10 * np.log10(v / power):.0f} dB" for name, v in levels.items() if v > 0]
         return (
-            f"{about}  largest |G| {gain[peak]:.4g}{f' {self.unit}' * bool(self.unit)} at {self.f[peak]:g} Hz; "
-            f"95 % bound {100 * relative:.2g} % of |G| in the median\n"
-            f"  under the median |G|: {', '.join(parts) or 'nothing above rounding'}\n"
-            f"  transient: {self.experiment.transient}; level from {source}"
-            + (f"; distortion is below the noise on {hidden} lines: an upper limit there" if hidden else "")
+            f"{about}  largest |G| {gain[peak]:.4g}{f' {self.unit}' * bool(self.unit)} at"
+            f" {self.f[peak]:g} Hz; 95 % bound {100 * relative:.2g} % of |G| in the median\n  under"
+            f" the median |G|: {', '.join(parts) or 'nothing above rounding'}\n  transient:"
+            f" {self.experiment.transient}; level from {source}"
+            + (
+                f"; distortion is below the noise on {hidden} lines: an upper limit there"
+                if hidden
+                else ""
+            )
             + (f"; {format_count(len(self.warnings), 'warning')}" if self.warnings else "")
         )
 
@@ -576,8 +657,9 @@ class DistortionLevels:
     f_excited, f_odd, f_even : (F,), (O,), (E,) ndarray
         Frequencies of the excited and of the odd and even detection lines [Hz].
     excited, odd, even : (M, F), (M, O), (M, E) complex ndarray
-        Output amplitudes of each realisation, averaged over periods [unit of y]. On detection lines the linear
-        response to the input on these lines is subtracted, Y - G U. The level is the rms over M.
+        Output amplitudes of each realisation, averaged over periods [unit of y]. On detection lines
+        the linear response to the input on these lines is subtracted, Y - G U. The level is the rms
+        over M.
     noise_excited, noise_odd, noise_even : (F,), (O,), (E,) ndarray
         Standard deviation of these amplitudes by noise [unit of y]; nan for one period only.
 
@@ -609,7 +691,9 @@ class DistortionLevels:
 
 
 def levels_without_detection(f: np.ndarray, excited: np.ndarray) -> DistortionLevels:
-    """Return the levels of amplitudes (F,) of one realisation on excited lines, without detection lines."""
+    """Return the levels of amplitudes (F,) of one realisation on excited lines, without detection
+    lines.
+    """
     none = np.zeros(0)
     return DistortionLevels(
         f_excited=f,
@@ -628,9 +712,9 @@ def _describe_matrix(bla: Bla) -> str:
     """Describe each entry of the matrix in one line."""
     gain, made = np.abs(bla.G), bla.experiment
     rows = [
-        f"FRM of {bla.n_outputs} outputs by {bla.n_inputs} inputs on {bla.f.size} lines from {bla.f[0]:g} to "
-        f"{bla.f[-1]:g} Hz, {made.design} {made.grid}, R = {made.n_realizations}, M = {made.n_experiments}, "
-        f"P = {made.n_periods}"
+        f"FRM of {bla.n_outputs} outputs by {bla.n_inputs} inputs on {bla.f.size} lines from"
+        f" {bla.f[0]:g} to {bla.f[-1]:g} Hz, {made.design} {made.grid}, R = {made.n_realizations},"
+        f" M = {made.n_experiments}, P = {made.n_periods}"
     ]
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = _median_over_lines(bla.bound() / gain)
@@ -643,11 +727,18 @@ def _describe_matrix(bla: Bla) -> str:
             rows.append(
                 f"  {out} by {name}: largest |G| {gain[j, i, k]:.4g} at {bla.f[k]:g} Hz; 95 % "
                 f"bound {100 * relative[j, i]:.2g} % of |G|; "
-                + (f"noise {noise[j, i]:.0f} dB, distortion" if has_noise else "distortion and noise")
+                + (
+                    f"noise {noise[j, i]:.0f} dB, distortion"
+                    if has_noise
+                    else "distortion and noise"
+                )
                 + f" {distortion[j, i]:.0f} dB"
             )
     warned = f"; {format_count(len(bla.warnings), 'warning')}" if bla.warnings else ""
-    rows.append(f"  medians over lines, of one set; transient: {made.transient}; level from {bla.level_source}{warned}")
+    rows.append(
+        f"  medians over lines, of one set; transient: {made.transient}; level from"
+        f" {bla.level_source}{warned}"
+    )
     return "\n".join(rows)
 
 

@@ -1,9 +1,11 @@
-"""Variance of a cubic's output on excited lines against that on detection lines, and a correction for the crest factor.
+"""Variance of a cubic's output on excited lines against that on detection lines, and a correction
+for the crest factor.
 
-For y = u^3 the output on line k sums every combination f1 + f2 + f3 = k of excited lines (Pintelon & Schoukens, 2nd
-ed., 3.4). The grid decides how many combinations reach a detection line and how many an excited line. So a variance on
-detection lines needs a factor before it holds on excited lines. The counts are convolutions, computed by FFT, and exact
-for any amplitude spectrum; simulation would need thousands of realisations.
+For y = u^3 the output on line k sums every combination f1 + f2 + f3 = k of excited lines (Pintelon
+& Schoukens, 2nd ed., 3.4). The grid decides how many combinations reach a detection line and how
+many an excited line. So a variance on detection lines needs a factor before it holds on excited
+lines. The counts are convolutions, computed by FFT, and exact for any amplitude spectrum;
+simulation would need thousands of realisations.
 """
 
 from __future__ import annotations
@@ -13,19 +15,24 @@ import numpy as np
 from nlfrf._base.numbers import TINY, fast_length, rms, squared_modulus
 
 MAX_SPECIAL_ODD_RATIO = 3.0  # largest ratio on a special-odd grid, in a narrow band: 4.77 dB
-#: Times one over the number of lines: the share of the distortion that is one gain on all lines. Neither roughness nor
-#: detection lines show it. For the envelope a of a narrow band, with mean |a|^2 fixed, the mean of |a|^4 scatters by
-#: 4 / n and the middle lines by 3/2 (for a fifth power the share is 6 / n).
+# : Times one over the number of lines: the share of the distortion that is one gain on all lines.
+# Neither roughness nor : detection lines show it. For the envelope a of a narrow band, with mean
+# |a|^2 fixed, the mean of |a|^4 scatters by : 4 / n and the middle lines by 3/2 (for a fifth power
+# the share is 6 / n).
 COHERENT_SHARE = 8 / 3
-#: Three windows of nine lines. With fewer lines peaks are chance, and a band does not show how its level varies.
+# : Three windows of nine lines. With fewer lines peaks are chance, and a band does not show how its
+# level varies.
 FEW_LINES = 27
 _MAX_DISTORTION_RATIO = 3.0  # exceeded by one realisation in a hundred with thirty lines
-_MAX_COHERENT_SHARE = 1.0  # three standard deviations of the gain of a cubic on thirty lines, with its allowance
+_MAX_COHERENT_SHARE = (
+    1.0  # three standard deviations of the gain of a cubic on thirty lines, with its allowance
+)
 _NO_SCATTER = 1e-12  # share of the squared gain of a cubic below which its scatter is rounding
 _MIN_RATIO_ON_FEW_LINES, _MAX_RATIO_ON_FEW_LINES = 0.6, 6.0
 #: Factor on the gain that a cubic puts on all lines: a fifth power needs 9/4, a jump less than one.
 _HIGHER_ORDER_ALLOWANCE = 1.25
-#: Number of amplitudes in all realisations above which they distort alike, within 17 %, unless their peaks are low.
+# : Number of amplitudes in all realisations above which they distort alike, within 17 %, unless
+# their peaks are low.
 _ENOUGH_AMPLITUDES = 500
 
 
@@ -48,9 +55,9 @@ def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray
 
     Notes
     -----
-    With p_k = A_k^2 / 4 (two-sided), S3 = p*p*p, S21(k) = sum_{2j+m=k} p_j^2 p_m and S111(k) = sum_{3j=k} p_j^3 the
-    variance is 4 (6 S3 - 9 S21 + 4 S111). At an excited line the coherent triples (j, -j, k), which make up the
-    BLA, are removed from S3 and S21 first.
+    With p_k = A_k^2 / 4 (two-sided), S3 = p*p*p, S21(k) = sum_{2j+m=k} p_j^2 p_m and S111(k) =
+    sum_{3j=k} p_j^3 the variance is 4 (6 S3 - 9 S21 + 4 S111). At an excited line the coherent
+    triples (j, -j, k), which make up the BLA, are removed from S3 and S21 first.
 
     Examples
     --------
@@ -81,7 +88,8 @@ def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray
 def variance_ratio(
     amplitude: np.ndarray, excited: np.ndarray, *, detection: np.ndarray, window: np.ndarray
 ) -> np.ndarray:
-    """Return the variance at each excited line over the mean on its window of detection lines, for a cubic.
+    """Return the variance at each excited line over the mean on its window of detection lines, for
+    a cubic.
 
     Parameters
     ----------
@@ -108,13 +116,14 @@ def variance_ratio(
 
 
 def crest_correction(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float, float]:
-    """Return the correction of a distortion level for the crest factor of the inputs, and its coherent share.
+    """Return the correction of a distortion level for the crest factor of the inputs, and its
+    coherent share.
 
-    Low-crest signals excite less distortion. A low crest factor is either luck or the result of optimisation; both
-    bias the level low. For a cubic the ratio is known exactly. With few lines, or a crest factor lower than usual, its
-    square allows for a fifth power. The ratio is clipped at `_MAX_DISTORTION_RATIO`, the share at
-    `_MAX_COHERENT_SHARE`: behind dynamics the crest factor is different, and a nearly square input would need a factor
-    without bound.
+    Low-crest signals excite less distortion. A low crest factor is either luck or the result of
+    optimisation; both bias the level low. For a cubic the ratio is known exactly. With few lines,
+    or a crest factor lower than usual, its square allows for a fifth power. The ratio is clipped at
+    `_MAX_DISTORTION_RATIO`, the share at `_MAX_COHERENT_SHARE`: behind dynamics the crest factor is
+    different, and a nearly square input would need a factor without bound.
 
     Parameters
     ----------
@@ -128,14 +137,16 @@ def crest_correction(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float
     Returns
     -------
     distortion_ratio : float
-        Expected distortion power with random phases over that with the given phases: at least one; with fewer than
-        `FEW_LINES` lines, where high peaks are luck too, it may be below one.
+        Expected distortion power with random phases over that with the given phases: at least one;
+        with fewer than `FEW_LINES` lines, where high peaks are luck too, it may be below one.
     coherent_share : float
-        Power of the distortion that is one gain on all lines, over the power of the scatter about it.
+        Power of the distortion that is one gain on all lines, over the power of the scatter about
+        it.
 
     Examples
     --------
-    Thirteen lines in phase are one high peak; Schroeder's phases have none. Both gains are far from usual.
+    Thirteen lines in phase are one high peak; Schroeder's phases have none. Both gains are far from
+    usual.
 
     >>> k = np.arange(1, 14)
     >>> high, low = np.ones((1, 13)), np.exp(-1j * np.pi * k**2 / 13)[None]
@@ -158,18 +169,21 @@ def crest_correction(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float
         return typical, chance
     amplitude = rms(U)
     whole = float(np.mean(cubic_variance(amplitude, lines, lines) / (amplitude * amplitude))) / n
-    if whole <= _NO_SCATTER * float(np.mean(amplitude * amplitude)) ** 2:  # two or three lines that no triple reaches
+    if (
+        whole <= _NO_SCATTER * float(np.mean(amplitude * amplitude)) ** 2
+    ):  # two or three lines that no triple reaches
         return typical, _MAX_COHERENT_SHARE
     common = _HIGHER_ORDER_ALLOWANCE * gap * gap * (1 + chance) / whole * ratio
     return typical, common if few and n == 1 else min(max(common, chance), _MAX_COHERENT_SHARE)
 
 
 def _cubic_distortion_ratio(U: np.ndarray, lines: np.ndarray) -> tuple[float, float]:
-    """Return the expected distortion power of u^3 over that of an input (M, F), and a gain difference.
+    """Return the expected distortion power of u^3 over that of an input (M, F), and a gain
+    difference.
 
-    The expectation is over random phases. The gain difference is the gain of the linear part of u^3, mean u^4 over mean
-    u^2, less its expectation. The expectations are exact, by the cumulants of a sum of cosines with independent phases:
-    A^2 / 2, -3 A^4 / 8 and 5 A^6 / 4 for each.
+    The expectation is over random phases. The gain difference is the gain of the linear part of
+    u^3, mean u^4 over mean u^2, less its expectation. The expectations are exact, by the cumulants
+    of a sum of cosines with independent phases: A^2 / 2, -3 A^4 / 8 and 5 A^6 / 4 for each.
     """
     second, fourth, sixth = _signal_moments(U, lines)
     gain = fourth / second
@@ -182,7 +196,9 @@ def _cubic_distortion_ratio(U: np.ndarray, lines: np.ndarray) -> tuple[float, fl
 
 
 def _signal_moments(U: np.ndarray, lines: np.ndarray) -> np.ndarray:
-    """Return the (3, M) mean square, fourth and sixth power of multisines of amplitudes U (M, F)."""
+    """Return the (3, M) mean square, fourth and sixth power of multisines of amplitudes U (M,
+    F).
+    """
     n = 2 * fast_length(2 * int(lines[-1]))  # even, so that odd lines have half-wave symmetry
     spectrum = np.zeros((len(U), n // 2 + 1), dtype=complex)
     spectrum[:, lines] = U / 2

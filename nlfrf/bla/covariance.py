@@ -1,4 +1,5 @@
-"""Hermitian matrices on every line, the line as last axis: products, inverses, correlations, square roots.
+"""Hermitian matrices on every line, the line as last axis: products, inverses, correlations, square
+roots.
 
 For one channel each function is a scalar operation, so that SISO records pay no overhead.
 """
@@ -9,7 +10,9 @@ import numpy as np
 
 from nlfrf._base.numbers import squared_modulus
 
-_MIN_EIGENVALUE = 1e-8  # share of the largest eigenvalue of a correlation: one nonlinearity alone gives rank one
+_MIN_EIGENVALUE = (
+    1e-8  # share of the largest eigenvalue of a correlation: one nonlinearity alone gives rank one
+)
 
 
 def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
@@ -48,9 +51,11 @@ def sum_outer_products(V: np.ndarray) -> np.ndarray:
 
 
 def to_correlation(cov: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Split a covariance into its correlation (..., n, n, F) and the standard deviations (..., n, F) of its channels.
+    """Split a covariance into its correlation (..., n, n, F) and the standard deviations (..., n,
+    F) of its channels.
 
-    Eigenvalues are floored or cut on the correlation, because those of a covariance mix units (metres and newtons).
+    Eigenvalues are floored or cut on the correlation, because those of a covariance mix units
+    (metres and newtons).
     """
     size = np.sqrt(diagonal(cov))
     size = np.where(size > 0, size, 1.0)
@@ -58,7 +63,9 @@ def to_correlation(cov: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def psd_difference(cov: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """Return cov - part (n, n, F) with negative eigenvalues set to zero, scaled to the correlation of `cov`."""
+    """Return cov - part (n, n, F) with negative eigenvalues set to zero, scaled to the correlation
+    of `cov`.
+    """
     if len(cov) == 1:
         return np.maximum((cov - part).real, 0.0)
     _, size = to_correlation(cov)
@@ -68,7 +75,9 @@ def psd_difference(cov: np.ndarray, part: np.ndarray) -> np.ndarray:
 
 
 def hermitian_sqrt(cov: np.ndarray) -> np.ndarray:
-    """Return (n, n, F) square roots L with L L^H = cov, eigenvalues floored so that L can be inverted."""
+    """Return (n, n, F) square roots L with L L^H = cov, eigenvalues floored so that L can be
+    inverted.
+    """
     correlation, size = to_correlation(cov)
     values, vectors = np.linalg.eigh(np.moveaxis(correlation, 2, 0))
     values = np.maximum(values, _MIN_EIGENVALUE * values[:, -1:])

@@ -1,8 +1,10 @@
-"""A second opinion on the distortion variance of one record: detection lines against the roughness of the FRF.
+"""A second opinion on the distortion variance of one record: detection lines against the roughness
+of the FRF.
 
-Pintelon & Schoukens, 2nd ed., 4.3 and 7.2.2. The two fail for different reasons: detection lines need a grid that
-calibrates and a steady record, roughness needs an FRF that is smooth over a few lines. The phases of the detection
-lines show the order of the nonlinearity: for a cubic they are the phases of the cube of its source.
+Pintelon & Schoukens, 2nd ed., 4.3 and 7.2.2. The two fail for different reasons: detection lines
+need a grid that calibrates and a steady record, roughness needs an FRF that is smooth over a few
+lines. The phases of the detection lines show the order of the nonlinearity: for a cubic they are
+the phases of the cube of its source.
 """
 
 from __future__ import annotations
@@ -10,7 +12,16 @@ from __future__ import annotations
 import numpy as np
 
 from nlfrf._base.arguments import ratio_unit, require_choice, require_integer, require_kind
-from nlfrf._base.numbers import BLOCK_ENTRIES, EPS, TINY, fast_length, mean_power, power, rms, squared_modulus
+from nlfrf._base.numbers import (
+    BLOCK_ENTRIES,
+    EPS,
+    TINY,
+    fast_length,
+    mean_power,
+    power,
+    rms,
+    squared_modulus,
+)
 from nlfrf._base.values import value
 from nlfrf.bla.distortion import fit_sets, variance_from_detection_lines
 from nlfrf.bla.experiment_checks import check_experiments
@@ -27,7 +38,9 @@ _MIN_DETECTION_LINES = 4
 _MIN_RELATIVE_LEVEL = 1e-12  # share of the largest power below which a power is rounding
 _FALSE_ALARM_PROBABILITY = 1e-3  # probability that phases agree by chance
 _MIN_SIGNAL_SHARE = 0.7  # least share of the power on detection lines above the noise
-_MIN_POWER_LAW_COHERENCE = 0.6  # least coherence with a power of the source; below it the law is flatter
+_MIN_POWER_LAW_COHERENCE = (
+    0.6  # least coherence with a power of the source; below it the law is flatter
+)
 _SAMPLES_PER_CYCLE = 6  # samples per cycle of the last line, so that fifth powers alias beyond it
 _SOURCE_TEXTS = (
     "the input, before the dynamics",
@@ -35,13 +48,16 @@ _SOURCE_TEXTS = (
     "the input, in parallel with the dynamics",
     "the output, behind the dynamics as by a sensor",
 )
-_MAX_CUBIC_REMAINDER_RATIO = 0.35  # remainder of the cube over that of the fifth power, below which the law is a cubic
+_MAX_CUBIC_REMAINDER_RATIO = (
+    0.35  # remainder of the cube over that of the fifth power, below which the law is a cubic
+)
 _MIN_FIFTH_COHERENCE = 0.8  # least coherence with a fifth power for a law that is no cubic
 
 
 @value
 class SecondOpinion:
-    """Two estimates of the same distortion, as variances of the FRF of one realisation, and their difference.
+    """Two estimates of the same distortion, as variances of the FRF of one realisation, and their
+    difference.
 
     Fields
     ------
@@ -56,7 +72,8 @@ class SecondOpinion:
     unit : str
         Unit of G, if the record has it.
     law : str
-        Description of the order of the nonlinearity, by the phases of the odd detection lines; empty if unknown.
+        Description of the order of the nonlinearity, by the phases of the odd detection lines;
+        empty if unknown.
 
     References
     ----------
@@ -87,24 +104,35 @@ class SecondOpinion:
     def __str__(self) -> str:
         """Describe the agreement of the two, and the usual reasons for a difference."""
         if not np.isfinite(self.difference).any():
-            return "second opinion: this grid has too few odd detection lines to compare the roughness of the FRF with"
+            return (
+                "second opinion: this grid has too few odd detection lines to compare the roughness"
+                " of the FRF with"
+            )
         median = np.median(self.difference)
         rows = [f"second opinion: roughness over detection lines {median:+.1f} dB in the median"]
         for wrong, meaning in (
             (
                 self.difference > DISAGREEMENT_DB,
-                "the FRF bends within a few lines there (a finer resolution would show it), or the detection lines do "
-                "not see this distortion",
+                (
+                    "the FRF bends within a few lines there (a finer resolution would show it), or"
+                    " the detection lines do not see this distortion"
+                ),
             ),
             (
                 self.difference < -DISAGREEMENT_DB,
-                "the detection lines contain power that is no distortion of this input: a disturbance, a transient, or "
-                "a multisine other than the assumed one; or the calibration is at its cautious end (factor 3)",
+                (
+                    "the detection lines contain power that is no distortion of this input: a"
+                    " disturbance, a transient, or a multisine other than the assumed one; or the"
+                    " calibration is at its cautious end (factor 3)"
+                ),
             ),
         ):
             if wrong.any():
                 more = "above" if self.difference[wrong][0] > 0 else "below"
-                rows.append(f"  more than 6 dB {more} at {_format_frequency_ranges(self.f, wrong)}: {meaning}")
+                rows.append(
+                    f"  more than 6 dB {more} at {_format_frequency_ranges(self.f, wrong)}:"
+                    f" {meaning}"
+                )
         if len(rows) == 1:
             rows[0] += "; within 6 dB of each other at every line"
         if self.law:
@@ -112,11 +140,13 @@ class SecondOpinion:
         return "\n".join(rows)
 
 
-def second_opinion(record: Record, *, transient: str = "auto", n_detection: int = 6) -> SecondOpinion:
+def second_opinion(
+    record: Record, *, transient: str = "auto", n_detection: int = 6
+) -> SecondOpinion:
     """Estimate the distortion of a record twice, by methods that fail for different reasons.
 
-    Use this if a bound looks too wide or too narrow: the printed result names the lines on which the two estimates
-    differ, and the usual reasons.
+    Use this if a bound looks too wide or too narrow: the printed result names the lines on which
+    the two estimates differ, and the usual reasons.
 
     Parameters
     ----------
@@ -148,8 +178,9 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     require_kind("record", record, Record)
     if not record.is_single:
         raise ValueError(
-            f"record must have one input and one output, got {record.n_inputs} and {record.n_outputs}: for several "
-            "channels identify weighs detection lines and roughness itself"
+            f"record must have one input and one output, got {record.n_inputs} and"
+            f" {record.n_outputs}: for several channels identify weighs detection lines and"
+            " roughness itself"
         )
     require_choice("transient", transient, TREATMENTS)
     n_detection = require_integer("n_detection", n_detection, least=3)
@@ -164,12 +195,16 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     if grid.odd.size >= n_detection:
         residual = nonlinear_residual(spectra, excited, measured=frm.G, smooth=fit.G.mean(axis=0))
         detected = variance_from_detection_lines(excited, residual, frm) * gamma
-        law = detect_nonlinearity(excited, residual).describe(residual.gain_varies[0], record.n_periods < 2)
+        law = detect_nonlinearity(excited, residual).describe(
+            residual.gain_varies[0], record.n_periods < 2
+        )
     window = index.excited_windows
     # rounding of the FRF, or of a very small output, is no disagreement
     rounding = EPS**2 * mean_power(spectra.Y[0]).sum() / rms(excited.U[0]) ** 2
     floor = TINY + 1e-24 * rms(frm.G_each[:, 0, 0]) ** 2 + rounding
-    difference = 10 * np.log10((rough + floor)[window].mean(axis=1) / (detected + floor)[window].mean(axis=1))
+    difference = 10 * np.log10(
+        (rough + floor)[window].mean(axis=1) / (detected + floor)[window].mean(axis=1)
+    )
     return SecondOpinion(
         f=grid.excited * record.f0,
         detection=detected,
@@ -184,23 +219,31 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
 class _NonlinearityOrder:
     """Order of the nonlinearity, by the phases of the odd detection lines."""
 
-    # 3: a cubic. 5: may be a fifth power. 1: flatter than any power: saturation, jump or memory. 0: unknown.
+    # 3: a cubic. 5: may be a fifth power. 1: flatter than any power: saturation, jump or memory. 0:
+    # unknown.
     order: int = 0
     coherence: float = 0.0  # squared coherence of these lines with the cube of their source
-    # source and place: the input (0, 2) or the output (1, 3), before the dynamics (0, 1) or behind them
+    # source and place: the input (0, 2) or the output (1, 3), before the dynamics (0, 1) or behind
+    # them
     hypothesis: int = 0
 
     def describe(self, gain_varies: bool, one_period: bool) -> str:
-        """Describe the order, and its source if |G| varies over the band; empty if the order is unknown."""
+        """Describe the order, and its source if |G| varies over the band; empty if the order is
+        unknown.
+        """
         if self.order == 3:
             what = _SOURCE_TEXTS[self.hypothesis] if gain_varies else "its drive"
             return (
-                f"the odd distortion is cubic: {100 * self.coherence:.0f} % of it is coherent with the cube of {what}"
+                f"the odd distortion is cubic: {100 * self.coherence:.0f} % of it is coherent with"
+                f" the cube of {what}"
             )
         otherwise = ", or noise hides its order" if one_period else ""
         return {
             5: "the odd distortion fits a fifth power as well as a cube",
-            1: f"the odd distortion fits no power: the machine saturates, jumps or has a memory{otherwise}",
+            1: (
+                "the odd distortion fits no power: the machine saturates, jumps or has a"
+                f" memory{otherwise}"
+            ),
         }.get(self.order, "")
 
 
@@ -208,10 +251,11 @@ UNKNOWN_ORDER = _NonlinearityOrder()
 
 
 def detect_nonlinearity(excited: Spectra, residual: NonlinearResidual) -> _NonlinearityOrder:
-    """Find the power of the input, or of the output, whose phases match those of the odd detection lines.
+    """Find the power of the input, or of the output, whose phases match those of the odd detection
+    lines.
 
-    The lines are scaled to one power, so that only phases count, over all lines and realisations. The squared coherence
-    is corrected for chance and for noise.
+    The lines are scaled to one power, so that only phases count, over all lines and realisations.
+    The squared coherence is corrected for chance and for noise.
 
     Parameters
     ----------
@@ -227,9 +271,13 @@ def detect_nonlinearity(excited: Spectra, residual: NonlinearResidual) -> _Nonli
     n = Y.size
     if index.odd.size < _MIN_DETECTION_LINES or not Y.any():
         return UNKNOWN_ORDER
-    candidates = np.empty((2, 2, 2, *Y.shape), dtype=complex)  # by G or behind it; input, output; cube, fifth power
+    candidates = np.empty(
+        (2, 2, 2, *Y.shape), dtype=complex
+    )  # by G or behind it; input, output; cube, fifth power
     G = residual.G[0, 0]
-    candidates[1] = odd_powers_on_lines(index.lines[index.odd], [U, G.take(index.excited) * U], excited.lines)
+    candidates[1] = odd_powers_on_lines(
+        index.lines[index.odd], [U, G.take(index.excited) * U], excited.lines
+    )
     np.multiply(G.take(index.odd), candidates[1], out=candidates[0])
     level = _smooth_power(mean_power(Y))
     noise = local_mean(np.nan_to_num(residual.noise[0].take(index.odd)), SMOOTHING_LINES)
@@ -258,16 +306,28 @@ def detect_nonlinearity(excited: Spectra, residual: NonlinearResidual) -> _Nonli
 
 
 def _smooth_power(power: np.ndarray) -> np.ndarray:
-    """Return the mean power (..., K) over the lines around each, floored above the rounding of running sums."""
+    """Return the mean power (..., K) over the lines around each, floored above the rounding of
+    running sums.
+    """
     return (
-        np.maximum(local_mean(power, SMOOTHING_LINES), _MIN_RELATIVE_LEVEL * power.max(axis=-1, keepdims=True)) + TINY
+        np.maximum(
+            local_mean(power, SMOOTHING_LINES),
+            _MIN_RELATIVE_LEVEL * power.max(axis=-1, keepdims=True),
+        )
+        + TINY
     )
 
 
-def odd_powers_on_lines(lines: np.ndarray, sources: list[np.ndarray], excited: np.ndarray) -> np.ndarray:
-    """Return (sources, 2, M, K) third and fifth powers of multisines of amplitudes (M, F), on `lines`."""
+def odd_powers_on_lines(
+    lines: np.ndarray, sources: list[np.ndarray], excited: np.ndarray
+) -> np.ndarray:
+    """Return (sources, 2, M, K) third and fifth powers of multisines of amplitudes (M, F), on
+    `lines`.
+    """
     last = int(max(excited[-1], lines[-1]))
-    n = 2 * fast_length(_SAMPLES_PER_CYCLE // 2 * last + 1)  # higher terms alias onto lines beyond the last one
+    n = 2 * fast_length(
+        _SAMPLES_PER_CYCLE // 2 * last + 1
+    )  # higher terms alias onto lines beyond the last one
     spectrum = np.zeros((len(sources), *sources[0].shape[:-1], n // 2 + 1), dtype=complex)
     for one, drive in zip(spectrum, sources, strict=True):
         one[:, excited] = drive / np.sqrt(power(drive).sum() + TINY)

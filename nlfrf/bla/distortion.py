@@ -1,17 +1,20 @@
-"""The variance of one realisation's FRF about the BLA: one statistical model of stochastic nonlinear distortion.
+"""The variance of one realisation's FRF about the BLA: one statistical model of stochastic
+nonlinear distortion.
 
-docs/guide/distortion.md derives it on one page. On an odd line j the distortion Y_S is complex normal with
+docs/guide/distortion.md derives it on one page. On an odd line j the distortion Y_S is complex
+normal with
 
     E|Y_S(j)|^2 = lambda g(j) c(j),        log lambda locally linear over frequency.
 
-Six hypotheses have equal prior weight. Their *place*: g = |G|^2 (before the dynamics) or 1 (behind them). Their *law*:
-c is the power of a cubic of the input on line j, that of a cubic of the output, or 1 (saturation, jump, friction).
-The data are the powers on the nearest detection lines, the roughness of the FRF over its excited lines (Pintelon &
-Schoukens, 7.2.2), and the scatter over realisations. Each is a scaled chi-square. So the posterior of the variance is
-a mixture of scaled inverse chi-squares, and the distribution of the error of G is a mixture of scaled F(2, 2 nu).
+Six hypotheses have equal prior weight. Their *place*: g = |G|^2 (before the dynamics) or 1 (behind
+them). Their *law*: c is the power of a cubic of the input on line j, that of a cubic of the output,
+or 1 (saturation, jump, friction). The data are the powers on the nearest detection lines, the
+roughness of the FRF over its excited lines (Pintelon & Schoukens, 7.2.2), and the scatter over
+realisations. Each is a scaled chi-square. So the posterior of the variance is a mixture of scaled
+inverse chi-squares, and the distribution of the error of G is a mixture of scaled F(2, 2 nu).
 
-Functions work on arrays whose last axis is that of the excited lines, (F,). Hypotheses (H,) are on the first axis, the
-lines of a window (n,) on the second.
+Functions work on arrays whose last axis is that of the excited lines, (F,). Hypotheses (H,) are on
+the first axis, the lines of a window (n,) on the second.
 """
 
 from __future__ import annotations
@@ -35,31 +38,45 @@ from nlfrf.bla.residual import NonlinearResidual
 from nlfrf.bla.spectra import Spectra
 from nlfrf.signals.lines import LineGrid
 
-#: Variance of the log of a calibration c about the truth: 1.1 dB, as measured over the plants of benchmarks/plants.py.
+# : Variance of the log of a calibration c about the truth: 1.1 dB, as measured over the plants of
+# benchmarks/plants.py.
 _CALIBRATION_LOG_VARIANCE = 0.06
-#: The level is log-linear in a coordinate in which the prior of its slope is standard normal: lambda may change as
-#: f^+-1 (a hysteresis has f^-1 to f^-2) and by 5 % a line. Below four lines the logarithm of frequency is cut off: a
-#: level does not grow without end towards zero frequency. Halving either changes the loss by less than 0.5 %.
+# : The level is log-linear in a coordinate in which the prior of its slope is standard normal:
+# lambda may change as : f^+-1 (a hysteresis has f^-1 to f^-2) and by 5 % a line. Below four lines
+# the logarithm of frequency is cut off: a : level does not grow without end towards zero frequency.
+# Halving either changes the loss by less than 0.5 %.
 _SLOPE_PER_LOG_FREQUENCY, _SLOPE_PER_LINE, _LOWEST_LINES = 1.0, 0.05, 4.0
-_EVIDENCE_LINES = 9  # neighbouring excited lines whose likelihoods weigh the hypotheses; 7 to 13 give the same loss
-#: Roughness is distortion, or G bends within its window: equal prior weights. A bend gives any roughness from the level
-#: to e^7 above it, with equal density in dB. Half or twice that range changes the loss by 0.5 %.
+# neighbouring excited lines whose likelihoods weigh the hypotheses; 7 to 13 give the same loss
+_EVIDENCE_LINES = 9
+# : Roughness is distortion, or G bends within its window: equal prior weights. A bend gives any
+# roughness from the level : to e^7 above it, with equal density in dB. Half or twice that range
+# changes the loss by 0.5 %.
 _BEND_RANGE = 7.0
-_ROUGHNESS_EVIDENCE = 2.0  # number of independent roughnesses in nine neighbouring, overlapping windows
-#: In one case of five the level from detection lines differs from the scatter by a log-variance of 2 (6 dB): the weight
-#: of scatter over realisations by itself.
+_ROUGHNESS_EVIDENCE = (
+    2.0  # number of independent roughnesses in nine neighbouring, overlapping windows
+)
+# : In one case of five the level from detection lines differs from the scatter by a log-variance of
+# 2 (6 dB): the weight : of scatter over realisations by itself.
 _UNRELATED, _UNRELATED_LOG_VARIANCE = 0.2, 2.0
-#: Least count over the mean of a cubic's counts on a window: other orders fill the lines that a cubic leaves empty.
+# : Least count over the mean of a cubic's counts on a window: other orders fill the lines that a
+# cubic leaves empty.
 _MIN_RELATIVE_COUNT = 0.1
-#: Largest count for the cubic of an output, over its mean on the window: at the excited line at three times a light
-#: resonance. For an input it is `MAX_SPECIAL_ODD_RATIO`: a special-odd grid reaches 3 (4.77 dB) in a narrow band.
+# : Largest count for the cubic of an output, over its mean on the window: at the excited line at
+# three times a light : resonance. For an input it is `MAX_SPECIAL_ODD_RATIO`: a special-odd grid
+# reaches 3 (4.77 dB) in a narrow band.
 _MAX_OUTPUT_RATIO = 12.0
-_MAX_WINDOW_SHAPE = 30.0  # largest mean over a roughness window by its own line: lines far below carry no information
-_N_SCORING_STEPS = 2  # a third step changes the radius by 0.2 % in the median, and by 6 % on one line in a hundred
-_ENOUGH_REALIZATIONS = 7  # realisations whose scatter is better than the roughness, which may be too high
+# largest mean over a roughness window by its own line: lines far below carry no information
+_MAX_WINDOW_SHAPE = 30.0
+_N_SCORING_STEPS = (
+    2  # a third step changes the radius by 0.2 % in the median, and by 6 % on one line in a hundred
+)
+_ENOUGH_REALIZATIONS = (
+    7  # realisations whose scatter is better than the roughness, which may be too high
+)
 _ENOUGH_ROUGHNESS_LINES = 20  # lines on which roughness contains most of the distortion
-#: A factor common to all outputs costs a level degrees of freedom. The law of the matrix gets this share of them back:
-#: 0.3 to 0.6 by simulation of two to six outputs, with log-variances of the factor of 0.06 and 0.15.
+# : A factor common to all outputs costs a level degrees of freedom. The law of the matrix gets this
+# share of them back: : 0.3 to 0.6 by simulation of two to six outputs, with log-variances of the
+# factor of 0.06 and 0.15.
 _COMMON_ERROR = 0.5
 #: Log of the tail probabilities at which the scaled F and the mixture have equal quantiles.
 _LOG_TAIL_PROBABILITIES = math.log(0.05), math.log(0.001)
@@ -68,17 +85,25 @@ _N_NEWTON_STEPS = 3  # further steps change no radius by 5e-4
 
 
 class DistortionVariance(NamedTuple):
-    """Covariance of the residual of one experiment by everything but the BLA; `FrmEstimate.gamma` multiplies it."""
+    """Covariance of the residual of one experiment by everything but the BLA; `FrmEstimate.gamma`
+    multiplies it.
+    """
 
     cov: np.ndarray  # (n_y, n_y, F) expectation at each excited line, noise included
-    # cov_bound, dof: (n_y, n_y, F) or (F,) on its diagonal the scale of the scaled F(2, 2 dof) for the error of each
-    # output's row. Its 95 % quantile, and for one output also that at 99.9 %, are those of the mixture.
+    # cov_bound, dof: (n_y, n_y, F) or (F,) on its diagonal the scale of the scaled F(2, 2 dof) for
+    # the error of each output's row. Its 95 % quantile, and for one output also that at 99.9 %, are
+    # those of the mixture.
     cov_bound: np.ndarray
     dof: np.ndarray
-    # (F,) c at the excited line over its mean on the detection lines, averaged over hypotheses and outputs
+    # (F,) c at the excited line over its mean on the detection lines, averaged over hypotheses and
+    # outputs
     grid_factor: np.ndarray
-    cov_even: np.ndarray  # (n_y, n_y, F) covariance on the even lines, noise included; nan without them
-    detected: np.ndarray  # (n_y, F) variance from the odd detection lines alone, noise included; nan without them
+    cov_even: (
+        np.ndarray
+    )  # (n_y, n_y, F) covariance on the even lines, noise included; nan without them
+    detected: (
+        np.ndarray
+    )  # (n_y, F) variance from the odd detection lines alone, noise included; nan without them
 
     def with_minimum(self, power: np.ndarray) -> DistortionVariance:
         """Return the covariances with each diagonal raised to at least `power` (n_y, F)."""
@@ -100,24 +125,32 @@ class _OutputVariance(NamedTuple):
     dof: np.ndarray
     grid_factor: np.ndarray
     detected: np.ndarray
-    rough_is_distortion: np.ndarray  # (F,) probability that the roughness is distortion; otherwise G bends
+    rough_is_distortion: (
+        np.ndarray
+    )  # (F,) probability that the roughness is distortion; otherwise G bends
 
 
 @value(copy=False)
 class WindowCoordinates:
-    """Coordinates of a grid for the log-linear fit, and its normal equations, which depend on the grid alone."""
+    """Coordinates of a grid for the log-linear fit, and its normal equations, which depend on the
+    grid alone.
+    """
 
-    # (n, F) position of each detection line of a window from its excited line, in standard deviations of the slope
+    # (n, F) position of each detection line of a window from its excited line, in standard
+    # deviations of the slope
     x: np.ndarray
     x_rough: np.ndarray  # (F,) mean position of the excited lines of a roughness window
-    # common, x_common: (F,) weight of the calibration error common to a window; the same times the sum of x over the
-    # window
+    # common, x_common: (F,) weight of the calibration error common to a window; the same times the
+    # sum of x over the window
     common: float
     x_common: np.ndarray
     n_lines: float  # weight of the lines of a window for the level, as a number of lines
-    covariance: np.ndarray  # (3, F) inverse of the normal equations: level, level with slope, slope with its prior
+    covariance: (
+        np.ndarray
+    )  # (3, F) inverse of the normal equations: level, level with slope, slope with its prior
     dof: np.ndarray  # (F,) degrees of freedom of the level
-    # (F,) detection lines in the windows of nine neighbouring excited lines, over the length of one window
+    # (F,) detection lines in the windows of nine neighbouring excited lines, over the length of one
+    # window
     n_distinct: np.ndarray
 
 
@@ -126,11 +159,13 @@ class _OutputData(NamedTuple):
 
     power: np.ndarray  # (K,) mean |Y - G U|^2 over experiments, on all lines
     Y: np.ndarray  # (M, F) complex the output on the excited lines
-    # gain, noise: (K,) as in `NonlinearResidual`; the noise averaged over neighbouring lines, or None
+    # gain, noise: (K,) as in `NonlinearResidual`; the noise averaged over neighbouring lines, or
+    # None
     gain: np.ndarray
     noise: np.ndarray | None
     gain_varies: bool  # whether the gain changes over the band
-    # rough, dof_rough: (F,) roughness of its FRFs as a variance of the residual, and its complex degrees of freedom
+    # rough, dof_rough: (F,) roughness of its FRFs as a variance of the residual, and its complex
+    # degrees of freedom
     rough: np.ndarray | None
     dof_rough: np.ndarray | None
     scatter: np.ndarray  # (F,) variance of the residual from the scatter over sets
@@ -146,10 +181,12 @@ def estimate_distortion_variance(
     coherent: float,
     n_independent: int,
 ) -> DistortionVariance:
-    """Estimate the covariance of the residual of one experiment, and the distribution of the error that it causes.
+    """Estimate the covariance of the residual of one experiment, and the distribution of the error
+    that it causes.
 
-    The model holds for the row of each output. The correlation of the rows comes from the same data: detection lines,
-    roughness as far as it is distortion, scatter over sets, weighted by their degrees of freedom.
+    The model holds for the row of each output. The correlation of the rows comes from the same
+    data: detection lines, roughness as far as it is distortion, scatter over sets, weighted by
+    their degrees of freedom.
 
     Parameters
     ----------
@@ -163,23 +200,40 @@ def estimate_distortion_variance(
     fit : LocalFit or None
         Local fit of each set, for the roughness; None if unused.
     coherent : float
-        Distortion that is one gain on all lines, over the scatter about it (`crest_correction`): no data show it.
+        Distortion that is one gain on all lines, over the scatter about it (`crest_correction`): no
+        data show it.
     n_independent : int
         Number of experiments with their own phases, whose detection lines count.
     """
     n_y, R = len(residual.Y), len(frm.G_each)
     nu = excited.experiments_per_set * (R - 1)
-    rows = [_collect_output_data(j, excited, residual=residual, frm=frm, fit=fit) for j in range(n_y)]
-    found = [_estimate_output_variance(source, excited, row=row, frm=frm, M=n_independent, nu=nu) for row in rows]
+    rows = [
+        _collect_output_data(j, excited, residual=residual, frm=frm, fit=fit) for j in range(n_y)
+    ]
+    found = [
+        _estimate_output_variance(source, excited, row=row, frm=frm, M=n_independent, nu=nu)
+        for row in rows
+    ]
     even = np.array([_variance_on_even_lines(excited.index, row) * frm.level_scale for row in rows])
     dof, scale = found[0].dof, np.array([one.var_bound for one in found])
     rho: np.ndarray | float = 1.0
     rho_even: np.ndarray | float = 1.0
     if n_y > 1:
         rho, count = _pool_correlations(
-            source, excited.index, residual=residual, frm=frm, fit=fit, found=found, M=n_independent, nu=nu
+            source,
+            excited.index,
+            residual=residual,
+            frm=frm,
+            fit=fit,
+            found=found,
+            M=n_independent,
+            nu=nu,
         )
-        rho_even = _correlation_on_lines(excited.index.even_windows[:, 0], residual) if excited.index.even.size else 1.0
+        rho_even = (
+            _correlation_on_lines(excited.index.even_windows[:, 0], residual)
+            if excited.index.even.size
+            else 1.0
+        )
         dof, scale = _pool_dof(found, count)
     return DistortionVariance(
         cov=_scale_correlation(np.array([one.variance for one in found]), rho),
@@ -214,7 +268,9 @@ def _collect_output_data(
 def _estimate_output_variance(
     source: str, excited: Spectra, *, row: _OutputData, frm: FrmEstimate, M: int, nu: int
 ) -> _OutputVariance:
-    """Estimate the variance of an output, from M independent experiments and a scatter of nu degrees of freedom."""
+    """Estimate the variance of an output, from M independent experiments and a scatter of nu
+    degrees of freedom.
+    """
     F = excited.lines.size
     ones, detected = np.ones(F), np.full(F, np.nan)
     if source == "detection":
@@ -223,7 +279,9 @@ def _estimate_output_variance(
         )
     elif row.rough is not None and row.dof_rough is not None:
         log_gamma = np.add.reduce(np.log(frm.gamma_of_set)) / len(frm.gamma)
-        log_level, dof = _level_from_roughness(excited.index, row.rough, nu=row.dof_rough, log_gamma=log_gamma)
+        log_level, dof = _level_from_roughness(
+            excited.index, row.rough, nu=row.dof_rough, log_gamma=log_gamma
+        )
         log_weight, factors = np.zeros(log_level.shape), ones[None]
     else:
         return _OutputVariance(
@@ -237,7 +295,12 @@ def _estimate_output_variance(
     n_as_distortion = len(log_level) - len(factors)
     if nu:
         log_level, dof, log_weight = update_by_scatter(
-            log_level, dof, log_weight=log_weight, n_hypotheses=len(factors), scatter=row.scatter, nu=nu
+            log_level,
+            dof,
+            log_weight=log_weight,
+            n_hypotheses=len(factors),
+            scatter=row.scatter,
+            nu=nu,
         )
     weight, level = _normalize_weights(log_weight), np.exp(log_level)
     var_bound, dof = match_scaled_f(level, dof, weight)
@@ -248,14 +311,22 @@ def _estimate_output_variance(
         dof=dof,
         grid_factor=np.add.reduce(by_hypothesis * factors),
         detected=detected,
-        rough_is_distortion=np.add.reduce(weight[:n_as_distortion]) if source == "detection" else ones,
+        rough_is_distortion=(
+            np.add.reduce(weight[:n_as_distortion]) if source == "detection" else ones
+        ),
     )
 
 
-def variance_from_detection_lines(excited: Spectra, residual: NonlinearResidual, frm: FrmEstimate) -> np.ndarray:
-    """Return the (F,) expected variance of the first output's residual from detection lines alone, noise included."""
+def variance_from_detection_lines(
+    excited: Spectra, residual: NonlinearResidual, frm: FrmEstimate
+) -> np.ndarray:
+    """Return the (F,) expected variance of the first output's residual from detection lines alone,
+    noise included.
+    """
     row = _collect_output_data(0, excited, residual=residual, frm=frm, fit=None)
-    return _level_from_detection_lines(excited, row, level_scale=frm.level_scale, M=excited.U.shape[1])[-1]
+    return _level_from_detection_lines(
+        excited, row, level_scale=frm.level_scale, M=excited.U.shape[1]
+    )[-1]
 
 
 def _scale_correlation(variance: np.ndarray, rho: np.ndarray | float) -> np.ndarray:
@@ -279,8 +350,8 @@ def _pool_correlations(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the correlation (n_y, n_y, F) of the outputs, and its complex degrees of freedom (F,).
 
-    It averages the correlations on detection lines, of the roughness and of the scatter, weighted by their degrees of
-    freedom.
+    It averages the correlations on detection lines, of the roughness and of the scatter, weighted
+    by their degrees of freedom.
     """
     parts: list[tuple[np.ndarray, np.ndarray | float]] = []
     if source == "detection":
@@ -288,7 +359,12 @@ def _pool_correlations(
         parts.append((_correlation_on_lines(near, residual), float(M * len(near))))
     if fit is not None and fit.residual is not None:
         share = np.add.reduce([one.rough_is_distortion for one in found]) / len(found)
-        parts.append((_correlation_of_roughness(fit.residual, frm), share * np.add.reduce(fit.dof[:, 0], axis=(0, 1))))
+        parts.append(
+            (
+                _correlation_of_roughness(fit.residual, frm),
+                share * np.add.reduce(fit.dof[:, 0], axis=(0, 1)),
+            )
+        )
     if nu:
         parts.append((to_correlation(frm.cov_scatter)[0], float(nu)))
     total = np.add.reduce([np.zeros(index.excited.size) + n for _, n in parts])
@@ -296,23 +372,28 @@ def _pool_correlations(
 
 
 def _correlation_on_lines(near: np.ndarray, residual: NonlinearResidual) -> np.ndarray:
-    """Return the (n_y, n_y, F) correlation of the residuals on windows of lines (n, F), each line over its gain."""
+    """Return the (n_y, n_y, F) correlation of the residuals on windows of lines (n, F), each line
+    over its gain.
+    """
     x = residual.Y.take(near, axis=-1) / np.sqrt(residual.gain.take(near, axis=-1) + TINY)[:, None]
     return to_correlation(sum_outer_products(x))[0]
 
 
 def _correlation_of_roughness(rest: np.ndarray, frm: FrmEstimate) -> np.ndarray:
-    """Return the (n_y, n_y, F) correlation e N^-1 e^H of the residuals e of local fits, N that of inputs in gamma."""
+    """Return the (n_y, n_y, F) correlation e N^-1 e^H of the residuals e of local fits, N that of
+    inputs in gamma.
+    """
     inverted = inverse(to_correlation(frm.gamma_each)[0])
     weighted = np.einsum("rjifn,rilf->rjlfn", rest, inverted)
     return to_correlation(np.einsum("rjlfn,rklfn->jkf", weighted, rest.conj()))[0]
 
 
 def _pool_dof(found: list[_OutputVariance], count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return degrees of freedom (F,) for all rows, and scales (n_y, F) that keep the 95 % quantile of each row.
+    """Return degrees of freedom (F,) for all rows, and scales (n_y, F) that keep the 95 % quantile
+    of each row.
 
-    The calibration error is one factor for all outputs. It widens the distribution of the matrix as that of an entry,
-    and less than the same loss of degrees of freedom would.
+    The calibration error is one factor for all outputs. It widens the distribution of the matrix as
+    that of an entry, and less than the same loss of degrees of freedom would.
     """
     n_y = len(found)
     own = n_y / np.add.reduce([1 / one.dof for one in found])
@@ -331,9 +412,11 @@ def _normalize_weights(log_weight: np.ndarray) -> np.ndarray:
 def _level_from_detection_lines(
     excited: Spectra, row: _OutputData, *, level_scale: np.ndarray | float, M: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Fit the log level under every hypothesis to the detection lines, and update it by the roughness if known.
+    """Fit the log level under every hypothesis to the detection lines, and update it by the
+    roughness if known.
 
-    The components are the H hypotheses, with the roughness as distortion and then, if C = 2 H, as a bend of G.
+    The components are the H hypotheses, with the roughness as distortion and then, if C = 2 H, as a
+    bend of G.
 
     Returns
     -------
@@ -355,9 +438,15 @@ def _level_from_detection_lines(
         shape /= factors[:, None]
     else:
         shape, total = expected_total(
-            power, row.noise.take(near), shape=shape, factors=factors, noise_here=row.noise.take(here)
+            power,
+            row.noise.take(near),
+            shape=shape,
+            factors=factors,
+            noise_here=row.noise.take(here),
         )
-    log_level, slope, likelihood = fit_log_level(power * level_scale / shape, np.log(shape), windows=windows, M=M)
+    log_level, slope, likelihood = fit_log_level(
+        power * level_scale / shape, np.log(shape), windows=windows, M=M
+    )
     evidence = _windowed_mean(likelihood, _EVIDENCE_LINES) * windows.n_distinct + prior[:, None]
     zeros = np.zeros(log_level.shape)
     detected = np.asarray(np.add.reduce(_normalize_weights(evidence) * np.exp(log_level)))
@@ -365,7 +454,8 @@ def _level_from_detection_lines(
         return log_level, windows.dof + zeros, evidence, factors, detected
     density, share, dof = _roughness_update(index, M, row.dof_rough.tobytes())
     nu, rough = row.dof_rough, row.rough + TINY
-    # one level over the whole window: estimated levels of its lines would scatter with the data they are compared with
+    # one level over the whole window: estimated levels of its lines would scatter with the data
+    # they are compared with
     over = _mean_over_window(np.where(before[:, None], row.gain.take(here), 1.0), excited)
     if row.noise is not None:
         noise = row.noise.take(here)
@@ -387,14 +477,21 @@ def _level_from_detection_lines(
 
 
 def _mean_over_window(variance: np.ndarray, excited: Spectra) -> np.ndarray:
-    """Return the mean of a variance of Y (..., F) over |U|^2 on each roughness window, over its value at the line."""
+    """Return the mean of a variance of Y (..., F) over |U|^2 on each roughness window, over its
+    value at the line.
+    """
     of_frf = np.maximum(variance / excited.amplitude**2, TINY)
     windows = excited.index.excited_windows.T
-    return np.asarray(np.add.reduce(of_frf.take(windows, axis=-1), axis=-2) / (len(windows) * of_frf))
+    return np.asarray(
+        np.add.reduce(of_frf.take(windows, axis=-1), axis=-2) / (len(windows) * of_frf)
+    )
 
 
-def _list_hypotheses(excited: Spectra, row: _OutputData) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the H hypotheses of place and law; if |G| is constant over the band, places and sources coincide.
+def _list_hypotheses(
+    excited: Spectra, row: _OutputData
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the H hypotheses of place and law; if |G| is constant over the band, places and
+    sources coincide.
 
     Returns
     -------
@@ -407,9 +504,17 @@ def _list_hypotheses(excited: Spectra, row: _OutputData) -> tuple[np.ndarray, np
     log_prior : (H,) ndarray
         Log prior probability.
     """
-    index, amplitude = excited.index, excited.amplitude  # rms over inputs: cubes and products have its ratios in a band
+    # rms over inputs: cubes and products have its ratios in a band
+    index = excited.index
+    amplitude = excited.amplitude
     flat = is_flat(amplitude)
-    laws = [_flat_input_cubic_counts(index) if flat else cubic_count_ratios(amplitude, index, MAX_SPECIAL_ODD_RATIO)]
+    laws = [
+        (
+            _flat_input_cubic_counts(index)
+            if flat
+            else cubic_count_ratios(amplitude, index, MAX_SPECIAL_ODD_RATIO)
+        )
+    ]
     if row.gain_varies:
         laws.append(cubic_count_ratios(rms(row.Y), index, _MAX_OUTPUT_RATIO))
     n_laws = len(laws) + 1
@@ -418,7 +523,12 @@ def _list_hypotheses(excited: Spectra, row: _OutputData) -> tuple[np.ndarray, np
         relative[i], factors[i] = on_window, here
     if not row.gain_varies:
         return ~_BEFORE_DYNAMICS[:n_laws], relative, factors, _CONSTANT_GAIN_LOG_PRIOR
-    return _BEFORE_DYNAMICS, np.concatenate([relative, relative]), np.concatenate([factors, factors]), _EQUAL_LOG_PRIOR
+    return (
+        _BEFORE_DYNAMICS,
+        np.concatenate([relative, relative]),
+        np.concatenate([factors, factors]),
+        _EQUAL_LOG_PRIOR,
+    )
 
 
 _BEFORE_DYNAMICS = np.array([True, True, True, False, False, False])
@@ -426,10 +536,14 @@ _BEFORE_DYNAMICS = np.array([True, True, True, False, False, False])
 _EQUAL_LOG_PRIOR, _CONSTANT_GAIN_LOG_PRIOR = np.zeros(6), np.log([2 / 3, 1 / 3])
 
 
-def cubic_count_ratios(amplitude: np.ndarray, index: LineIndex, highest: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return c for the cubic of a source (F,) on windows (n, F) and at excited lines (F,), over its mean on the window.
+def cubic_count_ratios(
+    amplitude: np.ndarray, index: LineIndex, highest: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return c for the cubic of a source (F,) on windows (n, F) and at excited lines (F,), over its
+    mean on the window.
 
-    The ratio at excited lines is between 1/3 and `highest`, and 3 if the lines of a window get no combination.
+    The ratio at excited lines is between 1/3 and `highest`, and 3 if the lines of a window get no
+    combination.
     """
     lines, near = index.lines[index.excited], index.odd_windows.T
     counts = cubic_variance(amplitude, lines, np.concatenate([lines, index.detection]))
@@ -449,7 +563,9 @@ def cubic_count_ratios(amplitude: np.ndarray, index: LineIndex, highest: float) 
 @lru_cache(maxsize=N_CACHED_GRIDS)
 def _flat_input_cubic_counts(index: LineIndex) -> tuple[np.ndarray, np.ndarray]:
     """Return `cubic_count_ratios` of a flat input, which depend on the grid alone."""
-    relative, factors = cubic_count_ratios(np.ones(index.excited.size), index, MAX_SPECIAL_ODD_RATIO)
+    relative, factors = cubic_count_ratios(
+        np.ones(index.excited.size), index, MAX_SPECIAL_ODD_RATIO
+    )
     relative.flags.writeable = factors.flags.writeable = False
     return relative, factors
 
@@ -458,22 +574,34 @@ _MIN_RELATIVE_POWER = 1e-10  # share of the largest expected power in a window
 
 
 def expected_total(
-    power: np.ndarray, noise: np.ndarray, *, shape: np.ndarray, factors: np.ndarray, noise_here: np.ndarray
+    power: np.ndarray,
+    noise: np.ndarray,
+    *,
+    shape: np.ndarray,
+    factors: np.ndarray,
+    noise_here: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the expected power on the lines of a window (H, n, F) over that at its excited line, and that (H, F).
+    """Return the expected power on the lines of a window (H, n, F) over that at its excited line,
+    and that (H, F).
 
-    The noise is known from the periods. The distortion d in q_j = d a_j + n_j is found by maximum likelihood, with
-    scoring for exponentially distributed powers (n, F). The first step has the weights of the case without noise.
+    The noise is known from the periods. The distortion d in q_j = d a_j + n_j is found by maximum
+    likelihood, with scoring for exponentially distributed powers (n, F). The first step has the
+    weights of the case without noise.
     """
     excess, floor = power - noise, noise + TINY
     d = np.maximum(np.add.reduce(excess / shape, axis=1) / len(power), 0.0)
     for _ in range(_N_SCORING_STEPS):
         expected = d[:, None] * shape
         expected += floor
-        # relative to the largest: squares of rounding errors underflow, and some powers are exactly zero
-        expected = np.maximum(expected / np.maximum.reduce(expected, axis=1)[:, None], _MIN_RELATIVE_POWER)
+        # relative to the largest: squares of rounding errors underflow, and some powers are exactly
+        # zero
+        expected = np.maximum(
+            expected / np.maximum.reduce(expected, axis=1)[:, None], _MIN_RELATIVE_POWER
+        )
         weighted = shape / (expected * expected)
-        d = np.maximum(np.add.reduce(weighted * excess, axis=1) / np.add.reduce(weighted * shape, axis=1), 0.0)
+        d = np.maximum(
+            np.add.reduce(weighted * excess, axis=1) / np.add.reduce(weighted * shape, axis=1), 0.0
+        )
     expected = d[:, None] * shape
     expected += floor
     total = d * factors + noise_here + TINY
@@ -483,10 +611,12 @@ def expected_total(
 def fit_log_level(
     y: np.ndarray, log_shape: np.ndarray, *, windows: WindowCoordinates, M: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Fit the log level at each line, its slope and the log likelihood (H, F) to whitened powers y (H, n, F).
+    """Fit the log level at each line, its slope and the log likelihood (H, F) to whitened powers y
+    (H, n, F).
 
-    The likelihood is gamma with M degrees of freedom per line and a log-linear mean. The slope has a standard normal
-    prior; a calibration error is common to the window. Scoring has an information matrix independent of the data.
+    The likelihood is gamma with M degrees of freedom per line and a log-linear mean. The slope has
+    a standard normal prior; a calibration error is common to the window. Scoring has an information
+    matrix independent of the data.
     """
     x, n = windows.x, len(windows.x)
     var_level, cov_slope, var_slope = windows.covariance
@@ -495,7 +625,8 @@ def fit_log_level(
     # the first step starts from the mean and zero slope: its residuals sum to zero
     by_slope = M * np.add.reduce((y / mean[:, None] - 1) * x, axis=1)
     # steps of at most 1.5: a single line far above the others would spoil the first one
-    level, slope = np.log(mean) + _clip(cov_slope * by_slope, -1.5, 1.5), _clip(var_slope * by_slope, -1.5, 1.5)
+    level = np.log(mean) + _clip(cov_slope * by_slope, -1.5, 1.5)
+    slope = _clip(var_slope * by_slope, -1.5, 1.5)
     for _ in range(1, _N_SCORING_STEPS):
         rest = slope[:, None] * x
         rest += level[:, None]
@@ -504,7 +635,11 @@ def fit_log_level(
         rest -= 1
         sum_rest = np.add.reduce(rest, axis=1)
         by_level = (M - common * n) * sum_rest
-        by_slope = M * np.add.reduce(np.multiply(rest, x, out=rest), axis=1) - windows.x_common * sum_rest - slope
+        by_slope = (
+            M * np.add.reduce(np.multiply(rest, x, out=rest), axis=1)
+            - windows.x_common * sum_rest
+            - slope
+        )
         level += _clip(var_level * by_level + cov_slope * by_slope, -1.5, 1.5)
         slope += _clip(cov_slope * by_level + var_slope * by_slope, -1.5, 1.5)
     expected = slope[:, None] * x
@@ -519,10 +654,12 @@ def fit_log_level(
 def _level_from_roughness(
     index: LineIndex, rough: np.ndarray, *, nu: np.ndarray, log_gamma: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the log level and its degrees of freedom (1, F) from the roughness (F,) alone, with nu degrees of freedom.
+    """Return the log level and its degrees of freedom (1, F) from the roughness (F,) alone, with nu
+    degrees of freedom.
 
-    The level of G, gamma times that of the residual, has a small slope. At the ends of the band windows are one-sided:
-    the slope over three neighbouring windows, with its prior, extrapolates the level.
+    The level of G, gamma times that of the residual, has a small slope. At the ends of the band
+    windows are one-sided: the slope over three neighbouring windows, with its prior, extrapolates
+    the level.
     """
     rough = rough + TINY
     if rough.size < FEW_LINES:  # one window, or two that overlap, do not show a slope
@@ -540,24 +677,36 @@ def _level_from_roughness(
 
 
 def update_by_scatter(
-    log_level: np.ndarray, dof: np.ndarray, *, log_weight: np.ndarray, n_hypotheses: int, scatter: np.ndarray, nu: int
+    log_level: np.ndarray,
+    dof: np.ndarray,
+    *,
+    log_weight: np.ndarray,
+    n_hypotheses: int,
+    scatter: np.ndarray,
+    nu: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Update the components (C, F) by the scatter over realisations (F,), with nu complex degrees of freedom.
+    """Update the components (C, F) by the scatter over realisations (F,), with nu complex degrees
+    of freedom.
 
     Each hypothesis gets one more component: a level hardly related to the scatter.
     """
-    alone = np.logaddexp.reduce(log_weight.reshape(-1, n_hypotheses, scatter.size))  # whatever the roughness is
+    alone = np.logaddexp.reduce(
+        log_weight.reshape(-1, n_hypotheses, scatter.size)
+    )  # whatever the roughness is
     level = np.concatenate([log_level, log_level[-n_hypotheses:]])
     dof = np.concatenate([dof, widened_dof(dof[-n_hypotheses:], _UNRELATED_LOG_VARIANCE)])
     weight = np.concatenate([log_weight + math.log(1 - _UNRELATED), alone + math.log(_UNRELATED)])
     ratio = np.minimum(np.log(scatter + TINY) - level, 500.0)
     n_lines = min(_EVIDENCE_LINES, scatter.size)
-    weight = weight + n_lines * _windowed_mean(log_density_of_ratio(float(nu), dof)(ratio), _EVIDENCE_LINES)
+    weight = weight + n_lines * _windowed_mean(
+        log_density_of_ratio(float(nu), dof)(ratio), _EVIDENCE_LINES
+    )
     return level + np.log((dof + nu * np.exp(ratio)) / (dof + nu)), dof + nu, weight
 
 
 def widened_dof(dof: np.ndarray, log_variance: np.ndarray | float) -> np.ndarray:
-    """Return the degrees of freedom of an inverse chi-square whose log variance is larger by `log_variance`.
+    """Return the degrees of freedom of an inverse chi-square whose log variance is larger by
+    `log_variance`.
 
     The variance of the log is trigamma(nu), 1/nu + 1/(2 nu^2) up to a third of 1/(2 nu^3).
 
@@ -570,11 +719,15 @@ def widened_dof(dof: np.ndarray, log_variance: np.ndarray | float) -> np.ndarray
     return np.asarray((1 + np.sqrt(1 + 2 * variance)) / (2 * variance))
 
 
-def match_scaled_f(level: np.ndarray, dof: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return scale and degrees of freedom (F,) of the scaled F(2, 2 nu) that approximates a mixture of them (C, F).
+def match_scaled_f(
+    level: np.ndarray, dof: np.ndarray, weight: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return scale and degrees of freedom (F,) of the scaled F(2, 2 nu) that approximates a mixture
+    of them (C, F).
 
-    Both have equal quantiles at 95 % and, for all lines together, at 99.9 %: the r with
-    sum_h w_h (1 + r^2 / (nu_h s_h^2))^(-nu_h) = 1 - p, by Newton's method in log r from the mean of their quantiles.
+    Both have equal quantiles at 95 % and, for all lines together, at 99.9 %: the r with sum_h w_h
+    (1 + r^2 / (nu_h s_h^2))^(-nu_h) = 1 - p, by Newton's method in log r from the mean of their
+    quantiles.
 
     Examples
     --------
@@ -585,7 +738,9 @@ def match_scaled_f(level: np.ndarray, dof: np.ndarray, weight: np.ndarray) -> tu
     (array([2.]), array([6.]))
     """
     scale = dof * np.maximum(level, TINY)
-    x = np.log(np.add.reduce(weight * scale * np.expm1(-_LOG_TAILS[..., None] / dof), axis=1))  # (2, F): both tails
+    x = np.log(
+        np.add.reduce(weight * scale * np.expm1(-_LOG_TAILS[..., None] / dof), axis=1)
+    )  # (2, F): both tails
     for _ in range(_N_NEWTON_STEPS):
         over = np.exp(x)[:, None] / scale
         survival = np.exp(-dof * np.log1p(over))
@@ -609,14 +764,20 @@ def _f_quantile(dof: np.ndarray | float, tail: float) -> np.ndarray:
 
 @lru_cache(maxsize=1)
 def _ratio_of_quantiles() -> tuple[np.ndarray, np.ndarray]:
-    """Return a table of log(95 % quantile of F(2, 2 nu) / 99.9 % quantile), increasing, and log nu, from 0.2 to 1e5."""
+    """Return a table of log(95 % quantile of F(2, 2 nu) / 99.9 % quantile), increasing, and log nu,
+    from 0.2 to 1e5.
+    """
     dofs = np.linspace(np.log(0.2), np.log(1e5), 800)
     quantiles = np.log([_f_quantile(np.exp(dofs), tail) for tail in _LOG_TAIL_PROBABILITIES])
     return quantiles[0] - quantiles[1], dofs
 
 
-def log_density_of_ratio(nu: np.ndarray | float, dof: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the log density of log(s1^2 / s2^2), s1^2 / s2^2 ~ F(2 nu, 2 dof): for two estimates of one variance."""
+def log_density_of_ratio(
+    nu: np.ndarray | float, dof: np.ndarray
+) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the log density of log(s1^2 / s2^2), s1^2 / s2^2 ~ F(2 nu, 2 dof): for two estimates
+    of one variance.
+    """
     share = nu / dof
     constant = nu * np.log(share) - _log_beta(np.asarray(nu, dtype=float), dof)
 
@@ -629,11 +790,19 @@ def log_density_of_ratio(nu: np.ndarray | float, dof: np.ndarray) -> Callable[[n
 
 
 def _log_beta(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the log of the beta function, by Stirling's series two above each argument: within 1e-5."""
+    """Return the log of the beta function, by Stirling's series two above each argument: within
+    1e-5.
+    """
     x = np.empty((3, *np.broadcast_shapes(a.shape, b.shape)))
     x[0], x[1], x[2] = a, b, a + b
     up = x + 2
-    log_gamma = (up - 0.5) * np.log(up) - up + 1 / (12 * up) - 1 / (360 * up * up * up) - np.log(x * (x + 1))
+    log_gamma = (
+        (up - 0.5) * np.log(up)
+        - up
+        + 1 / (12 * up)
+        - 1 / (360 * up * up * up)
+        - np.log(x * (x + 1))
+    )
     return np.asarray(log_gamma[0] + log_gamma[1] - log_gamma[2] + 0.5 * math.log(2 * math.pi))
 
 
@@ -649,14 +818,17 @@ def window_coordinates(index: LineIndex, M: int) -> WindowCoordinates:
     near = index.odd_windows.T
     n, F = near.shape
     x = slope_coordinate(index.detection[near].astype(float), lines)
-    # the calibration error is a normal effect common to the window: Woodbury's identity includes it in the weights
+    # the calibration error is a normal effect common to the window: Woodbury's identity includes it
+    # in the weights
     common = _CALIBRATION_LOG_VARIANCE * M * M / (1 + _CALIBRATION_LOG_VARIANCE * n * M)
     x_sum = x.sum(axis=0)
     one = np.full(F, n * M - common * n * n)
     cross, two = (M - common * n) * x_sum, M * (x * x).sum(axis=0) - common * x_sum * x_sum + 1.0
     covariance = np.array([two, -cross, one]) / (one * two - cross * cross)
     several = min(_EVIDENCE_LINES, F)
-    around = np.sort(near.T[_centred_windows(F, several)[:, None] + np.arange(several)].reshape(F, -1), axis=1)
+    around = np.sort(
+        near.T[_centred_windows(F, several)[:, None] + np.arange(several)].reshape(F, -1), axis=1
+    )
     distinct = (1 + np.count_nonzero(around[:, 1:] != around[:, :-1], axis=1)) / n
     return WindowCoordinates(
         x=x,
@@ -674,12 +846,14 @@ def window_coordinates(index: LineIndex, M: int) -> WindowCoordinates:
 def _roughness_update(
     index: LineIndex, M: int, dof_rough: bytes
 ) -> tuple[Callable[[np.ndarray], np.ndarray], np.ndarray, np.ndarray]:
-    """Return the data-independent part of an update by roughnesses with degrees of freedom (F,), given as bytes.
+    """Return the data-independent part of an update by roughnesses with degrees of freedom (F,),
+    given as bytes.
 
     Returns
     -------
     density : callable
-        Log density of the log ratio of the roughness to the level that detection lines predict for it.
+        Log density of the log ratio of the roughness to the level that detection lines predict for
+        it.
     gain : (F,) ndarray
         Share of their difference that is added to the level.
     dof : (F,) ndarray
@@ -687,7 +861,8 @@ def _roughness_update(
     """
     nu, windows = np.frombuffer(dof_rough), window_coordinates(index, M)
     x, (var_level, cov_slope, var_slope) = windows.x_rough, windows.covariance
-    var_here, cov_here = var_level + 2 * x * cov_slope + x * x * var_slope, var_level + x * cov_slope
+    var_here = var_level + 2 * x * cov_slope + x * x * var_slope
+    cov_here = var_level + x * cov_slope
     gain = cov_here / (var_here + 1 / nu)
     # two chi-squares pool by their line counts; the uncertainty of the slope is added
     by_count = 1 / (windows.n_lines + nu)
@@ -700,7 +875,9 @@ def _roughness_update(
 
 @lru_cache(maxsize=N_CACHED_GRIDS)
 def _roughness_positions(index: LineIndex) -> np.ndarray:
-    """Return (2, F) coordinates: mean of a roughness window from its line, and each line from the first one."""
+    """Return (2, F) coordinates: mean of a roughness window from its line, and each line from the
+    first one.
+    """
     lines = index.lines[index.excited].astype(float)
     around = slope_coordinate(lines[index.excited_windows.T], lines)
     positions = np.array([around.mean(axis=0), slope_coordinate(lines, lines[:1])])
@@ -709,14 +886,18 @@ def _roughness_positions(index: LineIndex) -> np.ndarray:
 
 
 def slope_coordinate(at: np.ndarray, line: np.ndarray) -> np.ndarray:
-    """Return the signed distance between lines, in standard deviations of the change of the log level."""
+    """Return the signed distance between lines, in standard deviations of the change of the log
+    level.
+    """
     by_frequency = _SLOPE_PER_LOG_FREQUENCY * np.log((at + _LOWEST_LINES) / (line + _LOWEST_LINES))
     by_line = _SLOPE_PER_LINE * (at - line)
     return np.asarray(np.copysign(np.hypot(by_frequency, by_line), at - line))
 
 
 def _windowed_mean(x: np.ndarray, n: int) -> np.ndarray:
-    """Return the mean over n neighbours of each entry along the last axis; at the ends over the first or last n."""
+    """Return the mean over n neighbours of each entry along the last axis; at the ends over the
+    first or last n.
+    """
     size = x.shape[-1]
     n = min(n, size)
     sums = np.zeros((*x.shape[:-1], size + 1))
@@ -727,7 +908,9 @@ def _windowed_mean(x: np.ndarray, n: int) -> np.ndarray:
 
 @lru_cache(maxsize=N_CACHED_GRIDS)
 def _centred_windows(size: int, n: int) -> np.ndarray:
-    """Return for each of `size` entries the first index of the window of n entries most nearly centred on it."""
+    """Return for each of `size` entries the first index of the window of n entries most nearly
+    centred on it.
+    """
     return np.clip(np.arange(size) - n // 2, 0, size - n)
 
 
@@ -744,14 +927,24 @@ def _variance_on_even_lines(index: LineIndex, row: _OutputData) -> np.ndarray:
     if row.noise is not None:
         ones = np.ones((1, here.size))
         shape = expected_total(
-            power + TINY, row.noise.take(near), shape=shape, factors=ones, noise_here=row.noise.take(here)
+            power + TINY,
+            row.noise.take(near),
+            shape=shape,
+            factors=ones,
+            noise_here=row.noise.take(here),
         )[0]
     return np.asarray(np.add.reduce(power / shape[0]) / len(near))
 
 
-def smooth_frm(frm: FrmEstimate, excited: Spectra, is_source: bool) -> tuple[np.ndarray, LocalFit | None]:
-    """Return a smoothed matrix (n_y, n_u, F), and the local fit of each set if its roughness is needed."""
-    if not is_source and (excited.lines.size < MIN_FIT_LINES or len(frm.G_each) >= _ENOUGH_REALIZATIONS):
+def smooth_frm(
+    frm: FrmEstimate, excited: Spectra, is_source: bool
+) -> tuple[np.ndarray, LocalFit | None]:
+    """Return a smoothed matrix (n_y, n_u, F), and the local fit of each set if its roughness is
+    needed.
+    """
+    if not is_source and (
+        excited.lines.size < MIN_FIT_LINES or len(frm.G_each) >= _ENOUGH_REALIZATIONS
+    ):
         return frm.G, None
     fit = fit_sets(frm, excited)
     return np.add.reduce(fit.G) / len(fit.G), fit
@@ -782,7 +975,9 @@ def choose_source(level_from: str, excited: Spectra, *, grid: LineGrid, n_detect
 
 
 def _can_calibrate(excited: Spectra, grid: LineGrid, n_detection: int) -> bool:
-    """Return whether odd detection lines of this grid give the distortion variance within a known factor."""
+    """Return whether odd detection lines of this grid give the distortion variance within a known
+    factor.
+    """
     kind = grid.kind
     if grid.odd.size < n_detection or kind in ("full", "odd", "odd-odd"):
         return False
@@ -791,7 +986,10 @@ def _can_calibrate(excited: Spectra, grid: LineGrid, n_detection: int) -> bool:
     if np.any(grid.excited % 2 == 0):
         return False
     ratio = variance_ratio(
-        excited.amplitude, grid.excited, detection=excited.index.detection, window=excited.index.odd_windows
+        excited.amplitude,
+        grid.excited,
+        detection=excited.index.detection,
+        window=excited.index.odd_windows,
     )
     return bool(np.mean(ratio <= MAX_SPECIAL_ODD_RATIO) >= 0.95)
 
@@ -801,12 +999,16 @@ def _describe_roughness_choice(grid: LineGrid, n_detection: int) -> str:
     kind, n_odd = grid.kind, grid.odd.size
     if kind == "odd-odd":
         reason = (
-            "the odd detection lines of an odd-odd grid underestimate the distortion, without limit around a resonance"
+            "the odd detection lines of an odd-odd grid underestimate the distortion, without limit"
+            " around a resonance"
         )
     elif n_odd == 0:
         reason = f"the {kind} grid of this record has no odd detection lines"
     elif n_odd < n_detection:
-        reason = f"the grid of this record has {n_odd} odd detection lines, fewer than n_detection = {n_detection}"
+        reason = (
+            f"the grid of this record has {n_odd} odd detection lines, fewer than n_detection ="
+            f" {n_detection}"
+        )
     else:
         reason = f"the detection lines of this {kind} grid do not calibrate"
     few = (
@@ -815,6 +1017,7 @@ def _describe_roughness_choice(grid: LineGrid, n_detection: int) -> str:
         else ""
     )
     return (
-        f"{reason}; the level comes from the roughness of the FRF, which is too high if the FRF bends within a few "
-        f"lines{few}. A special-odd or random-odd multisine gives a level that can be calibrated."
+        f"{reason}; the level comes from the roughness of the FRF, which is too high if the FRF"
+        f" bends within a few lines{few}. A special-odd or random-odd multisine gives a level that"
+        " can be calibrated."
     )

@@ -1,4 +1,6 @@
-"""A `Bla` from an FRF that was measured elsewhere: by an analyser, a stepped sine, another program."""
+"""A `Bla` from an FRF that was measured elsewhere: by an analyser, a stepped sine, another
+program.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +20,14 @@ from nlfrf._base.arguments import (
 from nlfrf.bla.bla import Bla, Covariances, Experiment, levels_without_detection
 from nlfrf.signals.lines import LineGrid
 
-#: Complex degrees of freedom of a known variance: its F quantile equals that of a chi-square to 1e-6.
+# : Complex degrees of freedom of a known variance: its F quantile equals that of a chi-square to
+# 1e-6.
 KNOWN_DOF = 1e6
-_MAX_GAIN_VARIATION = 0.01  # largest relative variation of a real gain: one that varies more has a phase
-_ROUNDING = 1e-6  # difference of a coherence from 1 up to which digits were lost in its computation, not in its file
+_MAX_GAIN_VARIATION = (
+    0.01  # largest relative variation of a real gain: one that varies more has a phase
+)
+# difference of a coherence from 1 up to which digits were lost in its computation, not in its file
+_ROUNDING = 1e-6
 _MAX_RAISED_STD = 2.0  # factor on a standard deviation of an entry up to which no warning is given
 
 
@@ -40,30 +46,35 @@ def bla_from_frf(
     input_units: Sequence[str] = (),
     output_units: Sequence[str] = (),
 ) -> Bla:
-    """Make a `Bla` from an FRF measured elsewhere, so that an uncertainty set made from it has a probability.
+    """Make a `Bla` from an FRF measured elsewhere, so that an uncertainty set made from it has a
+    probability.
 
-    Use this when you have a Bode table, or the result of an analyser, instead of a record. The variance contains all
-    that scattered during the measurement, noise and distortion together; they cannot be separated afterwards. So
-    `bound` contains the FRF that the same measurement would give after infinite averaging. `bound(of="realization")`,
-    on which `robust.uncertainty` builds, contains another FRF measured in the same way. Errors that repeat in every
-    average are in neither: distortion of a stepped sine or of one multisine, a wrong sensor.
+    Use this when you have a Bode table, or the result of an analyser, instead of a record. The
+    variance contains all that scattered during the measurement, noise and distortion together; they
+    cannot be separated afterwards. So `bound` contains the FRF that the same measurement would give
+    after infinite averaging. `bound(of="realization")`, on which `robust.uncertainty` builds,
+    contains another FRF measured in the same way. Errors that repeat in every average are in
+    neither: distortion of a stepped sine or of one multisine, a wrong sensor.
 
     Parameters
     ----------
     f : (F,) ndarray
         Frequencies [Hz], positive and increasing, equally spaced or not.
     G : (F,) or (n_y, n_u, F) complex ndarray
-        The FRF, for one channel or for several. Its type must be complex, because decibels and magnitudes have no
-        phase.
+        The FRF, for one channel or for several. Its type must be complex, because decibels and
+        magnitudes have no phase.
     std : float, or (F,) or (n_y, n_u, F) ndarray, optional
-        Standard deviation of G as a complex number, sqrt(E|G - E G|^2), in the unit of G: sqrt(2) times that of its
-        real part. For averaged measurements that of the average. Known exactly, or estimated from `n_averages`.
+        Standard deviation of G as a complex number, sqrt(E|G - E G|^2), in the unit of G: sqrt(2)
+        times that of its real part. For averaged measurements that of the average. Known exactly,
+        or estimated from `n_averages`.
     coherence : float, or (F,) or (n_y, n_u, F) ndarray, optional
-        Ordinary coherence, above 0 and up to 1, for G = S_yu / S_uu from `n_averages`; several inputs are then excited
-        one after the other. The variance is (1 - coherence) / coherence |G|^2 / (n_averages - 1), with n_averages - 1
-        complex degrees of freedom, for which the F(2, 2 n_averages - 2) law of the bound is exact.
+        Ordinary coherence, above 0 and up to 1, for G = S_yu / S_uu from `n_averages`; several
+        inputs are then excited one after the other. The variance is (1 - coherence) / coherence
+        |G|^2 / (n_averages - 1), with n_averages - 1 complex degrees of freedom, for which the F(2,
+        2 n_averages - 2) law of the bound is exact.
     n_averages : float, optional
-        Independent averages: half-overlapping Hann segments count as 0.95 each. With `coherence` at least 2.
+        Independent averages: half-overlapping Hann segments count as 0.95 each. With `coherence` at
+        least 2.
     fs : float, optional
         Sampling frequency [Hz]; needed if `hold` is "zoh".
     hold : str
@@ -74,23 +85,25 @@ def bla_from_frf(
     Returns
     -------
     Bla
-        With `grid` "given" and `level_source` "std" or "coherence". Unknown values are nan: `var_noise`, `var_even`,
-        the amplitudes in `levels`, `fs`; `n_samples` is 0. For several channels the variances of the entries are
-        products of an output and an input factor. If the given ones are no such products, the next larger ones are
-        taken, and the entries count as independent.
+        With `grid` "given" and `level_source` "std" or "coherence". Unknown values are nan:
+        `var_noise`, `var_even`, the amplitudes in `levels`, `fs`; `n_samples` is 0. For several
+        channels the variances of the entries are products of an output and an input factor. If the
+        given ones are no such products, the next larger ones are taken, and the entries count as
+        independent.
 
     Raises
     ------
     ValueError
-        Real numbers for G; neither or both of `std` and `coherence`; shapes that do not fit; frequencies that do not
-        increase; `coherence` without `n_averages`, or equal to 1 on every line.
+        Real numbers for G; neither or both of `std` and `coherence`; shapes that do not fit;
+        frequencies that do not increase; `coherence` without `n_averages`, or equal to 1 on every
+        line.
 
     Warns
     -----
     DataWarning
-        A complex G that varies and is real on every line, as if its phase were missing. A coherence of 1 on some lines,
-        from rounding. Standard deviations for several channels that are no product, of which one counts more than
-        twice as large.
+        A complex G that varies and is real on every line, as if its phase were missing. A coherence
+        of 1 on some lines, from rounding. Standard deviations for several channels that are no
+        product, of which one counts more than twice as large.
 
     References
     ----------
@@ -109,23 +122,34 @@ def bla_from_frf(
     """
     f, G = require_real_array("f", f, ndim=1), np.asarray(G)
     if G.dtype.kind not in "fiuc" or not np.isfinite(G).all():
-        raise ValueError("G must hold finite complex numbers; leave out the lines where nothing was measured")
+        raise ValueError(
+            "G must hold finite complex numbers; leave out the lines where nothing was measured"
+        )
     if f.size == 0 or f[0] <= 0 or np.any(np.diff(f) <= 0):
-        raise ValueError("f must be positive and increasing frequencies [Hz]; sort the lines by frequency")
+        raise ValueError(
+            "f must be positive and increasing frequencies [Hz]; sort the lines by frequency"
+        )
     if G.ndim not in (1, 3) or G.shape[-1] != f.size:
-        raise ValueError(f"G must have the shape ({f.size},) or (n_y, n_u, {f.size}) to match f, got {G.shape}")
+        raise ValueError(
+            f"G must have the shape ({f.size},) or (n_y, n_u, {f.size}) to match f, got {G.shape}"
+        )
     if G.dtype.kind != "c":
         raise ValueError(
-            f"G must be complex, got real numbers from {G.min():.4g} to {G.max():.4g}, which have no phase: use "
-            "10**(dB/20) * np.exp(1j*np.radians(degrees)) for decibels and degrees, magnitude * np.exp(1j*phase) for a "
-            "magnitude, G + 0j for a gain without phase"
+            f"G must be complex, got real numbers from {G.min():.4g} to {G.max():.4g}, which have"
+            " no phase: use 10**(dB/20) * np.exp(1j*np.radians(degrees)) for decibels and degrees,"
+            " magnitude * np.exp(1j*phase) for a magnitude, G + 0j for a gain without phase"
         )
-    if not G.imag.any() and np.ptp(G.real, axis=-1).max() > _MAX_GAIN_VARIATION * np.abs(G.real).max():
+    if (
+        not G.imag.any()
+        and np.ptp(G.real, axis=-1).max() > _MAX_GAIN_VARIATION * np.abs(G.real).max()
+    ):
         data_warning(
-            "G is real on every line and varies, as if its phase were missing, or as if it were in decibels: every "
-            "model of it is then wrong; give G with its phase"
+            "G is real on every line and varies, as if its phase were missing, or as if it were in"
+            " decibels: every model of it is then wrong; give G with its phase"
         )
-    variance, dof = _entry_variances(G.astype(complex), std=std, coherence=coherence, n_averages=n_averages)
+    variance, dof = _entry_variances(
+        G.astype(complex), std=std, coherence=coherence, n_averages=n_averages
+    )
     require_choice("hold", hold, ("zoh", "band-limited", "unknown"))
     if hold == "zoh" and fs is None:
         raise ValueError('fs must be given if hold is "zoh": G includes the hold of 1/fs')
@@ -141,7 +165,9 @@ def bla_from_frf(
         f=f,
         G=G.astype(complex),
         lines=LineGrid(excited=np.arange(1, f.size + 1), odd=[], even=[]),
-        experiment=Experiment(grid="given", design="FRF", n_samples=0, n_experiments=n_u, transient="unknown"),
+        experiment=Experiment(
+            grid="given", design="FRF", n_samples=0, n_experiments=n_u, transient="unknown"
+        ),
         cov=Covariances(
             gamma=np.einsum("if,ij->ijf", of_input, np.eye(n_u)).astype(complex),
             noise=nan,
@@ -156,7 +182,11 @@ def bla_from_frf(
         hold=hold,
         grid_factor=np.ones(f.size),
         levels=(levels,) * n_y if several else levels,
-        coherence=None if coherence is None or several else np.broadcast_to(coherence, f.shape).astype(float),
+        coherence=(
+            None
+            if coherence is None or several
+            else np.broadcast_to(coherence, f.shape).astype(float)
+        ),
         inputs=tuple(inputs),
         outputs=tuple(outputs),
         input_units=tuple(input_units),
@@ -170,16 +200,23 @@ def _entry_variances(
     """Return the variance of each entry, of the shape of G, and its complex degrees of freedom."""
     if (std is None) == (coherence is None):
         got = "neither" if std is None else "both"
-        raise ValueError(f"std or coherence must be given, got {got}: without a variance the bound has no probability")
+        raise ValueError(
+            f"std or coherence must be given, got {got}: without a variance the bound has no"
+            " probability"
+        )
     n = None if n_averages is None else require_real("n_averages", n_averages)
     if n is not None and n < 2:
         raise ValueError(f"n_averages must be at least 2, got {n:g}: one average has no scatter")
-    name, given = ("std", np.asarray(std)) if coherence is None else ("coherence", np.asarray(coherence))
+    name, given = (
+        ("std", np.asarray(std)) if coherence is None else ("coherence", np.asarray(coherence))
+    )
     numbers = require_real_array(name, given, ndim=given.ndim)
     try:
         numbers = np.broadcast_to(numbers, G.shape)
     except ValueError:
-        raise ValueError(f"{name} must be one number or have the shape of G, {G.shape}, got {numbers.shape}") from None
+        raise ValueError(
+            f"{name} must be one number or have the shape of G, {G.shape}, got {numbers.shape}"
+        ) from None
     if coherence is None:
         if np.any(numbers <= 0):
             raise ValueError(f"std must be positive on every line, got {numbers.min():g}")
@@ -188,27 +225,39 @@ def _entry_variances(
         raise ValueError("n_averages must be given with coherence: the variance of G depends on it")
     if np.any((numbers <= 0) | (numbers > 1)):
         bad = numbers[(numbers <= 0) | (numbers > 1)].flat[0]
-        raise ValueError(f"coherence must be above 0 and at most 1, got {bad:g}; leave out lines without coherence")
+        raise ValueError(
+            f"coherence must be above 0 and at most 1, got {bad:g}; leave out lines without"
+            " coherence"
+        )
     if np.all(numbers == 1):
-        raise ValueError("coherence must be below 1 on some lines, got 1 on all, as from a single average: give std")
+        raise ValueError(
+            "coherence must be below 1 on some lines, got 1 on all, as from a single average:"
+            " give std"
+        )
     below = np.minimum(numbers, numbers[numbers < 1].max())
     if np.max(numbers - below) > _ROUNDING:
         data_warning(
-            f"coherence of 1 on some lines is rounded, and would leave G without variance: {below.max():g} is used"
+            "coherence of 1 on some lines is rounded, and would leave G without variance:"
+            f" {below.max():g} is used"
         )
     return (1 - below) / below * np.abs(G) ** 2 / (n - 1), n - 1
 
 
 def _bound_by_product(variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (n_y, F) and (n_u, F) whose product equals the variances (n_y, n_u, F), or is the least bound above."""
+    """Return (n_y, F) and (n_u, F) whose product equals the variances (n_y, n_u, F), or is the
+    least bound above.
+    """
     # rank one in the logarithm: exact if the residual of an output is the same for every input
     of_output = np.exp(np.mean(np.log(np.maximum(variance, np.finfo(float).tiny)), axis=1))
     of_input = np.max(variance / of_output[:, None], axis=0)
-    raised = np.sqrt(np.max(of_output[:, None] * of_input / np.maximum(variance, np.finfo(float).tiny), axis=2))
+    raised = np.sqrt(
+        np.max(of_output[:, None] * of_input / np.maximum(variance, np.finfo(float).tiny), axis=2)
+    )
     if raised.max() > _MAX_RAISED_STD:
         j, i = np.unravel_index(int(np.argmax(raised)), raised.shape)
         data_warning(
-            f"std of output {j + 1} by input {i + 1} counts up to {raised.max():.3g} times as large as given: for "
-            "several channels the variances are products of output and input factors; judge such entries one by one"
+            f"std of output {j + 1} by input {i + 1} counts up to {raised.max():.3g} times as large"
+            " as given: for several channels the variances are products of output and input"
+            " factors; judge such entries one by one"
         )
     return of_output, of_input

@@ -2,8 +2,9 @@
 
     G = U diag(sigma) V^H,    RGA(G) = G times G^-T, element by element        (SP 3.3 and 3.4)
 
-Singular values are bounded over the whole set of `Bla.block`, because an SVD of the estimate alone hides a weak
-direction that the data do not show. The RGA has bounds to first order in the covariance.
+Singular values are bounded over the whole set of `Bla.block`, because an SVD of the estimate alone
+hides a weak direction that the data do not show. The RGA has bounds to first order in the
+covariance.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from nlfrf.bla.bla import Bla
 def singular_values(
     frm: Bla, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the singular values of a measured matrix, largest first, with bounds over a set that contains it.
+    """Return the singular values of a measured matrix, largest first, with bounds over a set that
+    contains it.
 
     Use this to see the directions of a plant, and whether the weakest one was measured at all.
 
@@ -34,23 +36,27 @@ def singular_values(
     Returns
     -------
     sigma : (n, F) ndarray
-        Singular values of G on the excited lines, n the smaller number of channels [unit of y over unit of u].
+        Singular values of G on the excited lines, n the smaller number of channels [unit of y over
+        unit of u].
     low, high : (n, F) ndarray
-        Bounds for every matrix of the set of `Bla.block`: on a line all hold together with `confidence`. If low of the
-        weakest direction is zero, the set may contain a matrix of lower rank: that direction is not measured.
-        They bound sigma_i of G + E, with G = U diag(sigma) V^H, E = left Delta right, S = diag(sigma). Lower bound:
-        sigma_i (1 - |S^-a U_i^H left| |right V_i S^(a-1)|), with U_i, V_i the first i directions and the best a of 0,
-        1/2, 1. Upper bound: sigma_i plus the smaller of |left| |right V_i'| and |U_i'^H left| |right|, with U_i', V_i'
-        the directions from i on.
+        Bounds for every matrix of the set of `Bla.block`: on a line all hold together with
+        `confidence`. If low of the weakest direction is zero, the set may contain a matrix of lower
+        rank: that direction is not measured. They bound sigma_i of G + E, with G = U diag(sigma)
+        V^H, E = left Delta right, S = diag(sigma). Lower bound: sigma_i (1 - |S^-a U_i^H left|
+        |right V_i S^(a-1)|), with U_i, V_i the first i directions and the best a of 0, 1/2, 1.
+        Upper bound: sigma_i plus the smaller of |left| |right V_i'| and |U_i'^H left| |right|, with
+        U_i', V_i' the directions from i on.
 
     Raises
     ------
     ValueError
-        The confidence is no probability, or there are too few degrees of freedom for a bound on the whole matrix.
+        The confidence is no probability, or there are too few degrees of freedom for a bound on the
+        whole matrix.
 
     References
     ----------
-    SP 3.3, A.3.4 (Weyl); R. A. Horn & C. R. Johnson, *Topics in Matrix Analysis*, 1991, 3.3 (interlacing).
+    SP 3.3, A.3.4 (Weyl); R. A. Horn & C. R. Johnson, *Topics in Matrix Analysis*, 1991, 3.3
+    (interlacing).
 
     Examples
     --------
@@ -64,9 +70,15 @@ def singular_values(
     True
     """
     require_kind("frm", frm, Bla)
-    left, right = (np.moveaxis(part, 2, 0) for part in frm.block(confidence, of=of, simultaneous=simultaneous))
-    U, sigma, Vh = np.linalg.svd(np.moveaxis(frm.matrix, 2, 0))  # all directions, also those without gain
-    out, into = np.swapaxes(U, 1, 2).conj() @ left, right @ np.swapaxes(Vh, 1, 2).conj()  # of each direction
+    left, right = (
+        np.moveaxis(part, 2, 0) for part in frm.block(confidence, of=of, simultaneous=simultaneous)
+    )
+    U, sigma, Vh = np.linalg.svd(
+        np.moveaxis(frm.matrix, 2, 0)
+    )  # all directions, also those without gain
+    # of each direction
+    out = np.swapaxes(U, 1, 2).conj() @ left
+    into = right @ np.swapaxes(Vh, 1, 2).conj()
     low, high = np.empty_like(sigma), np.empty_like(sigma)
     with np.errstate(divide="ignore", invalid="ignore"):
         for i in range(sigma.shape[1]):
@@ -76,7 +88,9 @@ def singular_values(
                 * _largest_singular_values(into[:, :, first] / sigma[:, None, first] ** (1 - a))
                 for a in (0.0, 0.5, 1.0)
             ]
-            low[:, i] = sigma[:, i] * np.maximum(1 - np.nan_to_num(np.min(moved, axis=0), nan=np.inf), 0.0)
+            low[:, i] = sigma[:, i] * np.maximum(
+                1 - np.nan_to_num(np.min(moved, axis=0), nan=np.inf), 0.0
+            )
             high[:, i] = sigma[:, i] + np.minimum(
                 _largest_singular_values(left) * _largest_singular_values(into[:, :, rest]),
                 _largest_singular_values(out[:, rest]) * _largest_singular_values(right),
@@ -86,7 +100,8 @@ def singular_values(
 
 
 def rga(G: ArrayLike) -> np.ndarray:
-    """Return the relative gain array: the change of the gain of a channel when all other loops are closed tightly.
+    """Return the relative gain array: the change of the gain of a channel when all other loops are
+    closed tightly.
 
     Use this to choose which output to pair with which input.
 
@@ -98,9 +113,10 @@ def rga(G: ArrayLike) -> np.ndarray:
     Returns
     -------
     array of the shape of G
-        G times the transpose of its (pseudo-)inverse, element by element. Pairings with elements near one make loops
-        independent. A large element means that a small relative error, one over the element, makes the matrix singular.
-        `rga_radius` gives the error of the elements for a measured matrix.
+        G times the transpose of its (pseudo-)inverse, element by element. Pairings with elements
+        near one make loops independent. A large element means that a small relative error, one over
+        the element, makes the matrix singular. `rga_radius` gives the error of the elements for a
+        measured matrix.
 
     Raises
     ------
@@ -109,8 +125,8 @@ def rga(G: ArrayLike) -> np.ndarray:
 
     References
     ----------
-    Bristol, *On a new measure of interaction for multivariable process control*, IEEE Trans. Automatic Control 11,
-    1966; SP 3.4 and A.4.
+    Bristol, *On a new measure of interaction for multivariable process control*, IEEE Trans.
+    Automatic Control 11, 1966; SP 3.4 and A.4.
 
     Examples
     --------
@@ -122,7 +138,10 @@ def rga(G: ArrayLike) -> np.ndarray:
     """
     G = np.asarray(G)
     if G.dtype.kind not in "fciu" or G.ndim not in (2, 3) or not np.isfinite(G).all():
-        raise ValueError(f"G must be finite, of axes (n_y, n_u) or (n_y, n_u, F), got shape {G.shape} of {G.dtype}")
+        raise ValueError(
+            f"G must be finite, of axes (n_y, n_u) or (n_y, n_u, F), got shape {G.shape} of"
+            f" {G.dtype}"
+        )
     stacked = np.moveaxis(G.reshape(*G.shape[:2], -1), 2, 0)
     gains = stacked * np.swapaxes(np.linalg.pinv(stacked), 1, 2)
     return np.moveaxis(gains, 0, 2).reshape(G.shape)
@@ -136,15 +155,16 @@ def rga_radius(frm: Bla, confidence: float = 0.95) -> np.ndarray:
     frm : Bla
         Identified matrix.
     confidence : float
-        Probability of each disc, for one element and one line; held or exceeded if the matrix is not square.
+        Probability of each disc, for one element and one line; held or exceeded if the matrix is
+        not square.
 
     Returns
     -------
     (n_y, n_u, F) ndarray
-        To first order in the covariance of G: d(G_ji H_ij) = dG_ji H_ij + G_ji dH_ij, H = pinv(G), and
-        dH = -H dG H + H H^H dG^H (1 - G H) + (1 - H G) dG^H H^H H. The terms in dG^H are zero for a square matrix. For
-        a matrix that is not square, the error may lie along a line in the complex plane; so the quantile of a real
-        number, which is larger, is used.
+        To first order in the covariance of G: d(G_ji H_ij) = dG_ji H_ij + G_ji dH_ij, H = pinv(G),
+        and dH = -H dG H + H H^H dG^H (1 - G H) + (1 - H G) dG^H H^H H. The terms in dG^H are zero
+        for a square matrix. For a matrix that is not square, the error may lie along a line in the
+        complex plane; so the quantile of a real number, which is larger, is used.
 
     Raises
     ------
@@ -153,7 +173,8 @@ def rga_radius(frm: Bla, confidence: float = 0.95) -> np.ndarray:
 
     References
     ----------
-    G. H. Golub & V. Pereyra, *The differentiation of pseudo-inverses*, SIAM J. Numerical Analysis 10, 1973.
+    G. H. Golub & V. Pereyra, *The differentiation of pseudo-inverses*, SIAM J. Numerical Analysis
+    10, 1973.
 
     Examples
     --------
@@ -173,8 +194,15 @@ def rga_radius(frm: Bla, confidence: float = 0.95) -> np.ndarray:
     left_null, right_null = np.eye(n_y) - G @ H, np.eye(n_u) - H @ G
 
     def variance_of_sum(slope: np.ndarray) -> np.ndarray:
-        """Return the (F,) variance of the sum of slope (F, n_y, n_u) times dG: E dG_kl dG*_mn = C_km gamma*_ln."""
-        return np.asarray(np.einsum("fkl,fkm,fln,fmn->f", slope, C, gamma.conj(), slope.conj(), optimize=True).real)
+        """Return the (F,) variance of the sum of slope (F, n_y, n_u) times dG:
+
+        E dG_kl dG*_mn = C_km gamma*_ln.
+        """
+        return np.asarray(
+            np.einsum(
+                "fkl,fkm,fln,fmn->f", slope, C, gamma.conj(), slope.conj(), optimize=True
+            ).real
+        )
 
     variance = np.empty(G.shape)
     for j, i in np.ndindex(n_y, n_u):

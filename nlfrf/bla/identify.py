@@ -1,8 +1,9 @@
 """`identify`: from a periodic record of any number of channels to its best linear approximation.
 
-With one realisation the distortion comes from lines without excitation (the *fast* method). With several it comes from
-the scatter between realisations (the *robust* method; Pintelon & Schoukens, 2nd ed., 4.3). For several inputs a
-realisation is a set of experiments, which gives one matrix. Arrays are (n_y, n_u, F) and (n, M, K) throughout.
+With one realisation the distortion comes from lines without excitation (the *fast* method). With
+several it comes from the scatter between realisations (the *robust* method; Pintelon & Schoukens,
+2nd ed., 4.3). For several inputs a realisation is a set of experiments, which gives one matrix.
+Arrays are (n_y, n_u, F) and (n, M, K) throughout.
 """
 
 from __future__ import annotations
@@ -12,13 +13,28 @@ from typing import overload
 
 import numpy as np
 
-from nlfrf._base.arguments import data_warning, keep_warnings, require_choice, require_integer, short_form
+from nlfrf._base.arguments import (
+    data_warning,
+    keep_warnings,
+    require_choice,
+    require_integer,
+    short_form,
+)
 from nlfrf._base.numbers import power, squared_modulus
 from nlfrf.bla.bla import Bla, Covariances, DistortionLevels, Experiment
 from nlfrf.bla.channel_mismatch import warn_of_mismatch
 from nlfrf.bla.covariance import psd_difference
-from nlfrf.bla.distortion import DistortionVariance, choose_source, estimate_distortion_variance, smooth_frm
-from nlfrf.bla.experiment_checks import check_experiments, count_independent_experiments, warn_of_noisy_experiment
+from nlfrf.bla.distortion import (
+    DistortionVariance,
+    choose_source,
+    estimate_distortion_variance,
+    smooth_frm,
+)
+from nlfrf.bla.experiment_checks import (
+    check_experiments,
+    count_independent_experiments,
+    warn_of_noisy_experiment,
+)
 from nlfrf.bla.frf import (
     MAX_MATRIX_ROUGHNESS_OVER_GAIN,
     MAX_ROUGHNESS_OVER_GAIN,
@@ -39,7 +55,9 @@ from nlfrf.records.record import Record
 
 
 @overload
-def identify(record: Record, *, transient: str = ..., level_from: str = ..., n_detection: int = ...) -> Bla: ...
+def identify(
+    record: Record, *, transient: str = ..., level_from: str = ..., n_detection: int = ...
+) -> Bla: ...
 
 
 @overload
@@ -55,24 +73,27 @@ def identify(
     level_from: str = "auto",
     n_detection: int = 6,
 ) -> Bla | list[Bla]:
-    """Estimate the best linear approximation, noise and distortion of a system from one periodic record.
+    """Estimate the best linear approximation, noise and distortion of a system from one periodic
+    record.
 
-    This is the main entry. `load_record` and `record_from_samples` make records; `robust.uncertainty` takes the result.
+    This is the main entry. `load_record` and `record_from_samples` make records;
+    `robust.uncertainty` takes the result.
 
     Parameters
     ----------
     record : Record, or a list of them
-        Inputs and outputs. One realisation is enough; for several inputs one set of as many experiments as inputs. Two
-        periods separate noise from distortion. A list is for several outputs of one experiment, which share the
-        analysis of the input.
+        Inputs and outputs. One realisation is enough; for several inputs one set of as many
+        experiments as inputs. Two periods separate noise from distortion. A list is for several
+        outputs of one experiment, which share the analysis of the input.
     transient : str
-        "none": the record is taken as steady. "discard": the first period is left out. "local": the transient is
-        fitted between the harmonics and subtracted, on excited and on detection lines. "auto": "none" if the periods
-        agree within noise, "discard" if that leaves periods that agree, else "local".
+        "none": the record is taken as steady. "discard": the first period is left out. "local": the
+        transient is fitted between the harmonics and subtracted, on excited and on detection lines.
+        "auto": "none" if the periods agree within noise, "discard" if that leaves periods that
+        agree, else "local".
     level_from : str
-        "detection": from the odd lines without excitation. "roughness": from the roughness of the FRF over the excited
-        lines. "auto": detection lines if the grid allows their calibration (special-odd, random-odd and some custom
-        grids), else roughness, with a warning.
+        "detection": from the odd lines without excitation. "roughness": from the roughness of the
+        FRF over the excited lines. "auto": detection lines if the grid allows their calibration
+        (special-odd, random-odd and some custom grids), else roughness, with a warning.
     n_detection : int
         Number of odd detection lines that are averaged for one level.
 
@@ -83,23 +104,27 @@ def identify(
     Raises
     ------
     ValueError
-        Lines without input, realisations with unequal input spectra, experiments that do not separate the inputs,
-        missing detection lines for `level_from` "detection", too few lines for any level.
+        Lines without input, realisations with unequal input spectra, experiments that do not
+        separate the inputs, missing detection lines for `level_from` "detection", too few lines for
+        any level.
 
     Warns
     -----
     DataWarning
-        The detection lines of the grid cannot be calibrated, so the level comes from the roughness. For several
-        inputs: phases that are copies of each other, inputs that are nearly dependent, an experiment that is much
-        noisier than the others or has a channel with another gain or delay, one period only.
+        The detection lines of the grid cannot be calibrated, so the level comes from the roughness.
+        For several inputs: phases that are copies of each other, inputs that are nearly dependent,
+        an experiment that is much noisier than the others or has a channel with another gain or
+        delay, one period only.
 
     References
     ----------
-    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.7, 3.7 and 4.3.
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.7, 3.7
+    and 4.3.
 
     Examples
     --------
-    A static cubic: the BLA on these six lines of amplitude 1 is 8.25, but one realisation scatters about it.
+    A static cubic: the BLA on these six lines of amplitude 1 is 8.25, but one realisation scatters
+    about it.
 
     >>> from nlfrf.signals.multisine import multisine
     >>> ms = multisine(fs=128, n_samples=128, f_min=1, f_max=19, rms=3**0.5, n_realizations=200, rng=1)
@@ -112,10 +137,13 @@ def identify(
     require_choice("level_from", level_from, ("auto", "detection", "roughness"))
     n_detection = require_integer("n_detection", n_detection, least=3)
     if isinstance(record, Record):
-        return _identify_record(record, None, transient=transient, level_from=level_from, n_detection=n_detection)
+        return _identify_record(
+            record, None, transient=transient, level_from=level_from, n_detection=n_detection
+        )
     if not isinstance(record, Sequence) or not all(isinstance(one, Record) for one in record):
         raise ValueError(
-            f"record must be a Record or a list of them, got {short_form(record)}; see record_from_samples"
+            f"record must be a Record or a list of them, got {short_form(record)}; see"
+            " record_from_samples"
         )
     known: list[tuple[Record, np.ndarray]] = []
     blas = []
@@ -124,29 +152,43 @@ def identify(
         if U is None:
             U = channel_dft(one.u, index_lines(one.lines, n_detection).lines)
             known.append((one, U))
-        blas.append(_identify_record(one, U, transient=transient, level_from=level_from, n_detection=n_detection))
+        blas.append(
+            _identify_record(
+                one, U, transient=transient, level_from=level_from, n_detection=n_detection
+            )
+        )
     return blas
 
 
 @keep_warnings
-def _identify_record(record: Record, U: np.ndarray | None, *, transient: str, level_from: str, n_detection: int) -> Bla:
+def _identify_record(
+    record: Record, U: np.ndarray | None, *, transient: str, level_from: str, n_detection: int
+) -> Bla:
     """Identify one record; U are the spectra of its inputs, if known already."""
-    spectra, treatment = period_spectra(record, index_lines(record.lines, n_detection), transient=transient, U=U)
+    spectra, treatment = period_spectra(
+        record, index_lines(record.lines, n_detection), transient=transient, U=U
+    )
     spectra, excited, crest = check_experiments(record, spectra)
     check_input_follows_reference(excited)
     zippered = excited.is_zippered
     frm, between = estimate_zippered_frm(excited) if zippered else (estimate_frm(excited), None)
     if spectra.n_periods < 2 and not record.is_single:
-        data_warning("one period does not separate noise from distortion: noise counts as distortion; record two")
+        data_warning(
+            "one period does not separate noise from distortion: noise counts as distortion;"
+            " record two"
+        )
     source = choose_source(level_from, excited, grid=record.lines, n_detection=n_detection)
     if zippered and source == "roughness":
         raise ValueError(
-            "lines must hold detection lines that calibrate for a zippered record, as random-odd has them, got a "
-            f"{record.lines.kind} grid: a column is fitted between its own lines, so its roughness is unknown"
+            "lines must hold detection lines that calibrate for a zippered record, as random-odd"
+            f" has them, got a {record.lines.kind} grid: a column is fitted between its own lines,"
+            " so its roughness is unknown"
         )
     smooth, fit = smooth_frm(frm, excited, source == "roughness")
     names = ("y",) if record.is_single else record.outputs
-    mispaired = record.n_inputs == 1 and check_outputs_follow_input(frm, excited, fit=fit, outputs=names)
+    mispaired = record.n_inputs == 1 and check_outputs_follow_input(
+        frm, excited, fit=fit, outputs=names
+    )
     residual = nonlinear_residual(spectra, excited, measured=frm.G, smooth=smooth)
     # with optimised phases more of the distortion is one gain on all lines, which is not rough
     rough = None if zippered or (crest.has_low_crest and source == "detection") else fit
@@ -160,11 +202,15 @@ def _identify_record(record: Record, U: np.ndarray | None, *, transient: str, le
         n_independent=count_independent_experiments(excited),
     )
     if source == "detection" and not mispaired:
-        distortion = _add_outlier_power(record, excited, frm=frm, fit=fit, residual=residual, distortion=distortion)
+        distortion = _add_outlier_power(
+            record, excited, frm=frm, fit=fit, residual=residual, distortion=distortion
+        )
     if not record.is_single:
         warn_of_noisy_experiment(excited, distortion.cov)
     if between is not None:
-        gamma, cov = bound_interpolated_columns(between, frm.gamma, cov=distortion.cov_bound, n_sets=len(frm.G_each))
+        gamma, cov = bound_interpolated_columns(
+            between, frm.gamma, cov=distortion.cov_bound, n_sets=len(frm.G_each)
+        )
         frm, distortion = frm._replace(gamma=gamma), distortion._replace(cov_bound=cov)
     return _assemble_bla(
         record,
@@ -195,10 +241,14 @@ def _add_outlier_power(
     if not record.is_single:
         if F <= 2 * WINDOW_LINES:  # on fewer lines a bend looks like any fault
             return distortion
-        own = 1.0 if fit is None else 1 - float(np.mean(fit.dof)) / WINDOW_LINES  # share of a line in its own fit
+        own = (
+            1.0 if fit is None else 1 - float(np.mean(fit.dof)) / WINDOW_LINES
+        )  # share of a line in its own fit
         # zippered: a difference between experiments does not jump
         left = 1.0 if zippered else 1 - own * record.n_inputs / excited.U.shape[1]
-        if left > 0 and warn_of_mismatch(record, excited, residual=residual, level=distortion.detected, retained=left):
+        if left > 0 and warn_of_mismatch(
+            record, excited, residual=residual, level=distortion.detected, retained=left
+        ):
             return distortion
     if fit is None or zippered:
         return distortion
@@ -209,7 +259,9 @@ def _add_outlier_power(
     share = MAX_ROUGHNESS_OVER_GAIN if record.is_single else MAX_MATRIX_ROUGHNESS_OVER_GAIN
     for j, what in enumerate(labels):
         if (
-            warn_of_rough_frf(rough[j] / R, distortion.detected[j] / R, size=size[j], what=what, share=share)
+            warn_of_rough_frf(
+                rough[j] / R, distortion.detected[j] / R, size=size[j], what=what, share=share
+            )
             and not record.is_single
         ):
             return distortion
@@ -219,7 +271,13 @@ def _add_outlier_power(
         level = distortion.detected[j] + OUTPUT_ROUNDING**2 * power(excited.Y[j]).max()
         f = record.lines.excited * record.f0
         outlier_power[j] = warn_of_outlier_lines(
-            frm.G_each[0, j], fit.G[0, j], level=level, index=excited.index, f=f, gamma=gamma, what=what
+            frm.G_each[0, j],
+            fit.G[0, j],
+            level=level,
+            index=excited.index,
+            f=f,
+            gamma=gamma,
+            what=what,
         )
     return distortion.with_minimum(outlier_power)
 
@@ -235,17 +293,22 @@ def _assemble_bla(
     distortion: DistortionVariance,
     typical: float,
 ) -> Bla:
-    """Assemble the `Bla`; for one input and one output gamma is one, and covariances are variances of G."""
+    """Assemble the `Bla`; for one input and one output gamma is one, and covariances are variances
+    of G.
+    """
     grid, R = record.lines, len(frm.G_each)
     total = distortion.cov if R == 1 else frm.cov_scatter
     # for one period noise counts as distortion
     cov_distortion = psd_difference(total, frm.cov_noise) if excited.dY.shape[2] else total
-    covariances, gamma = [frm.cov_noise, total, cov_distortion, distortion.cov_even, distortion.cov_bound], frm.gamma
+    covariances = [frm.cov_noise, total, cov_distortion, distortion.cov_even, distortion.cov_bound]
+    gamma = frm.gamma
     if record.is_single:
         size, gamma = gamma.real, np.ones(gamma.shape)
         covariances = [part * size for part in covariances]
     noise, total, cov_distortion, even, bound = covariances
-    cov = Covariances(gamma=gamma, noise=noise, total=total, distortion=cov_distortion, even=even, bound=bound)
+    cov = Covariances(
+        gamma=gamma, noise=noise, total=total, distortion=cov_distortion, even=even, bound=bound
+    )
     return Bla(
         f=grid.excited * record.f0,
         G=frm.G,
@@ -274,7 +337,9 @@ def _assemble_bla(
     )
 
 
-def _output_levels(record: Record, excited: Spectra, residual: NonlinearResidual) -> tuple[DistortionLevels, ...]:
+def _output_levels(
+    record: Record, excited: Spectra, residual: NonlinearResidual
+) -> tuple[DistortionLevels, ...]:
     """Return the amplitudes of every output on each kind of line."""
     grid, index, f0 = record.lines, excited.index, record.f0
     noise = np.sqrt(residual.noise)
@@ -292,5 +357,7 @@ def _output_levels(record: Record, excited: Spectra, residual: NonlinearResidual
             noise_odd=of_rest.take(index.odd),
             noise_even=of_rest.take(index.even),
         )
-        for Y, rest, of_output, of_rest in zip(excited.Y, residual.Y, noise_excited, noise, strict=True)
+        for Y, rest, of_output, of_rest in zip(
+            excited.Y, residual.Y, noise_excited, noise, strict=True
+        )
     )

@@ -1,8 +1,9 @@
-"""The BLA from noise excitation by local polynomials, which leak less at a resonance than Welch segments.
+"""The BLA from noise excitation by local polynomials, which leak less at a resonance than Welch
+segments.
 
-A quadratic for the FRF and one for the transient are fitted over the DFT lines of the whole record around each
-frequency (Pintelon & Schoukens, 2nd ed., 7.2.2). An input that never repeats does not separate distortion from noise:
-the variances contain both.
+A quadratic for the FRF and one for the transient are fitted over the DFT lines of the whole record
+around each frequency (Pintelon & Schoukens, 2nd ed., 7.2.2). An input that never repeats does not
+separate distortion from noise: the variances contain both.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ _LINES_PER_SIDE = 6  # DFT lines on either side for a local polynomial
 _N_RECORD_PARTS = 16  # parts of the record, over which the power of stationary noise is constant
 _N_BANDS = 8  # parts of the excited band
 _MAX_POWER_SCATTER = 4.0  # largest scatter of the power from part to part, over that of noise
-#: Least share of the input power around a line that is no transient: a third and more for noise, a tenth by chance.
+# : Least share of the input power around a line that is no transient: a third and more for noise, a
+# tenth by chance.
 _MIN_ROUGH_SHARE = 1e-3
 _MIN_INPUT_AMPLITUDE = 1e-12  # share of the largest line of an input below which there is no input
 
@@ -45,7 +47,8 @@ def identify_noise(
 ) -> Bla:
     """Estimate the BLA from a record of noise excitation, of any length and not periodic.
 
-    Use this if the record is noise. Prefer a multisine and `identify`, which separate distortion from noise.
+    Use this if the record is noise. Prefer a multisine and `identify`, which separate distortion
+    from noise.
 
     Parameters
     ----------
@@ -61,14 +64,16 @@ def identify_noise(
     Returns
     -------
     Bla
-        With `grid` "noise", `level_source` "coherence" and its `coherence`; distortion contains the noise (var_noise
-        is nan). `levels.excited` is the amplitude of a cosine with the power of one line, fs / n_samples wide.
+        With `grid` "noise", `level_source` "coherence" and its `coherence`; distortion contains the
+        noise (var_noise is nan). `levels.excited` is the amplitude of a cosine with the power of
+        one line, fs / n_samples wide.
 
     Raises
     ------
     ValueError
-        A record that is too short, a band without lines, numbers out of range; lines on which the input power cannot
-        be distinguished from a transient, as at the ends of a sweep: G is not determined there.
+        A record that is too short, a band without lines, numbers out of range; lines on which the
+        input power cannot be distinguished from a transient, as at the ends of a sweep: G is not
+        determined there.
 
     Warns
     -----
@@ -90,7 +95,10 @@ def identify_noise(
     fs, n_samples = require_positive("fs", fs), require_integer("n_samples", n_samples, least=16)
     u, y = _check_signals(u, y, n_samples)
     first, last = band_lines(
-        fs, n_samples, f_min=require_positive("f_min", f_min), f_max=require_positive("f_max", f_max)
+        fs,
+        n_samples,
+        f_min=require_positive("f_min", f_min),
+        f_max=require_positive("f_max", f_max),
     )
     lines = np.arange(first, last + 1)
     f, F = lines * fs / n_samples, lines.size
@@ -103,7 +111,9 @@ def identify_noise(
         lines=LineGrid(excited=lines),
         fs=fs,
         experiment=Experiment(grid="noise", n_samples=n_samples, transient="local"),
-        cov=Covariances(gamma=np.ones((1, 1, F)), noise=nan, total=cov, distortion=cov, even=nan, bound=cov),
+        cov=Covariances(
+            gamma=np.ones((1, 1, F)), noise=nan, total=cov, distortion=cov, even=nan, bound=cov
+        ),
         dof=np.full(F, dof),
         level_source="coherence",
         grid_factor=np.ones(F),
@@ -113,69 +123,93 @@ def identify_noise(
 
 
 def _check_signals(u: np.ndarray, y: np.ndarray, n_samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return u and y as arrays without their means; refuse unequal lengths and records too short for the resolution."""
+    """Return u and y as arrays without their means; refuse unequal lengths and records too short
+    for the resolution.
+    """
     u, y = require_real_array("u", u, ndim=1), require_real_array("y", y, ndim=1)
     if u.size != y.size:
         raise ValueError(f"y must be as long as u, {u.size} samples, got {y.size}")
     if u.size < 2 * n_samples:
-        raise ValueError(f"u must hold at least {2 * n_samples} samples, twice n_samples, got {u.size}")
+        raise ValueError(
+            f"u must hold at least {2 * n_samples} samples, twice n_samples, got {u.size}"
+        )
     return u - u.mean(), y - y.mean()
 
 
 def _estimate_frf_local(
     u: np.ndarray, y: np.ndarray, *, n: int, lines: np.ndarray, f: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
-    """Estimate the FRF on `lines`, at f [Hz], by local polynomials over the lines of the whole record around each.
+    """Estimate the FRF on `lines`, at f [Hz], by local polynomials over the lines of the whole
+    record around each.
 
-    Returns G (F,); its variance by noise and distortion; the power of the output around each line and of its residual,
-    each per line of the whole record; and the complex degrees of freedom of the variance.
+    Returns G (F,); its variance by noise and distortion; the power of the output around each line
+    and of its residual, each per line of the whole record; and the complex degrees of freedom of
+    the variance.
     """
     ratio = u.size / n
     U, Y = np.fft.rfft(u), np.fft.rfft(y)
     side = max(_LINES_PER_SIDE, int(ratio / 2))
     centre = np.clip(np.round(lines * ratio).astype(int), side + 1, U.size - side - 2)
     around = centre[:, None] + np.arange(-side, side + 1)
-    # distance from the wanted frequency, which lies between lines or, at the ends of the band, off the centre
+    # distance from the wanted frequency, which lies between lines or, at the ends of the band, off
+    # the centre
     s = (around - (lines * ratio)[:, None]) / side
     # Y = (g0 + g1 s + g2 s^2) U + t0 + t1 s + t2 s^2, the wanted g0 last
     A = np.stack([s**2, s, np.ones(s.shape), s**2 * U[around], s * U[around], U[around]], axis=-1)
     G, rest, leverage = least_squares(A, Y[around])
     size = power(U[around])
     known = (leverage > 0) & (size > (_MIN_INPUT_AMPLITUDE * np.max(np.abs(U))) ** 2)
-    _require_determined_lines(f, np.divide(1.0, leverage * size, out=np.zeros(size.size), where=known))
+    _require_determined_lines(
+        f, np.divide(1.0, leverage * size, out=np.zeros(size.size), where=known)
+    )
     left = power(rest)
-    return G, left * leverage, power(Y[around]) / around.shape[1], left, float(A.shape[-2] - A.shape[-1])
+    return (
+        G,
+        left * leverage,
+        power(Y[around]) / around.shape[1],
+        left,
+        float(A.shape[-2] - A.shape[-1]),
+    )
 
 
 def _require_determined_lines(f: np.ndarray, rough_share: np.ndarray) -> None:
     """Refuse lines on which too small a share (F,) of the input power is rough over frequency.
 
-    At the ends of its band a sweep is smooth over frequency, as transients are. The output does not show which of the
-    two it follows, so G is not determined there, and its bound looks narrow.
+    At the ends of its band a sweep is smooth over frequency, as transients are. The output does not
+    show which of the two it follows, so G is not determined there, and its bound looks narrow.
     """
     bad = rough_share < _MIN_ROUGH_SHARE
     if bad.any():
-        edges = np.flatnonzero(np.diff(np.concatenate([[True], bad, [True]])))  # of the runs of good lines, in pairs
+        edges = np.flatnonzero(
+            np.diff(np.concatenate([[True], bad, [True]]))
+        )  # of the runs of good lines, in pairs
         runs = edges.reshape(-1, 2)
         first, end = runs[np.argmax(runs[:, 1] - runs[:, 0])] if runs.size else (0, 0)
         band = f"{f[first]:.6g} to {f[end - 1]:.6g} Hz" if end - first > 1 else ""
         cure = f", or ask for a band inside {band}, the widest without such a line" if band else ""
         at = int(np.argmin(rough_share))
         raise ValueError(
-            f"u must have power of its own on every line, got {format_count(int(bad.sum()), 'line')} of {f.size} "
-            f"without, worst at {f[at]:.4g} Hz, where u is as smooth over frequency as a transient (the end of a "
-            "sweep, a line that was not played), so G is not determined; play noise or a multisine"
-            f"{cure}"
+            "u must have power of its own on every line, got"
+            f" {format_count(int(bad.sum()), 'line')} of {f.size} without, worst at {f[at]:.4g} Hz,"
+            " where u is as smooth over frequency as a transient (the end of a sweep, a line that"
+            f" was not played), so G is not determined; play noise or a multisine{cure}"
         )
 
 
 def _warn_of_nonstationary_input(u: np.ndarray) -> None:
-    """Warn of an input (n,) whose power varies over time more than that of stationary noise: chirps, bursts.
+    """Warn of an input (n,) whose power varies over time more than that of stationary noise:
+    chirps, bursts.
 
-    In a band with n lines the power of noise has a relative standard deviation of n^-1/2 from part to part.
+    In a band with n lines the power of noise has a relative standard deviation of n^-1/2 from part
+    to part.
     """
     size = u.size // _N_RECORD_PARTS
-    power = np.abs(np.fft.rfft(u[: _N_RECORD_PARTS * size].reshape(_N_RECORD_PARTS, size), axis=1)[:, 1:]) ** 2
+    power = (
+        np.abs(
+            np.fft.rfft(u[: _N_RECORD_PARTS * size].reshape(_N_RECORD_PARTS, size), axis=1)[:, 1:]
+        )
+        ** 2
+    )
     mean = power.mean(axis=0)
     share = np.cumsum(mean) / mean.sum()
     edges = np.searchsorted(share, np.linspace(0.005, 0.995, _N_BANDS + 1))
@@ -188,6 +222,7 @@ def _warn_of_nonstationary_input(u: np.ndarray) -> None:
         ratios.append(float(np.var(band, ddof=1) / band.mean() ** 2 * lines))
     if ratios and np.mean(ratios) > _MAX_POWER_SCATTER:
         data_warning(
-            f"u must be stationary noise for its bounds to hold: its power scatters {np.mean(ratios) ** 0.5:.1f} times "
-            "as much over time as that of noise, as for chirps and bursts; play a multisine, or noise all the time"
+            "u must be stationary noise for its bounds to hold: its power scatters"
+            f" {np.mean(ratios) ** 0.5:.1f} times as much over time as that of noise, as for chirps"
+            " and bursts; play a multisine, or noise all the time"
         )

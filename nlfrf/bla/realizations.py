@@ -1,9 +1,10 @@
-"""Realisations with the same phases, merged as further periods; unequal amplitude spectra; low crest factors.
+"""Realisations with the same phases, merged as further periods; unequal amplitude spectra; low
+crest factors.
 
-The same file played again is no new realisation: it has the same distortion, which the scatter does not show. Its
-phases show the repeat. For lines a < b and c < d with b - a = d - c the sum phi_b - phi_a - phi_d + phi_c does not
-change with a delay or with a constant phase, so equal phases are found whatever the trigger, without a search over
-delays.
+The same file played again is no new realisation: it has the same distortion, which the scatter does
+not show. Its phases show the repeat. For lines a < b and c < d with b - a = d - c the sum phi_b -
+phi_a - phi_d + phi_c does not change with a delay or with a constant phase, so equal phases are
+found whatever the trigger, without a search over delays.
 """
 
 from __future__ import annotations
@@ -22,27 +23,38 @@ from nlfrf.signals.crest import expected_peaks, is_improbable
 from nlfrf.signals.lines import LineGrid, chance_correlation
 
 _N_BAND_PARTS = 8  # parts of the band, over which the input power of realisations is compared
-_MAX_LEVEL_DIFFERENCE = 2.0  # [dB] largest difference between realisations, if the level does not scatter
+_MAX_LEVEL_DIFFERENCE = (
+    2.0  # [dB] largest difference between realisations, if the level does not scatter
+)
 _MAX_LEVEL_SIGMAS = 5.0  # the same in standard deviations, if it scatters
 #: Probability that independent phases pass for equal ones, in a whole experiment.
 _FALSE_MATCH_PROBABILITY = 1e-9
 #: Least share of the power of a noisy input in common with another one with equal phases.
 _MIN_SHARED_POWER = 0.5
-_MIN_OWN_AMPLITUDE = 1e-3  # least amplitude of its own lines for an input of a zippered record, over the largest
+_MIN_OWN_AMPLITUDE = (
+    1e-3  # least amplitude of its own lines for an input of a zippered record, over the largest
+)
 _MIN_PHASE_LINES = 4  # fewest lines with which phases can be compared
 _MIN_CREST_LINES = 6  # fewest lines whose sum has peaks as of a normal distribution
-#: Number of pairs of equal steps that suffice to find equal phases at any delay, so that none has to be tried.
+# : Number of pairs of equal steps that suffice to find equal phases at any delay, so that none has
+# to be tried.
 _ENOUGH_STEP_PAIRS = 30
-_MAX_REFERENCES = 100  # realisations with which all others are compared; a set of files played again is no larger
+_MAX_REFERENCES = (
+    100  # realisations with which all others are compared; a set of files played again is no larger
+)
 
 
-def warn_of_low_crest(u: np.ndarray, amplitude: np.ndarray, *, lines: np.ndarray, name: str = "u") -> np.ndarray:
-    """Warn of inputs (M, N) whose crest factor is lower than that of random phases: optimised, or clipped.
+def warn_of_low_crest(
+    u: np.ndarray, amplitude: np.ndarray, *, lines: np.ndarray, name: str = "u"
+) -> np.ndarray:
+    """Warn of inputs (M, N) whose crest factor is lower than that of random phases: optimised, or
+    clipped.
 
     Returns
     -------
     (M,) ndarray
-        Expected number of peaks of random phases above the crest of the input, one on average; zeros for too few lines.
+        Expected number of peaks of random phases above the crest of the input, one on average;
+        zeros for too few lines.
     """
     if amplitude.size < _MIN_CREST_LINES:
         return np.zeros(len(u))
@@ -52,21 +64,24 @@ def warn_of_low_crest(u: np.ndarray, amplitude: np.ndarray, *, lines: np.ndarray
     peaks = expected_peaks(crest, lines, amplitude=amplitude, n_samples=u.shape[1])
     if is_improbable(peaks):
         data_warning(
-            f"{name} must have random phases for an estimate of distortion: its crest factor is {crest.mean():.2f}, "
-            "which random phases with its spectrum reach once in 100000 experiments. If the phases were chosen for low "
-            "peaks, or the input was clipped, the BLA and its bound hold for that signal only: the 95 % bound may hold "
-            "half the time; play random phases, or the best of a few draws (reduce_crest without a target)"
+            f"{name} must have random phases for an estimate of distortion: its crest factor is"
+            f" {crest.mean():.2f}, which random phases with its spectrum reach once in 100000"
+            " experiments. If the phases were chosen for low peaks, or the input was clipped, the"
+            " BLA and its bound hold for that signal only: the 95 % bound may hold half the time;"
+            " play random phases, or the best of a few draws (reduce_crest without a target)"
         )
     return peaks
 
 
-def join_repeats(spectra: Spectra, excited: Spectra, kind: str, first_number: int) -> tuple[Spectra, list[int]]:
+def join_repeats(
+    spectra: Spectra, excited: Spectra, kind: str, first_number: int
+) -> tuple[Spectra, list[int]]:
     """Merge experiments that repeat one another into further periods of the first, with a warning.
 
-    Two experiments repeat one another if all inputs of one are those of the other after one common delay. Experiments
-    of an orthogonal set may have equal phases up to a constant in each input; these are no repeats. A group is shifted
-    to the trigger of its first member; its noise is the scatter over members and periods. If no whole sets would
-    remain, all experiments are kept.
+    Two experiments repeat one another if all inputs of one are those of the other after one common
+    delay. Experiments of an orthogonal set may have equal phases up to a constant in each input;
+    these are no repeats. A group is shifted to the trigger of its first member; its noise is the
+    scatter over members and periods. If no whole sets would remain, all experiments are kept.
 
     Returns
     -------
@@ -76,37 +91,52 @@ def join_repeats(spectra: Spectra, excited: Spectra, kind: str, first_number: in
     groups = _find_repeats(excited) if excited.experiments_per_set < n else []
     if not 0 < len(groups) < n or len(groups) % excited.experiments_per_set:
         return spectra, list(range(n))
-    listed = "; ".join(", ".join(str(m + first_number) for m in group) for group, _ in groups[:4] if len(group) > 1)
+    listed = "; ".join(
+        ", ".join(str(m + first_number) for m in group) for group, _ in groups[:4] if len(group) > 1
+    )
     data_warning(
-        f"u holds {kind}s with the same phases ({listed}): they repeat one another, so their distortion does not "
-        f"average out. They count as periods of one {kind}, which leaves M = {len(groups)} of {n}; "
-        f"play others, as from multisine(n_realizations={n // excited.experiments_per_set})"
+        f"u holds {kind}s with the same phases ({listed}): they repeat one another, so their"
+        f" distortion does not average out. They count as periods of one {kind}, which leaves M ="
+        f" {len(groups)} of {n}; play others, as from"
+        f" multisine(n_realizations={n // excited.experiments_per_set})"
     )
     P, sizes = spectra.n_periods, [len(group) for group, _ in groups]
-    parts, scatters = map(list, zip(*(_merge_group(spectra, *group) for group in groups), strict=True))
+    parts, scatters = map(
+        list, zip(*(_merge_group(spectra, *group) for group in groups), strict=True)
+    )
     if P == 1:
         scatters = _fill_unknown_scatters(scatters, sizes)
     U, Y, R = (np.stack(x, axis=1) for x in zip(*parts, strict=True))
     dU, dY = (_pad_scatters(x) for x in zip(*scatters, strict=True))
     periods = P * n // len(groups)
-    joined = replace(spectra, U=U, Y=Y, R=None if spectra.R is None else R, dU=dU, dY=dY, n_periods=periods)
+    joined = replace(
+        spectra, U=U, Y=Y, R=None if spectra.R is None else R, dU=dU, dY=dY, n_periods=periods
+    )
     return joined, [group[0] for group, _ in groups]
 
 
-def _fill_unknown_scatters(scatters: list[list[np.ndarray]], sizes: list[int]) -> list[list[np.ndarray]]:
-    """Return the scatters of groups with one period each; a single group gets the scatter of the other groups."""
+def _fill_unknown_scatters(
+    scatters: list[list[np.ndarray]], sizes: list[int]
+) -> list[list[np.ndarray]]:
+    """Return the scatters of groups with one period each; a single group gets the scatter of the
+    other groups.
+    """
     merged = [m for m, g in enumerate(sizes) if g > 1]
     others = [
-        np.concatenate([scatters[t][k] * np.sqrt(sizes[t] / len(merged)) for t in merged], axis=1) for k in (0, 1)
+        np.concatenate([scatters[t][k] * np.sqrt(sizes[t] / len(merged)) for t in merged], axis=1)
+        for k in (0, 1)
     ]
     return [others if g == 1 else own for own, g in zip(scatters, sizes, strict=True)]
 
 
-def _merge_group(spectra: Spectra, group: list[int], delays: list[float]) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Return the mean U, Y and excitation (n, K) of experiments that repeat one another, and the scatters of U and Y.
+def _merge_group(
+    spectra: Spectra, group: list[int], delays: list[float]
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Return the mean U, Y and excitation (n, K) of experiments that repeat one another, and the
+    scatters of U and Y.
 
-    Two estimates of the covariance of the mean, within and between experiments, are weighted by their degrees of
-    freedom g (P - 1) and g - 1.
+    Two estimates of the covariance of the mean, within and between experiments, are weighted by
+    their degrees of freedom g (P - 1) and g - 1.
     """
     P, g, D = spectra.n_periods, len(group), max(spectra.dU.shape[2], spectra.dY.shape[2])
     turn = np.exp(2j * np.pi * np.multiply.outer(delays, spectra.lines))
@@ -123,11 +153,15 @@ def _merge_group(spectra: Spectra, group: list[int], delays: list[float]) -> tup
 def _pad_scatters(scatters: Sequence[np.ndarray]) -> np.ndarray:
     """Stack scatters (n, D, K) to (n, M, D, K), padded with zeros, which add no variance."""
     most = max(one.shape[1] for one in scatters)
-    return np.stack([np.pad(one, ((0, 0), (0, most - one.shape[1]), (0, 0))) for one in scatters], axis=1)
+    return np.stack(
+        [np.pad(one, ((0, 0), (0, most - one.shape[1]), (0, 0))) for one in scatters], axis=1
+    )
 
 
 def _find_repeats(excited: Spectra) -> list[tuple[list[int], list[float]]]:
-    """Group the experiments that repeat one another: their numbers, and their delays against the first [periods]."""
+    """Group the experiments that repeat one another: their numbers, and their delays against the
+    first [periods].
+    """
     excitation, lines, M = excited.excitation, excited.lines, excited.U.shape[1]
     labels = np.zeros((len(excitation), M), dtype=int)
     for of_input, U in zip(labels, excitation, strict=True):
@@ -161,7 +195,9 @@ def _normalized_products(U: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 def group_by_phases(U: np.ndarray, index: LineIndex) -> list[list[int]]:
-    """Group the realisations (M, F) that have equal phases up to a delay, as lists of their numbers."""
+    """Group the realisations (M, F) that have equal phases up to a delay, as lists of their
+    numbers.
+    """
     n, n_lines = U.shape
     steps = pair_equal_steps(index)
     same = np.zeros((n, min(n, _MAX_REFERENCES)), dtype=bool)
@@ -170,10 +206,14 @@ def group_by_phases(U: np.ndarray, index: LineIndex) -> list[list[int]]:
     if 2 * steps.shape[1] >= n_lines:
         i, j = steps
         root = np.sqrt(np.abs(U))
-        weighted = U / (root * np.sqrt(root))  # so that a product of four is weighted by the amplitude of the lines
+        weighted = U / (
+            root * np.sqrt(root)
+        )  # so that a product of four is weighted by the amplitude of the lines
         step = weighted[:, 1:] * weighted[:, :-1].conj()
         turned = step.take(i, axis=1) * step.take(j, axis=1).conj()
-        same = same | _match_phases(turned, squared_modulus(turned @ turned[:_MAX_REFERENCES].conj().T), 1)
+        same = same | _match_phases(
+            turned, squared_modulus(turned @ turned[:_MAX_REFERENCES].conj().T), 1
+        )
     elif n <= _MAX_REFERENCES:  # few equal steps between lines: every delay is tried
         n_delays = fast_length(8 * int(index.lines[-1]))
         products, most = np.zeros((n, n_delays), dtype=complex), np.zeros((n, n))
@@ -190,7 +230,8 @@ def group_by_phases(U: np.ndarray, index: LineIndex) -> list[list[int]]:
             if (
                 group[0] < _MAX_REFERENCES
                 and same[m, group[0]]
-                and _estimate_delay(_normalized_products(U[m], U[group[0]]), lines)[1] > _MIN_SHARED_POWER
+                and _estimate_delay(_normalized_products(U[m], U[group[0]]), lines)[1]
+                > _MIN_SHARED_POWER
             ):
                 group.append(m)
                 break
@@ -201,7 +242,9 @@ def group_by_phases(U: np.ndarray, index: LineIndex) -> list[list[int]]:
 
 @lru_cache(maxsize=N_CACHED_GRIDS)
 def pair_equal_steps(index: LineIndex) -> np.ndarray:
-    """Return (2, n) pairs i, j of excited lines, by their index, with equal distances to the next line."""
+    """Return (2, n) pairs i, j of excited lines, by their index, with equal distances to the next
+    line.
+    """
     steps = np.diff(index.lines[index.excited])
     order = np.lexsort((np.arange(steps.size), steps))
     return np.array([order[:-1], order[1:]])[:, np.diff(steps[order]) == 0]
@@ -210,8 +253,8 @@ def pair_equal_steps(index: LineIndex) -> np.ndarray:
 def _match_phases(x: np.ndarray, product_power: np.ndarray, n_delays: int) -> np.ndarray:
     """Return (M, m) bool, the rows of x (M, n) that correlate with the first m rows beyond chance.
 
-    `product_power` (M, m) holds the squared moduli of their inner products. `_estimate_delay` then decides whether they
-    agree fully or in part.
+    `product_power` (M, m) holds the squared moduli of their inner products. `_estimate_delay` then
+    decides whether they agree fully or in part.
     """
     if x.shape[1] < _MIN_PHASE_LINES:
         return np.eye(*product_power.shape, dtype=bool)
@@ -229,7 +272,8 @@ def _match_phases(x: np.ndarray, product_power: np.ndarray, n_delays: int) -> np
 
 
 def _estimate_delay(product: np.ndarray, lines: np.ndarray) -> tuple[float, float]:
-    """Estimate the delay against a signal with the same phases [periods], and the correlation at this delay.
+    """Estimate the delay against a signal with the same phases [periods], and the correlation at
+    this delay.
 
     `product` (F,) is that of `_normalized_products`.
     """
@@ -244,37 +288,53 @@ def _estimate_delay(product: np.ndarray, lines: np.ndarray) -> tuple[float, floa
         delay += slope / (2 * np.pi * max(curvature, 1e-300))
     shared = float(np.sum(product * np.exp(-2j * np.pi * lines * delay)).real)
     # a delay that explains no more than zero delay is noise
-    return (0.0, correlation_at_zero) if 1 - correlation_at_zero < 2 * (1 - shared) + 1e-9 else (delay, shared)
+    return (
+        (0.0, correlation_at_zero)
+        if 1 - correlation_at_zero < 2 * (1 - shared) + 1e-9
+        else (delay, shared)
+    )
 
 
-def require_equal_spectra(powers: np.ndarray, kind: str = "realisation", first_number: int = 0) -> None:
-    """Refuse realisations with another amplitude spectrum, by their powers (M, F): their BLA is another one.
+def require_equal_spectra(
+    powers: np.ndarray, kind: str = "realisation", first_number: int = 0
+) -> None:
+    """Refuse realisations with another amplitude spectrum, by their powers (M, F): their BLA is
+    another one.
 
-    A measured force scatters from line to line and from realisation to realisation if the shaker is weak, most at a
-    resonance. So the limit is at least `_MAX_LEVEL_SIGMAS` standard deviations of the mean over a part of the band.
+    A measured force scatters from line to line and from realisation to realisation if the shaker is
+    weak, most at a resonance. So the limit is at least `_MAX_LEVEL_SIGMAS` standard deviations of
+    the mean over a part of the band.
     """
-    if (np.maximum.reduce(powers) <= 10 ** (_MAX_LEVEL_DIFFERENCE / 10) * np.minimum.reduce(powers)).all():
+    if (
+        np.maximum.reduce(powers) <= 10 ** (_MAX_LEVEL_DIFFERENCE / 10) * np.minimum.reduce(powers)
+    ).all():
         return  # no line differs by more
     first = np.arange(0, powers.shape[1], max(1, powers.shape[1] // _N_BAND_PARTS))
     level = 10 * np.log10(powers)
     level -= level[:1] if len(level) == 2 else np.median(level, axis=0)
     jumps = np.zeros((1, level.shape[1]))
-    jumps[0, 1:] = np.mean(np.diff(level, axis=1) ** 2, axis=0) / 2  # scatter jumps, another spectrum does not
-    difference, scatter = np.abs(_mean_over_band_parts(level, first)), _mean_over_band_parts(jumps, first)
+    jumps[0, 1:] = (
+        np.mean(np.diff(level, axis=1) ** 2, axis=0) / 2
+    )  # scatter jumps, another spectrum does not
+    difference = np.abs(_mean_over_band_parts(level, first))
+    scatter = _mean_over_band_parts(jumps, first)
     n_lines = np.diff(np.append(first, [powers.shape[1], 2 * powers.shape[1]]))
     beyond = difference / np.maximum(
-        _MAX_LEVEL_DIFFERENCE, _MAX_LEVEL_SIGMAS * np.sqrt(np.maximum(scatter, np.mean(jumps)) / n_lines)
+        _MAX_LEVEL_DIFFERENCE,
+        _MAX_LEVEL_SIGMAS * np.sqrt(np.maximum(scatter, np.mean(jumps)) / n_lines),
     )
     worst, part = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
     if beyond[worst, part] > 1:
         raise ValueError(
-            f"u must have the same amplitude spectrum in every {kind}, got {kind} {first_number + worst} up to "
-            f"{difference[worst, part]:.1f} dB from the others"
+            f"u must have the same amplitude spectrum in every {kind}, got {kind}"
+            f" {first_number + worst} up to {difference[worst, part]:.1f} dB from the others"
         )
 
 
 def _mean_over_band_parts(x: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """Return means over parts of the last axis, each from its first index on, and over all of it."""
+    """Return means over parts of the last axis, each from its first index on, and over all of
+    it.
+    """
     size = x.shape[-1]
     means = np.add.reduceat(x, first, axis=-1) / np.diff(np.append(first, size))
     return np.concatenate([means, x.mean(axis=-1, keepdims=True)], axis=-1)

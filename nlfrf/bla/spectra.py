@@ -1,12 +1,15 @@
-"""Spectra of every channel on the lines of a record: mean and scatter over periods, transients subtracted.
+"""Spectra of every channel on the lines of a record: mean and scatter over periods, transients
+subtracted.
 
-In the DFT of P whole periods the lines that are not multiples of P contain transient and noise only. The transient is a
-smooth, rational function of frequency, so it is fitted there and evaluated at the harmonics in between,
+In the DFT of P whole periods the lines that are not multiples of P contain transient and noise
+only. The transient is a smooth, rational function of frequency, so it is fitted there and evaluated
+at the harmonics in between,
 
     T(r) = (t0 + t1 r + t2 r^2) / (1 + a1 r + a2 r^2),
 
-(local rational method, LRM), or as a polynomial (LPM) if noise leaves the denominator undetermined (Pintelon &
-Schoukens, 2nd ed., 7.2.2 and 7.3). This uses all periods; discarding the first costs 1/P of the record.
+(local rational method, LRM), or as a polynomial (LPM) if noise leaves the denominator undetermined
+(Pintelon & Schoukens, 2nd ed., 7.2.2 and 7.3). This uses all periods; discarding the first costs
+1/P of the record.
 """
 
 from __future__ import annotations
@@ -32,13 +35,18 @@ from nlfrf.records.screening.output import N_POLYNOMIAL, WINDOW_LINES, is_transi
 
 TREATMENTS = ("auto", "none", "discard", "local")  # treatments of the transient
 _LINES_PER_SIDE = 6  # lines on either side of a harmonic for one fit
-_MAX_FOREIGN_AMPLITUDE = 0.03  # amplitude of a second input on a line, over the first, up to which it drives one
-#: Residual power of the rational over the polynomial fit below which it is used: noise alone gives 1/2.
+_MAX_FOREIGN_AMPLITUDE = (
+    0.03  # amplitude of a second input on a line, over the first, up to which it drives one
+)
+# : Residual power of the rational over the polynomial fit below which it is used: noise alone gives
+# 1/2.
 _RATIONAL_POWER_RATIO = 0.25
 
 
 def _choose_transient_treatment(Y: np.ndarray, y: np.ndarray, lines: np.ndarray) -> str:
-    """Choose "none", "discard" or "local" for a signal y (M, P, N) with spectra of its periods (M, P or 1, K)."""
+    """Choose "none", "discard" or "local" for a signal y (M, P, N) with spectra of its periods (M,
+    P or 1, K).
+    """
     n_periods = Y.shape[1]
 
     def is_settled(first: int) -> bool:
@@ -53,8 +61,11 @@ def _choose_transient_treatment(Y: np.ndarray, y: np.ndarray, lines: np.ndarray)
     return "discard" if n_periods > 2 and is_settled(1) else "local"
 
 
-def _has_drift(first: np.ndarray, last: np.ndarray, *, slope: np.ndarray, lines: np.ndarray) -> bool:
-    """Return whether the signal drifts by more than noise: periods with the same ramp agree, but leak onto the lines.
+def _has_drift(
+    first: np.ndarray, last: np.ndarray, *, slope: np.ndarray, lines: np.ndarray
+) -> bool:
+    """Return whether the signal drifts by more than noise: periods with the same ramp agree, but
+    leak onto the lines.
 
     Parameters
     ----------
@@ -66,7 +77,8 @@ def _has_drift(first: np.ndarray, last: np.ndarray, *, slope: np.ndarray, lines:
         These lines: a ramp has the amplitude slope / (pi k) on line k.
     """
     difference = first[:, :WINDOW_LINES] - last[:, :WINDOW_LINES]
-    noise, whole = np.vdot(difference, difference).real / difference.size / 2, np.vdot(last, last).real / last.size
+    noise = np.vdot(difference, difference).real / difference.size / 2
+    whole = np.vdot(last, last).real / last.size
     leaked = np.vdot(slope, slope) / slope.size / (np.pi * lines[0]) ** 2
     return bool(leaked > max(noise, 1e-20 * whole))
 
@@ -86,8 +98,8 @@ def _fit_transient(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.nda
     T : (M, K) complex ndarray
         Transient at each line, an amplitude as in 2/N rfft of the period mean.
     residual : (M, K, 2 LINES_PER_SIDE) complex ndarray
-        Residual of the fit on the lines in between, scaled by its degrees of freedom: its sum of squares is the
-        variance of the period mean by noise.
+        Residual of the fit on the lines in between, scaled by its degrees of freedom: its sum of
+        squares is the variance of the period mean by noise.
     leverage : (M, K) ndarray
         Variance of T over this variance.
     """
@@ -105,7 +117,9 @@ def _fit_transient(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.nda
     powers = (s[:, None] ** np.arange(N_POLYNOMIAL - 1, -1, -1)).astype(complex)
     T, residual, leverage = least_squares(powers, X)
     polynomial = np.broadcast_to(powers, (*X.shape, N_POLYNOMIAL))
-    rational = np.concatenate([-s[:, None] * X[..., None], -(s[:, None] ** 2) * X[..., None], polynomial], axis=-1)
+    rational = np.concatenate(
+        [-s[:, None] * X[..., None], -(s[:, None] ** 2) * X[..., None], polynomial], axis=-1
+    )
     T_r, residual_r, leverage_r = least_squares(rational, X)
     better = power(residual_r) < _RATIONAL_POWER_RATIO * power(residual)
     return (
@@ -116,7 +130,9 @@ def _fit_transient(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def _nonharmonic_offsets(n_periods: int) -> np.ndarray:
-    """Return the offsets from a harmonic to the nearest lines that are no harmonics, `_LINES_PER_SIDE` on each side."""
+    """Return the offsets from a harmonic to the nearest lines that are no harmonics,
+    `_LINES_PER_SIDE` on each side.
+    """
     right = np.arange(1, _LINES_PER_SIDE * n_periods + n_periods)
     right = right[right % n_periods != 0][:_LINES_PER_SIDE]
     return np.concatenate([-right[::-1], right])
@@ -127,13 +143,14 @@ class Spectra:
     """Spectra 2/N rfft of all channels on chosen lines, averaged over periods."""
 
     lines: np.ndarray  # (K,) DFT lines, increasing
-    # U, Y: (n_u, M, K) or (n_y, M, K) complex mean over periods, so that |U| is the amplitude of the cosine on that
-    # line
+    # U, Y: (n_u, M, K) or (n_y, M, K) complex mean over periods, so that |U| is the amplitude of
+    # the cosine on that line
     U: np.ndarray
     Y: np.ndarray
     R: np.ndarray | None  # (n_u, M, K) complex the same for the references
-    # dU, dY: (n_u, M, D, K) or (n_y, M, D, K) complex scatter: its products, summed over D, are the covariance of the
-    # mean by noise. A single zero for an input that repeats exactly; D = 0 for one period.
+    # dU, dY: (n_u, M, D, K) or (n_y, M, D, K) complex scatter: its products, summed over D, are the
+    # covariance of the mean by noise. A single zero for an input that repeats exactly; D = 0 for
+    # one period.
     dU: np.ndarray
     dY: np.ndarray
     n_periods: int  # number of periods in the means
@@ -141,7 +158,9 @@ class Spectra:
 
     @cached_property
     def excitation(self) -> np.ndarray:
-        """(n_u, M, K) the references if known, else the inputs: the excitation with the least noise."""
+        """(n_u, M, K) the references if known, else the inputs: the excitation with the least
+        noise.
+        """
         return self.U if self.R is None else self.R
 
     @cached_property
@@ -156,7 +175,9 @@ class Spectra:
 
     @cached_property
     def amplitude(self) -> np.ndarray:
-        """(K,) rms over inputs and experiments of |U|, each input over its own size, because units differ."""
+        """(K,) rms over inputs and experiments of |U|, each input over its own size, because units
+        differ.
+        """
         each = self.mean_power_U
         if len(each) > 1:
             each = each / each.sum(axis=1, keepdims=True)
@@ -179,7 +200,9 @@ class Spectra:
     def select_excited(self) -> Spectra:
         """Return the spectra on the excited lines only."""
         at = self.index.excited
-        some = {name: getattr(self, name).take(at, axis=-1) for name in ("lines", "U", "Y", "dU", "dY")}
+        some = {
+            name: getattr(self, name).take(at, axis=-1) for name in ("lines", "U", "Y", "dU", "dY")
+        }
         R = None if self.R is None else self.R.take(at, axis=-1)
         return Spectra(**some, R=R, n_periods=self.n_periods, index=self.index)
 
@@ -194,14 +217,19 @@ def residual_scatter(G: np.ndarray, spectra: Spectra) -> np.ndarray:
         return dY
     G = G if G.ndim == 4 else G[None]
     dU = dU.reshape(len(dU), len(G), -1, *dU.shape[2:])
-    linear = np.einsum("rjik,iredk->jredk", G, dU) if len(dU) > 1 else np.swapaxes(G, 0, 1)[:, :, :, None] * dU
+    linear = (
+        np.einsum("rjik,iredk->jredk", G, dU)
+        if len(dU) > 1
+        else np.swapaxes(G, 0, 1)[:, :, :, None] * dU
+    )
     return dY - linear.reshape(len(linear), *dY.shape[1:2], *dU.shape[3:])
 
 
 def period_spectra(
     record: Record, index: LineIndex, *, transient: str = "none", U: np.ndarray | None = None
 ) -> tuple[Spectra, str]:
-    """Return the spectra of a record on all its excited and detection lines, and the treatment of the transient.
+    """Return the spectra of a record on all its excited and detection lines, and the treatment of
+    the transient.
 
     Parameters
     ----------
@@ -209,8 +237,9 @@ def period_spectra(
     index : LineIndex
         Index of its grid.
     transient : str
-        "none" | "discard" (the first period) | "local" (fits between the harmonics) | "auto": "none" if the periods of
-        the outputs agree within noise, "discard" if that leaves periods that agree, else "local".
+        "none" | "discard" (the first period) | "local" (fits between the harmonics) | "auto":
+        "none" if the periods of the outputs agree within noise, "discard" if that leaves periods
+        that agree, else "local".
     U : (n_u, M, P or 1, K) complex ndarray, optional
         Spectra of the inputs on those lines (`channel_dft`), if known already.
 
@@ -221,7 +250,9 @@ def period_spectra(
     """
     n_periods, lines = record.n_periods, index.lines
     if transient in ("discard", "local") and n_periods < 2:
-        raise ValueError(f'transient="{transient}" must have at least 2 periods to work on, got {n_periods}')
+        raise ValueError(
+            f'transient="{transient}" must have at least 2 periods to work on, got {n_periods}'
+        )
     U = channel_dft(record.u, lines) if U is None else U.copy()
     Y = channel_dft(record.y, lines)
     R = None if record.r is None else channel_dft(record.r, lines)
@@ -229,7 +260,9 @@ def period_spectra(
         y = record.y.reshape(-1, *record.y.shape[-2:])
         transient = _choose_transient_treatment(Y.reshape(-1, *Y.shape[2:]), y, lines)
     if transient == "discard":
-        U, Y, R = _drop_first_period(U), _drop_first_period(Y), None if R is None else _drop_first_period(R)
+        U = _drop_first_period(U)
+        Y = _drop_first_period(Y)
+        R = None if R is None else _drop_first_period(R)
         n_periods -= 1
     R = None if R is None else R.mean(axis=2)
     (U, dU), (Y, dY) = (_mean_and_scatter(X, n_periods) for X in (U, Y))
@@ -237,16 +270,22 @@ def period_spectra(
         if dU.shape[2] > 1:
             U, dU = _subtract_transient(record.u, U, lines)
         Y, dY = _subtract_transient(record.y, Y, lines)
-    return Spectra(lines=lines, U=U, Y=Y, R=R, dU=dU, dY=dY, n_periods=n_periods, index=index), transient
+    return Spectra(
+        lines=lines, U=U, Y=Y, R=R, dU=dU, dY=dY, n_periods=n_periods, index=index
+    ), transient
 
 
 def _drop_first_period(X: np.ndarray) -> np.ndarray:
-    """Return X (n, M, P, K) without its first period; a single one, which represents equal periods, stays."""
+    """Return X (n, M, P, K) without its first period; a single one, which represents equal periods,
+    stays.
+    """
     return X[:, :, 1:] if X.shape[2] > 1 else X
 
 
 def _mean_and_scatter(X: np.ndarray, n_periods: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the mean over the periods of X (n, M, P or 1, K), which is overwritten, and the scatter of that mean."""
+    """Return the mean over the periods of X (n, M, P or 1, K), which is overwritten, and the
+    scatter of that mean.
+    """
     if X.shape[2] == 1:
         mean = X[:, :, 0]
         return mean, X[:, :, :0] if n_periods == 1 else np.zeros_like(X)
@@ -256,8 +295,12 @@ def _mean_and_scatter(X: np.ndarray, n_periods: int) -> tuple[np.ndarray, np.nda
     return mean, X
 
 
-def _subtract_transient(x: np.ndarray, mean: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Subtract the transient of x from the mean (n, M, K) on every line; return the mean with its scatter."""
+def _subtract_transient(
+    x: np.ndarray, mean: np.ndarray, lines: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Subtract the transient of x from the mean (n, M, K) on every line; return the mean with its
+    scatter.
+    """
     T, residual, leverage = _fit_transient(x.reshape(-1, *x.shape[-2:]), lines)
     scatter = np.swapaxes(residual * np.sqrt(1 + leverage)[..., None], 1, 2)
     return mean - T.reshape(mean.shape), scatter.reshape(*mean.shape[:2], *scatter.shape[1:])
@@ -286,6 +329,10 @@ def period_dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
     in_a_row = lines[-1] - lines[0] == lines.size - 1
     for m in some:
         transformed = rfft(x[m])
-        part = transformed[..., lines[0] : lines[-1] + 1] if in_a_row else transformed.take(lines, axis=2)
+        part = (
+            transformed[..., lines[0] : lines[-1] + 1]
+            if in_a_row
+            else transformed.take(lines, axis=2)
+        )
         np.multiply(part.view(float), 2 / n_samples, out=spectra[m].view(float))
     return spectra

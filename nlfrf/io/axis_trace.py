@@ -1,7 +1,8 @@
-"""The trace of a drive that played an experiment, read into records: cut, base motion removed, faults named.
+"""The trace of a drive that played an experiment, read into records: cut, base motion removed,
+faults named.
 
-The played signal is known to the last sample. So every record has its reference, and a trace is compared with the
-expectation of its design.
+The played signal is known to the last sample. So every record has its reference, and a trace is
+compared with the expectation of its design.
 """
 
 from __future__ import annotations
@@ -13,7 +14,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nlfrf._base.arguments import DataWarning, data_warning, keep_warnings, require_kind, require_real
+from nlfrf._base.arguments import (
+    DataWarning,
+    data_warning,
+    keep_warnings,
+    require_kind,
+    require_real,
+)
 from nlfrf._base.files import to_path
 from nlfrf._base.numbers import rfft_at, squared_modulus
 from nlfrf._base.units import OUTPUTS, POSITIONS
@@ -27,27 +34,53 @@ from nlfrf.signals.axis_experiment import AxisExperiment
 
 #: Units of positions, velocities and accelerations, which no force has.
 _MOTION_UNITS = (
-    *("m", "mm", "um", "µm", "nm", "rad", "mrad", "deg", "°", "inc", "counts", "m/s", "mm/s", "rad/s", "deg/s", "°/s"),
+    *(
+        "m",
+        "mm",
+        "um",
+        "µm",
+        "nm",
+        "rad",
+        "mrad",
+        "deg",
+        "°",
+        "inc",
+        "counts",
+        "m/s",
+        "mm/s",
+        "rad/s",
+        "deg/s",
+        "°/s",
+    ),
     *("rpm", "1/min", "rev/min", "U/min", "m/s^2", "m/s²", "mm/s^2", "mm/s²", "rad/s^2", "rad/s²"),
 )
-_SAME_SIGNAL = 1e-6  # share of power by which a recorded set point differs from the played one: rounding
+_SAME_SIGNAL = (
+    1e-6  # share of power by which a recorded set point differs from the played one: rounding
+)
 _OTHER_SIGNAL = 1e-4  # least expected share by which the wanted signal differs from the set point
-_MIN_LIKENESS = 0.3  # |mean exp(j phase steps)| of U over R between neighbouring lines; 1: smooth, 1/sqrt(F): unrelated
+# |mean exp(j phase steps)| of U over R between neighbouring lines; 1: smooth, 1/sqrt(F): unrelated
+_MIN_LIKENESS = 0.3
 _PERIODIC = 0.01  # least share of the power of u on the excited lines, encoder noise included
-_UNIT_FACTOR = 5.0  # least factor of a wrong unit, on the upper lines: N for A, m for mm; a stuck axis has less
+# least factor of a wrong unit, on the upper lines: N for A, m for mm; a stuck axis has less
+_UNIT_FACTOR = 5.0
 _FACTOR = 2.0  # largest ratio of reached to designed force, and between periods, without a warning
 _START = 0.1  # share of a period by which unmodelled sticking friction may make phases look late
-_AGREE = 0.7  # |mean| of unit phasors above which lines agree on a phase; 15 random ones exceed it in 0.06 % of cases
+# |mean| of unit phasors above which lines agree on a phase; 15 random ones exceed it in 0.06 % of
+# cases
+_AGREE = 0.7
 _TURNED = 135.0  # [deg] phase against the design above which a signal has the other sign
 _UPPER_SHARE = 1 / 3  # share of the lines that count as upper
-_SIMILAR = 1.5  # largest ratio of the factors of force and position for a common cause, another drive
+_SIMILAR = (
+    1.5  # largest ratio of the factors of force and position for a common cause, another drive
+)
 _LITTLE = 0.1  # share of the base motion below which an axis was at rest
 _OFF_VELOCITY = 0.1  # relative error of the measured base velocity against the played one
 _TURNED_BACK = 1e-3  # share of samples in which an axis in motion may turn back without a warning
 
 
 class LevelWarning(DataWarning):
-    """Warning that at rest the force is far from the designed one, because of friction: no fault of the trace.
+    """Warning that at rest the force is far from the designed one, because of friction: no fault of
+    the trace.
 
     References
     ----------
@@ -72,14 +105,15 @@ def load_trace(
 ) -> tuple[Record, ...]:
     """Read the trace of a drive that played an experiment, as records for `identify`.
 
-    Each direction of a base motion is a record of its own, and so is each level of a ramp. The base motion and the
-    remaining trend are subtracted from the position. Periods in which the axis starts, turns back, or changes its level
-    are left out. The reference is the played signal.
+    Each direction of a base motion is a record of its own, and so is each level of a ramp. The base
+    motion and the remaining trend are subtracted from the position. Periods in which the axis
+    starts, turns back, or changes its level are left out. The reference is the played signal.
 
     Parameters
     ----------
     path : path, or a list of them
-        The trace, in any format of `load_record`; a list has one file per realisation, in any order.
+        The trace, in any format of `load_record`; a list has one file per realisation, in any
+        order.
     experiment : AxisExperiment or path
         Experiment that was played, or the ``.npz`` that `nlfrf.save` wrote with the file to play.
     u : str
@@ -94,27 +128,29 @@ def load_trace(
     Returns
     -------
     tuple of Record
-        In the order of `experiment.labels`: one at rest; one or two in motion; one per level of a ramp, as far as the
-        trace reaches.
+        In the order of `experiment.labels`: one at rest; one or two in motion; one per level of a
+        ramp, as far as the trace reaches.
 
     Raises
     ------
     ValueError
-        A trace that does not respond to the played signal (another file, another period or clock); a set point in place
-        of the force or the position; a base motion at another velocity, or only in the design or only in the trace; a
-        trace that is too short or too slow.
+        A trace that does not respond to the played signal (another file, another period or clock);
+        a set point in place of the force or the position; a base motion at another velocity, or
+        only in the design or only in the trace; a trace that is too short or too slow.
     FileNotFoundError
         No such file.
 
     Warns
     -----
     DataWarning
-        A force at its limit; an output of the wrong sign; force or position of another size than the design expects; a
-        clock slower than that of the drive; an axis in motion that turns back.
+        A force at its limit; an output of the wrong sign; force or position of another size than
+        the design expects; a clock slower than that of the drive; an axis in motion that turns
+        back.
 
     References
     ----------
-    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.6.4: FRF of a closed loop.
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.6.4: FRF
+    of a closed loop.
 
     Examples
     --------
@@ -139,11 +175,16 @@ def load_trace(
     start = require_real("start", start)
     runs = [_read_run(read_channels(to_path(one)), u, y=y, fs=fs) for one in to_paths(path)]
     if len(runs) != experiment.ms.n_realizations:
-        raise ValueError(f"path must be one trace per realisation, {experiment.ms.n_realizations}, got {len(runs)}")
+        raise ValueError(
+            f"path must be one trace per realisation, {experiment.ms.n_realizations}, got"
+            f" {len(runs)}"
+        )
     return _records_of_runs(runs, experiment, start)
 
 
-def _records_of_runs(runs: list[_Run], experiment: AxisExperiment, start: float) -> tuple[Record, ...]:
+def _records_of_runs(
+    runs: list[_Run], experiment: AxisExperiment, start: float
+) -> tuple[Record, ...]:
     """Return the records of traces, after checks of their contents."""
     fs = runs[0].fs
     N = design_period(experiment.ms, fs)
@@ -152,16 +193,24 @@ def _records_of_runs(runs: list[_Run], experiment: AxisExperiment, start: float)
     labels = [label for label in experiment.groups if all(label in one for one in cut)]
     if not labels or (len(labels) < len(experiment.groups) and not experiment.is_ramp):
         raise ValueError(
-            f"path must hold the whole experiment, {experiment.duration:g} s from start = {start:g} s on, got "
-            f"{min(run.u.size for run in runs) / fs:g} s: is fs right?"
+            f"path must hold the whole experiment, {experiment.duration:g} s from start = {start:g}"
+            f" s on, got {min(run.u.size for run in runs) / fs:g} s: is fs right?"
         )
     drawn = experiment.ms.sampled(N)
-    order = _match_realizations([one[labels[-1]] for one in cut], drawn, experiment.ms.lines.excited)
-    records = _join_periods(cut, labels, order=order, drawn=drawn, experiment=experiment, run=runs[0])
+    order = _match_realizations(
+        [one[labels[-1]] for one in cut], drawn, experiment.ms.lines.excited
+    )
+    records = _join_periods(
+        cut, labels, order=order, drawn=drawn, experiment=experiment, run=runs[0]
+    )
     if not records:
-        raise ValueError("y must move by at least one step of its encoder, got a position that stands still")
+        raise ValueError(
+            "y must move by at least one step of its encoder, got a position that stands still"
+        )
     off = {label: max((one[label].drift for one in cut), key=abs) for label in labels}
-    _examine_records([in_design_units(record, experiment) for record in records], labels, experiment, off)
+    _examine_records(
+        [in_design_units(record, experiment) for record in records], labels, experiment, off
+    )
     return tuple(records)
 
 
@@ -174,7 +223,9 @@ def _join_periods(
     experiment: AxisExperiment,
     run: _Run,
 ) -> list[Record]:
-    """Return one record per label, with its realisations in order; a level of a ramp without motion has none."""
+    """Return one record per label, with its realisations in order; a level of a ramp without motion
+    has none.
+    """
     hold = "zoh" if experiment.ms.n_samples == drawn.shape[1] else "unknown"
     records = []
     for label in labels:
@@ -184,14 +235,18 @@ def _join_periods(
         if experiment.is_ramp and np.ptp(y) == 0:
             continue  # motion below the step of the encoder
         r = np.repeat(experiment.gains[experiment.groups[label][0]] * drawn[:, None], P, axis=1)
-        records.append(Record(u=u, y=y, r=r, fs=run.fs, lines=experiment.ms.lines, hold=hold, **run.labels))
+        records.append(
+            Record(u=u, y=y, r=r, fs=run.fs, lines=experiment.ms.lines, hold=hold, **run.labels)
+        )
     return records
 
 
 def _examine_records(
     records: list[Record], labels: list[str], experiment: AxisExperiment, off: dict[str, float]
 ) -> None:
-    """Refuse or warn of differences between records and their design, in its units; off: of the base velocity."""
+    """Refuse or warn of differences between records and their design, in its units; off: of the
+    base velocity.
+    """
     alone = experiment.is_ramp  # its levels differ by design
     for label, record in () if alone else zip(labels, records, strict=True):
         _require_even_periods(record)
@@ -201,17 +256,23 @@ def _examine_records(
             _warn_of_other_level(experiment, label, record)
 
 
-def _unit_ratio(unit: str, designed: str, known: dict[str, tuple[str, float]], constant: float = np.nan) -> float:
-    """Return how many units of a design one unit is; one without a unit, nan if it cannot be converted.
+def _unit_ratio(
+    unit: str, designed: str, known: dict[str, tuple[str, float]], constant: float = np.nan
+) -> float:
+    """Return how many units of a design one unit is; one without a unit, nan if it cannot be
+    converted.
 
     known : base unit and factor of each known unit. constant : force per A.
     """
-    (base, size), (own, own_size) = (known.get(one, (one, 1.0)) for one in (unit or designed, designed))
+    (base, size), (own, own_size) = (
+        known.get(one, (one, 1.0)) for one in (unit or designed, designed)
+    )
     return (1.0 if base == own else constant if base == "A" else np.nan) * size / own_size
 
 
 def in_design_units(record: Record, experiment: AxisExperiment) -> Record:
-    """Return a record in the units of its design; a signal whose unit cannot be converted is unchanged.
+    """Return a record in the units of its design; a signal whose unit cannot be converted is
+    unchanged.
 
     Parameters
     ----------
@@ -256,7 +317,9 @@ class _Run(NamedTuple):
 
 
 class _Periods(NamedTuple):
-    """Kept periods (P, N) of force set point and position, and the relative error of the base velocity."""
+    """Kept periods (P, N) of force set point and position, and the relative error of the base
+    velocity.
+    """
 
     u: np.ndarray
     y: np.ndarray
@@ -265,12 +328,17 @@ class _Periods(NamedTuple):
 
 def _read_run(file: Channels, u: str, *, y: str, fs: float | None) -> _Run:
     """Return the two channels of a file; a force in a unit of motion is refused."""
-    run = _Run(file.signal("u", u), file.signal("y", y), file.sampling_frequency(fs, (u, y)), file.labels(u, y))
+    run = _Run(
+        file.signal("u", u),
+        file.signal("y", y),
+        file.sampling_frequency(fs, (u, y)),
+        file.labels(u, y),
+    )
     unit = run.labels["u_unit"]
     if unit in _MOTION_UNITS:
         raise ValueError(
-            f"u must be the force, torque or current set point behind the loops, got {u!r} in {unit}: "
-            "trace that channel, not a set point of motion"
+            f"u must be the force, torque or current set point behind the loops, got {u!r} in"
+            f" {unit}: trace that channel, not a set point of motion"
         )
     lost = find_lost_rows(file.seconds(u), run.fs)
     if lost is not None:
@@ -281,24 +349,35 @@ def _read_run(file: Channels, u: str, *, y: str, fs: float | None) -> _Run:
 
 
 def _require_fast_trace(experiment: AxisExperiment, fs: float, N: int) -> None:
-    """Refuse a trace that is too slow for the lines, and warn of one that is slower than the drive."""
+    """Refuse a trace that is too slow for the lines, and warn of one that is slower than the
+    drive.
+    """
     ms = experiment.ms
     if 2 * ms.lines.excited[-1] >= N:
-        raise ValueError(f"fs must be above {2 * ms.f[-1]:g} Hz for lines up to {ms.f[-1]:g} Hz, got {fs:g} Hz")
+        raise ValueError(
+            f"fs must be above {2 * ms.f[-1]:g} Hz for lines up to {ms.f[-1]:g} Hz, got {fs:g} Hz"
+        )
     if ms.n_samples > N:
         data_warning(
-            f"the trace is sampled at {fs:g} Hz and the drive at {ms.fs:g} Hz: unless the scope filtered it, "
-            f"frequencies above {fs / 2:g} Hz are folded into G. Trace every sample of the drive"
+            f"the trace is sampled at {fs:g} Hz and the drive at {ms.fs:g} Hz: unless the scope"
+            f" filtered it, frequencies above {fs / 2:g} Hz are folded into G. Trace every sample"
+            " of the drive"
         )
 
 
 def _cut_run(run: _Run, experiment: AxisExperiment, *, N: int, start: float) -> dict[str, _Periods]:
-    """Return the kept periods of each group that the trace reaches, without base motion and remaining trend."""
+    """Return the kept periods of each group that the trace reaches, without base motion and
+    remaining trend.
+    """
     first = round(start * run.fs)
     block, discard = (experiment.n_discard + experiment.n_periods) * N, experiment.n_discard * N
     moments = (np.arange(run.y.size) - first) / run.fs
-    scale = 1 / np.nan_to_num(_unit_ratio(run.labels["y_unit"], experiment.position_unit, POSITIONS), nan=1.0)
-    base = scale * np.interp(moments, np.arange(experiment.n_rows) / experiment.ms.fs, experiment.base)
+    scale = 1 / np.nan_to_num(
+        _unit_ratio(run.labels["y_unit"], experiment.position_unit, POSITIONS), nan=1.0
+    )
+    base = scale * np.interp(
+        moments, np.arange(experiment.n_rows) / experiment.ms.fs, experiment.base
+    )
     _require_same_motion(run, experiment, base=base, N=N, travel=scale * experiment.travel)
     found = {}
     for label, segments in experiment.groups.items():
@@ -318,14 +397,20 @@ def _cut_run(run: _Run, experiment: AxisExperiment, *, N: int, start: float) -> 
                 drifts.append(slope * run.fs / velocity)
             y.append(way - way.mean())
         if u:
-            found[label] = _Periods(np.concatenate(u), np.concatenate(y), max(drifts, key=abs, default=0.0))
+            found[label] = _Periods(
+                np.concatenate(u), np.concatenate(y), max(drifts, key=abs, default=0.0)
+            )
     return found
 
 
-def _require_same_motion(run: _Run, experiment: AxisExperiment, *, base: np.ndarray, N: int, travel: float) -> None:
-    """Refuse the trace of an axis in motion for a design at rest, and one at rest for a design in motion.
+def _require_same_motion(
+    run: _Run, experiment: AxisExperiment, *, base: np.ndarray, N: int, travel: float
+) -> None:
+    """Refuse the trace of an axis in motion for a design at rest, and one at rest for a design in
+    motion.
 
-    At rest the position repeats. In motion it moves on by more than its swing, because the multisine is slower.
+    At rest the position repeats. In motion it moves on by more than its swing, because the
+    multisine is slower.
     """
     unit = run.labels["y_unit"] or experiment.position_unit
     velocity = float(np.abs(experiment.velocities).max())
@@ -342,14 +427,15 @@ def _require_same_motion(run: _Run, experiment: AxisExperiment, *, base: np.ndar
         same = moved <= max(np.median(swing), travel)
     if not same:
         raise ValueError(
-            f"experiment must be at rest or in motion like its trace, got a base velocity of {velocity:g} "
-            f"{experiment.position_unit}/s and a position that moves by {moved:.3g} {unit} {size}: was another design "
-            "played, or is y in another unit?"
+            "experiment must be at rest or in motion like its trace, got a base velocity of"
+            f" {velocity:g} {experiment.position_unit}/s and a position that moves by {moved:.3g}"
+            f" {unit} {size}: was another design played, or is y in another unit?"
         )
 
 
 def likeness(U: np.ndarray, R: np.ndarray, lines: np.ndarray) -> float:
-    """Return the smoothness of U over R from line to line, 0 to 1; a delay has equal steps over equal distances.
+    """Return the smoothness of U over R from line to line, 0 to 1; a delay has equal steps over
+    equal distances.
 
     A single line counts as smooth.
     """
@@ -357,7 +443,10 @@ def likeness(U: np.ndarray, R: np.ndarray, lines: np.ndarray) -> float:
         return 1.0
     H = U / R
     steps = np.divide(
-        H[1:] * H[:-1].conj(), np.abs(H[1:] * H[:-1]), out=np.zeros(H.size - 1, complex), where=H[1:] != 0
+        H[1:] * H[:-1].conj(),
+        np.abs(H[1:] * H[:-1]),
+        out=np.zeros(H.size - 1, complex),
+        where=H[1:] != 0,
     )
     widths = np.diff(lines)
     return float(sum(abs(steps[widths == one].sum()) for one in np.unique(widths)) / steps.size)
@@ -368,67 +457,103 @@ def _match_realizations(parts: list[_Periods], drawn: np.ndarray, lines: np.ndar
     U, R = (rfft_at(one, lines) for one in (np.stack([one.u.mean(axis=0) for one in parts]), drawn))
     found = np.array([[likeness(one, drawn_one, lines) for one in U] for drawn_one in R])
     total = np.array([np.mean((one.u - one.u.mean(axis=1, keepdims=True)) ** 2) for one in parts])
-    found = found * (2 * np.sum(squared_modulus(U), axis=1) / drawn.shape[1] ** 2 > _PERIODIC * total)
+    found = found * (
+        2 * np.sum(squared_modulus(U), axis=1) / drawn.shape[1] ** 2 > _PERIODIC * total
+    )
     order = [int(m) for m in found.argmax(axis=1)]
     for m, likely in enumerate(found.max(axis=1)):
         if not likely > _MIN_LIKENESS or len(set(order)) < len(order):
             raise ValueError(
-                f"path must be the trace of the played signal, got a force that follows realisation {m + 1} to "
-                f"{100 * likely:.0f} % (100: smoothly over all lines): is it this file, its clock, its start?"
+                "path must be the trace of the played signal, got a force that follows realisation"
+                f" {m + 1} to {100 * likely:.0f} % (100: smoothly over all lines): is it this file,"
+                " its clock, its start?"
             )
     return order
 
 
 def _same_signal(A: np.ndarray, R: np.ndarray, *, lines: np.ndarray, N: int) -> float:
-    """Return the share of the power of spectra A (F,) that is not R with one gain and a delay of a few samples."""
+    """Return the share of the power of spectra A (F,) that is not R with one gain and a delay of a
+    few samples.
+    """
     delays = np.exp(-2j * np.pi * np.outer(np.arange(-4, 5), lines) / N)
-    gain = np.max(np.abs(np.sum(A * (R * delays).conj(), axis=1).real)) ** 2 / np.sum(squared_modulus(R))
+    gain = np.max(np.abs(np.sum(A * (R * delays).conj(), axis=1).real)) ** 2 / np.sum(
+        squared_modulus(R)
+    )
     return float(1 - gain / np.sum(squared_modulus(A)))
 
 
 def _examine_trace(experiment: AxisExperiment, record: Record) -> bool:
     """Return whether force and position are as the design expects, apart from friction.
 
-    Refuses set points in place of measured signals; warns of a limit, a wrong sign, another size than expected.
+    Refuses set points in place of measured signals; warns of a limit, a wrong sign, another size
+    than expected.
     """
     lines, N = record.lines.excited, record.n_samples
     U, Y, R = (rfft_at(one.mean(axis=1), lines) for one in (record.u, record.y, record.r))
     for name, A, expected, cure in (
-        ("u", U, experiment.force_response, "trace the force, torque or current set point behind the loops"),
+        (
+            "u",
+            U,
+            experiment.force_response,
+            "trace the force, torque or current set point behind the loops",
+        ),
         ("y", Y, experiment.position_response, "trace the actual position"),
     ):
         if (
             _same_signal(A[0], R[0], lines=lines, N=N) < _SAME_SIGNAL
             and _same_signal(expected * R[0], R[0], lines=lines, N=N) > _OTHER_SIGNAL
         ):
-            raise ValueError(f"{name} must be measured in the loop, got the multisine that was played: {cure}")
+            raise ValueError(
+                f"{name} must be measured in the loop, got the multisine that was played: {cure}"
+            )
     warn_about_channel("u", np.ascontiguousarray(record.u[0]).ravel(), N)
     _require_start(U / R / experiment.force_response, record)
     upper = slice(-max(int(_UPPER_SHARE * lines.size), 3), None)
-    ratios = {"u": (U / R / experiment.force_response)[:, upper], "y": (Y / R / experiment.position_response)[:, upper]}
+    ratios = {
+        "u": (U / R / experiment.force_response)[:, upper],
+        "y": (Y / R / experiment.position_response)[:, upper],
+    }
     means = {name: np.mean(one / np.abs(one)) for name, one in ratios.items()}
-    turns = {name: float(np.degrees(np.angle(one))) * (abs(one) > _AGREE) for name, one in means.items()}
+    turns = {
+        name: float(np.degrees(np.angle(one))) * (abs(one) > _AGREE) for name, one in means.items()
+    }
     if all(abs(turn) > _TURNED for turn in turns.values()):
         raise ValueError(
-            "path must begin with the played signal, or start must give its begin, got u and y with the other sign, as "
-            "after half a period"
+            "path must begin with the played signal, or start must give its begin, got u and y with"
+            " the other sign, as after half a period"
         )
-    units = {"u": (experiment.force_unit, record.u_unit), "y": (experiment.position_unit, record.y_unit)}
+    units = {
+        "u": (experiment.force_unit, record.u_unit),
+        "y": (experiment.position_unit, record.y_unit),
+    }
     gains = {name: float(np.median(np.abs(one))) for name, one in ratios.items()}
-    other = f"a drive with another velocity feedforward or other gains (assumed: {experiment.drive})"
-    similar = 1 / _SIMILAR < gains["u"] / gains["y"] < _SIMILAR and abs(turns["u"] - turns["y"]) < 180 - _TURNED
+    other = (
+        f"a drive with another velocity feedforward or other gains (assumed: {experiment.drive})"
+    )
+    similar = (
+        1 / _SIMILAR < gains["u"] / gains["y"] < _SIMILAR
+        and abs(turns["u"] - turns["y"]) < 180 - _TURNED
+    )
     found = True
     for name, turn in turns.items():
         gain, (designed, traced) = gains[name], units[name]
         if abs(turn) > _TURNED:
             data_warning(
-                f"{name} has the sign opposite to the design: reverse it in the trace, or G has a negative mass"
+                f"{name} has the sign opposite to the design: reverse it in the trace, or G has a"
+                " negative mass"
             )
-        elif abs(turn) > 180 - _TURNED or (traced in ("", designed) and not 1 / _UNIT_FACTOR < gain < _UNIT_FACTOR):
-            first = f"is it {other}, as u and y differ by one factor" if similar else f"is it another signal, {other}"
+        elif abs(turn) > 180 - _TURNED or (
+            traced in ("", designed) and not 1 / _UNIT_FACTOR < gain < _UNIT_FACTOR
+        ):
+            first = (
+                f"is it {other}, as u and y differ by one factor"
+                if similar
+                else f"is it another signal, {other}"
+            )
             data_warning(
-                f"{name} is {gain:.3g} times the expected size, turned by {turn:.0f} deg, on the upper lines, where "
-                f"friction hardly counts: {first}, in another unit than {designed}, or is the machine another one?"
+                f"{name} is {gain:.3g} times the expected size, turned by {turn:.0f} deg, on the"
+                f" upper lines, where friction hardly counts: {first}, in another unit than"
+                f" {designed}, or is the machine another one?"
             )
         else:
             continue
@@ -442,13 +567,15 @@ def _require_even_periods(record: Record) -> None:
     if size.min() * _FACTOR**2 < size.max():
         first, last = np.sqrt(2 * size[[size.argmin(), size.argmax()]]) / record.n_samples
         raise ValueError(
-            f"path must begin with the played signal, or start must give its begin, got a force of {first:.2g} to "
-            f"{last:.2g} {record.u_unit} rms from period to period"
+            "path must begin with the played signal, or start must give its begin, got a force of"
+            f" {first:.2g} to {last:.2g} {record.u_unit} rms from period to period"
         )
 
 
 def _require_start(ratio: np.ndarray, record: Record) -> None:
-    """Refuse a force whose phases, against the design (M, F), show that the trace begins elsewhere."""
+    """Refuse a force whose phases, against the design (M, F), show that the trace begins
+    elsewhere.
+    """
     N = record.n_samples
     spectrum = np.zeros(N // 2 + 1, dtype=complex)
     spectrum[record.lines.excited] = np.mean(ratio / np.abs(ratio), axis=0)
@@ -456,14 +583,16 @@ def _require_start(ratio: np.ndarray, record: Record) -> None:
         np.abs(np.fft.irfft(spectrum, N)) * N / 2 / record.lines.excited.size
     )  # 1: all lines agree on this delay
     late, near, half = int(np.argmax(agreement)), max(int(_START * N), 1), N // 2
-    late = (late + half // 2) % half - half // 2  # after half a period odd lines repeat with the other sign
+    late = (
+        late + half // 2
+    ) % half - half // 2  # after half a period odd lines repeat with the other sign
     if (
         agreement[late] > _AGREE
         and max(agreement[: near + 1].max(), agreement[-near:].max()) < _AGREE * agreement[late]
     ):
         raise ValueError(
-            "path must begin with the played signal, or start must give its begin, got a force that is "
-            f"{late / record.fs:.3g} s late, up to half periods"
+            "path must begin with the played signal, or start must give its begin, got a force"
+            f" that is {late / record.fs:.3g} s late, up to half periods"
         )
 
 
@@ -475,9 +604,10 @@ def _warn_of_other_level(experiment: AxisExperiment, label: str, record: Record)
     reached = float(np.sqrt(np.mean(np.sum(squared_modulus(U), axis=1)) / 2))
     if not 1 / _FACTOR < reached / experiment.rms < _FACTOR:
         data_warning(
-            f"the force is {reached:.3g} {experiment.force_unit} rms {label}, not {experiment.rms:.3g} as designed: "
-            "friction, another machine, or a drive with another velocity feedforward or other gains "
-            f"(assumed: {experiment.drive}). Design again with this record as source",
+            f"the force is {reached:.3g} {experiment.force_unit} rms {label}, not"
+            f" {experiment.rms:.3g} as designed: friction, another machine, or a drive with another"
+            f" velocity feedforward or other gains (assumed: {experiment.drive}). Design again with"
+            " this record as source",
             LevelWarning if not np.any(experiment.velocities) else DataWarning,
         )
 
@@ -491,8 +621,8 @@ def _examine_motion(experiment: AxisExperiment, label: str, *, record: Record, o
     if abs(off) > _OFF_VELOCITY:
         cure = f"is y the actual position in {experiment.position_unit}, and start right?"
         raise ValueError(
-            f"y must move at {velocity:g} {experiment.position_unit}/s {label}, as in the file, got {moved}: "
-            + ("turn its sign" if abs(off + 2) < _OFF_VELOCITY else cure)
+            f"y must move at {velocity:g} {experiment.position_unit}/s {label}, as in the file, got"
+            f" {moved}: " + ("turn its sign" if abs(off + 2) < _OFF_VELOCITY else cure)
         )
     lines, N = record.lines.excited, record.n_samples
     spectrum = np.zeros((record.n_realizations, N // 2 + 1), dtype=complex)
@@ -500,6 +630,6 @@ def _examine_motion(experiment: AxisExperiment, label: str, *, record: Record, o
     back = float(np.mean((np.fft.irfft(spectrum, N, axis=1) + velocity) * velocity < 0))
     if back > _TURNED_BACK:
         data_warning(
-            f"the axis turns back in {100 * back:.2g} % of the samples {label}: it does not slide all the time. "
-            "Raise base_velocity, or lower the level"
+            f"the axis turns back in {100 * back:.2g} % of the samples {label}: it does not slide"
+            " all the time. Raise base_velocity, or lower the level"
         )

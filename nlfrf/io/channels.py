@@ -1,4 +1,6 @@
-"""Named channels of measurement files: the reader for each kind of file, and the channels it finds."""
+"""Named channels of measurement files: the reader for each kind of file, and the channels it
+finds.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,19 @@ from nlfrf._base.own_process import Contents, read_in_own_process, require_size
 from nlfrf._base.values import value
 from nlfrf.io import npz
 from nlfrf.io.moments import require_same_moments
-from nlfrf.io.readers import columns, hdf5, matlab, mdf, npy, tables, tdms, touchstone, twincat, uff, wav
+from nlfrf.io.readers import (
+    columns,
+    hdf5,
+    matlab,
+    mdf,
+    npy,
+    tables,
+    tdms,
+    touchstone,
+    twincat,
+    uff,
+    wav,
+)
 from nlfrf.io.readers.clock import (
     MIN_DURATION,
     RATE_NAME,
@@ -37,11 +51,19 @@ from nlfrf.io.readers.layout import make_unique
 from nlfrf.io.readers.names import parse_name, parse_unit, suits
 from nlfrf.records.record import SignalLabels
 
-_SLOW, _UNLIKELY = 100.0, 2.0  # [Hz] a clock without a unit below these may not be, or hardly is, in seconds
+# [Hz] a clock without a unit below these may not be, or hardly is, in seconds
+_SLOW = 100.0
+_UNLIKELY = 2.0
 _DRIVE_RATE = 20.0  # [Hz] up to here a variable without a unit may be in milliseconds, as in drives
 #: Possible units of a step without a unit, and the factor on its frequency in seconds.
-_UNSTATED_UNITS = {"these are seconds": 1.0, "they are milliseconds": 1e3, "they are microseconds": 1e6}
-_MAX_TIME_DIFFERENCE = 1e-3  # largest relative difference between a given sampling frequency and that of the file
+_UNSTATED_UNITS = {
+    "these are seconds": 1.0,
+    "they are milliseconds": 1e3,
+    "they are microseconds": 1e6,
+}
+_MAX_TIME_DIFFERENCE = (
+    1e-3  # largest relative difference between a given sampling frequency and that of the file
+)
 _SECONDS_PER_DAY = 86400.0  # [s]
 _DATE_RANGES = ((3e4, 6e4), (7e5, 8e5))  # the present, in days of spreadsheets and of MATLAB
 _MAX_RATE = 1e6  # [Hz] above this a clock in this range is more likely in days
@@ -54,17 +76,24 @@ class Channels:
     """Contents of a file: arrays by name."""
 
     path: str  # path of the file
-    # numeric arrays and texts. Members of structs are ``struct.member``, columns of matrices ``matrix.2``. The start of
-    # a channel [s] is ``channel.start``: readers give it in the unit that `units` states, and by ``channel.moment`` [s]
-    # the moment at which it began to count.
+    # numeric arrays and texts. Members of structs are ``struct.member``, columns of matrices
+    # ``matrix.2``. The start of a channel [s] is ``channel.start``: readers give it in the unit
+    # that `units` states, and by ``channel.moment`` [s] the moment at which it began to count.
     arrays: Mapping[str, np.ndarray]
-    units: Mapping[str, str] = field(default_factory=dict)  # units that the file states apart from the names
-    # sampling frequency [Hz] or name of the time channel, as the file states it for a channel, or for all by ""
+    units: Mapping[str, str] = field(
+        default_factory=dict
+    )  # units that the file states apart from the names
+    # sampling frequency [Hz] or name of the time channel, as the file states it for a channel, or
+    # for all by ""
     clocks: Mapping[str, float | str] = field(default_factory=dict)
-    notes: Mapping[str, str] = field(default_factory=dict)  # reasons why an entry of the file is no signal
+    notes: Mapping[str, str] = field(
+        default_factory=dict
+    )  # reasons why an entry of the file is no signal
 
     def full_name(self, name: str) -> str:
-        """Return the full name of a channel: "input" finds "input (V)" and "run.input", if it is unique."""
+        """Return the full name of a channel: "input" finds "input (V)" and "run.input", if it is
+        unique.
+        """
         if (name := one_line(name)) in self.arrays:
             return name
         for short in (
@@ -79,43 +108,64 @@ class Channels:
     @property
     def signals(self) -> list[str]:
         """Names of possible streams of samples, in the order of the file."""
-        return [name for name, array in self.arrays.items() if array.dtype.kind in "fiub" and array.size > 1]
+        return [
+            name
+            for name, array in self.arrays.items()
+            if array.dtype.kind in "fiub" and array.size > 1
+        ]
 
     def signal(self, parameter: str, name: str) -> np.ndarray:
         """Return one stream of samples; a refusal lists the available names."""
         full, file = self.full_name(name), Path(self.path).name
         array = self.arrays.get(full)
         if array is None or array.dtype.kind not in "fiub" or array.size < 2:
-            raise ValueError(f"{parameter} must name a signal of {file!r}, {self.describe_signals(name)}")
+            raise ValueError(
+                f"{parameter} must name a signal of {file!r}, {self.describe_signals(name)}"
+            )
         if array.ndim > 1 and self.text("schema"):
             return _to_stream(array)  # a file of this package: the caller knows the axes
         array = np.squeeze(array)
         if array.ndim != 1:
             inside = [known for known in self.signals if known.startswith(f"{full}.")]
             raise ValueError(
-                f"{parameter} must name one stream of samples, got {name!r} with shape {array.shape}; "
+                f"{parameter} must name one stream of samples, got {name!r} with shape"
+                f" {array.shape}; "
                 + (f"its columns are {', '.join(inside)}" if inside else _OTHER_WAY)
             )
         if full in self.notes:
-            raise ValueError(f"{parameter} must hold numbers, but {name!r} of {file!r} {self.notes[full]}")
+            raise ValueError(
+                f"{parameter} must hold numbers, but {name!r} of {file!r} {self.notes[full]}"
+            )
         if twins := [
-            known for known in self.signals if known.startswith(f"{full}.") and known[len(full) + 1 :].isdigit()
+            known
+            for known in self.signals
+            if known.startswith(f"{full}.") and known[len(full) + 1 :].isdigit()
         ]:
             data_warning(
-                f"{file!r} has {full!r} beside {' and '.join(map(repr, twins))}, numbered because their names are "
-                f"equal: {parameter} is {full!r}, the first of them"
+                f"{file!r} has {full!r} beside {' and '.join(map(repr, twins))}, numbered because"
+                f" their names are equal: {parameter} is {full!r}, the first of them"
             )
         return _to_stream(array)
 
     def describe_signals(self, name: str) -> str:
         """Describe the available signals for a name that is none, with the reasons."""
         listed = ", ".join(sorted(self.signals)) or "none"
-        named = [name] if name in self.notes else [] if self.full_name(name) in self.arrays else list(self.notes)[:3]
+        named = (
+            [name]
+            if name in self.notes
+            else []
+            if self.full_name(name) in self.arrays
+            else list(self.notes)[:3]
+        )
         noted = [f"{one!r} {self.notes[one]}" for one in named]
-        return "; ".join([f"one of {listed}", f"got {name!r}", *noted, *([] if self.signals else [_OTHER_WAY])])
+        return "; ".join(
+            [f"one of {listed}", f"got {name!r}", *noted, *([] if self.signals else [_OTHER_WAY])]
+        )
 
     def labels(self, u: str, y: str) -> SignalLabels:
-        """Return the names of input and output without units, and their units, in brackets or stated elsewhere."""
+        """Return the names of input and output without units, and their units, in brackets or
+        stated elsewhere.
+        """
         full_u, full_y = self.full_name(u), self.full_name(y)
         return {
             "u_name": "" if full_u == "u" else self.bare_name(full_u),
@@ -125,11 +175,14 @@ class Channels:
         }
 
     def unit(self, full: str) -> str:
-        """Return the unit of a channel that the file states, else that in its full name; empty if there is none."""
+        """Return the unit of a channel that the file states, else that in its full name; empty if
+        there is none.
+        """
         return self.units.get(full) or unit_in_name(full) or self.stated_unit(full)
 
     def stated_unit(self, full: str) -> str:
-        """Return the unit that the file states apart from a name: for the channel, or in another variable.
+        """Return the unit that the file states apart from a name: for the channel, or in another
+        variable.
 
         Such variables are `fs_unit` for `fs`, and `TimeUnit` or `FrequencyUnit` in the same struct.
         """
@@ -137,9 +190,14 @@ class Channels:
             return self.units[full]
         home, dot, key = full.rpartition(".")
         kind = (
-            "time" if is_time_name(key) or STEP_NAME.fullmatch(split_clock_name(key)[0]) else parse_name(key).quantity
+            "time"
+            if is_time_name(key) or STEP_NAME.fullmatch(split_clock_name(key)[0])
+            else parse_name(key).quantity
         )
-        for word in (key, *{"time": ("time", "Time"), "frequency": ("frequency", "Frequency", "")}.get(kind, ())):
+        for word in (
+            key,
+            *{"time": ("time", "Time"), "frequency": ("frequency", "Frequency", "")}.get(kind, ()),
+        ):
             for joint in ("_unit", "_units", "Unit", "Units", "unit", "units", " unit"):
                 unit = self.text(f"{home}{dot}{word}{joint}")
                 if unit and (word or suits("frequency", parse_unit(unit))):
@@ -147,7 +205,9 @@ class Channels:
         return ""
 
     def bare_name(self, full: str) -> str:
-        """Return the full name of a channel without its unit; brackets around anything else belong to the name."""
+        """Return the full name of a channel without its unit; brackets around anything else belong
+        to the name.
+        """
         return UNIT_SUFFIX.sub("", full) if unit_in_name(full) == self.unit(full) else full
 
     def text(self, name: str) -> str:
@@ -159,15 +219,23 @@ class Channels:
         return one_line(item.decode(errors="replace") if isinstance(item, bytes) else str(item))
 
     def sampling_frequency(self, given: float | None = None, names: tuple[str, ...] = ()) -> float:
-        """Return the sampling frequency [Hz]: the given one, or that of these channels, the file, or its time channel.
+        """Return the sampling frequency [Hz]: the given one, or that of these channels, the file,
+        or its time channel.
 
         A given one is compared with that of the file.
         """
         file = Path(self.path).name
-        clocks = {self.full_name(name): self.clocks.get(self.full_name(name), self.clocks.get("")) for name in names}
+        clocks = {
+            self.full_name(name): self.clocks.get(self.full_name(name), self.clocks.get(""))
+            for name in names
+        }
         clock = self.common_clock(clocks)
         if given is None and not clock.fs > 0:
-            units = [f": it counts in {unit!r}" for name in clocks if (unit := self.units.get(f"{name}.start"))]
+            units = [
+                f": it counts in {unit!r}"
+                for name in clocks
+                if (unit := self.units.get(f"{name}.start"))
+            ]
             why = clock.why or f"{file!r} has neither fs nor a time channel{(units or [''])[0]}"
             raise ValueError(f"fs must be given: {why}")
         if given is None and clock.doubt:
@@ -178,77 +246,121 @@ class Channels:
             require_same_moments(file, axes, fs)
         if clock.fs > 0 and not clock.doubt and abs(fs / clock.fs - 1) > _MAX_TIME_DIFFERENCE:
             data_warning(
-                f"fs was given as {fs:g} Hz, but {clock.where} of {file!r} gives {clock.fs:g} Hz; the given one is used"
+                f"fs was given as {fs:g} Hz, but {clock.where} of {file!r} gives {clock.fs:g} Hz;"
+                " the given one is used"
             )
         return fs
 
     def common_clock(self, clocks: Mapping[str, float | str | None]) -> _Clock:
-        """Return the clock of channels, as stated for each, else found near them; refuse channels that differ."""
+        """Return the clock of channels, as stated for each, else found near them; refuse channels
+        that differ.
+        """
         stated = [*clocks.items()] or [("", self.clocks.get(""))]
-        found = {name: self.stated_clock(name, clock) for name, clock in stated if clock is not None}
+        found = {
+            name: self.stated_clock(name, clock) for name, clock in stated if clock is not None
+        }
         found = found or {"": self.neighbouring_clock(tuple(clocks))}
         rates = [clock.fs for clock in found.values() if clock.fs > 0]
         if rates and max(rates) > min(rates) * (1 + _MAX_TIME_DIFFERENCE):
             listing = ", ".join(f"{name!r} at {clock.fs:g} Hz" for name, clock in found.items())
             raise ValueError(
-                f"u and y must be sampled together, but {Path(self.path).name!r} has {listing}; bring them to one "
-                "clock and give them to record_from_samples"
+                f"u and y must be sampled together, but {Path(self.path).name!r} has {listing};"
+                " bring them to one clock and give them to record_from_samples"
             )
         return next((clock for clock in found.values() if clock.why), next(iter(found.values())))
 
     def stated_clock(self, name: str, stated: float | str) -> _Clock:
-        """Return the clock that the file states for a channel, or for all by "": a frequency, or a time channel."""
+        """Return the clock that the file states for a channel, or for all by "": a frequency, or a
+        time channel.
+        """
         if isinstance(stated, str):
             return self.clock_of_time(stated)
         where = f"the rate stated for {name!r}" if name else "the stated rate"
         if 0 < stated <= _SLOW and self.units.get(f"{name}.start") == "":
-            return _doubtful_clock(stated, where, f"the sampling time of {name!r} names no unit and is", _DRIVE_RATE)
+            return _doubtful_clock(
+                stated, where, f"the sampling time of {name!r} names no unit and is", _DRIVE_RATE
+            )
         return _Clock(float(stated), where)
 
     def neighbouring_clock(self, names: tuple[str, ...]) -> _Clock:
-        """Return the clock of channels from a variable, else from a time channel; the two have to agree."""
+        """Return the clock of channels from a variable, else from a time channel; the two have to
+        agree.
+        """
         file, variables = Path(self.path).name, self.variable_clocks(next(iter(names), ""))
         n = {self.arrays[name].size: name for name in names if name in self.arrays}
         time = self.nearest_time_channel(next(iter(n.values()))) if len(n) == 1 else self.time
         by_time = self.clock_of_time(time) if time else _Clock()
         if not variables and self.time and not time:
             sizes = " and ".join(f"{name!r} has {size}" for size, name in n.items())
-            return _Clock(why=f"the time channel {self.time!r} has {self.arrays[self.time].size} samples, and {sizes}")
+            return _Clock(
+                why=(
+                    f"the time channel {self.time!r} has {self.arrays[self.time].size} samples, and"
+                    f" {sizes}"
+                )
+            )
         if not variables:
             return by_time
         best, time_fs = variables[0], 0.0 if by_time.doubt else by_time.fs
         for one in variables:
             if one.rank == best.rank and one.fs > best.fs * (1 + _MAX_TIME_DIFFERENCE):
-                return _Clock(why=f"{file!r} has {best.fs:g} Hz by {best.name!r} and {one.fs:g} Hz by {one.name!r}")
+                return _Clock(
+                    why=(
+                        f"{file!r} has {best.fs:g} Hz by {best.name!r} and {one.fs:g} Hz by"
+                        f" {one.name!r}"
+                    )
+                )
         if best.is_doubtful and _agrees_in_some_unit(best.fs, time_fs):
             return by_time
         if time_fs > 0 and abs(best.fs / time_fs - 1) > _MAX_TIME_DIFFERENCE:
-            by_both = f"{best.fs:g} Hz by {best.name!r} of {file!r} and {time_fs:g} Hz by {by_time.where}"
-            return _Clock(best.fs, best.name, doubt=f"fs is {by_both}; the first is used, give fs if it is wrong")
+            by_both = (
+                f"{best.fs:g} Hz by {best.name!r} of {file!r} and {time_fs:g} Hz by {by_time.where}"
+            )
+            return _Clock(
+                best.fs,
+                best.name,
+                doubt=f"fs is {by_both}; the first is used, give fs if it is wrong",
+            )
         if best.is_doubtful:
             return _doubtful_clock(
-                best.fs, best.name, f"the sampling time {best.name!r} names no unit and is", _DRIVE_RATE
+                best.fs,
+                best.name,
+                f"the sampling time {best.name!r} names no unit and is",
+                _DRIVE_RATE,
             )
         return _Clock(best.fs, best.name)
 
     def moments_of(self, name: str) -> float | np.ndarray | None:
         """Return the time of each sample of a channel, or its start [s]; None if it has neither."""
         stated = self.clocks.get(name)
-        return float(self.arrays.get(f"{name}.start", 0.0)) if isinstance(stated, float) else self.seconds(name)
+        return (
+            float(self.arrays.get(f"{name}.start", 0.0))
+            if isinstance(stated, float)
+            else self.seconds(name)
+        )
 
     def seconds(self, name: str) -> np.ndarray | None:
-        """Return the time of each sample of a channel [s], None without a time channel of known unit."""
+        """Return the time of each sample of a channel [s], None without a time channel of known
+        unit.
+        """
         time = self.time_of(self.full_name(name))
         second = self.second_of(time) if time else None
-        return None if second is None else second * np.ravel(self.arrays[time]).astype(float, copy=False)
+        return (
+            None
+            if second is None
+            else second * np.ravel(self.arrays[time]).astype(float, copy=False)
+        )
 
     def time_of(self, full: str) -> str:
-        """Return the time channel of a channel, stated or near it; empty if it has none, or another clock."""
+        """Return the time channel of a channel, stated or near it; empty if it has none, or another
+        clock.
+        """
         stated = self.clocks.get(full, self.clocks.get("", self.nearest_time_channel(full)))
         return stated if isinstance(stated, str) else ""
 
     def nearest_time_channel(self, full: str) -> str:
-        """Return a time channel as long as a channel, preferably in the same struct; empty if there is none."""
+        """Return a time channel as long as a channel, preferably in the same struct; empty if there
+        is none.
+        """
         n, home = self.arrays.get(full, np.zeros(0)).size, full.rpartition(".")[0]
         as_long = [time for time in self.times if self.arrays[time].size == n]
         return min(as_long, key=lambda time: time.rpartition(".")[0] != home, default="")
@@ -256,11 +368,16 @@ class Channels:
     @property
     def times(self) -> list[str]:
         """Names of the time channels, those with a valid clock first."""
-        found = [name for name in self.signals if is_time_name(name) and _may_run(self.arrays[name])]
+        found = [
+            name for name in self.signals if is_time_name(name) and _may_run(self.arrays[name])
+        ]
         if len(found) < 2:
             return found
         return sorted(
-            found, key=lambda name: not (self.second_of(name) and sampling_frequency(np.ravel(self.arrays[name])))
+            found,
+            key=lambda name: (
+                not (self.second_of(name) and sampling_frequency(np.ravel(self.arrays[name])))
+            ),
         )
 
     @property
@@ -273,23 +390,32 @@ class Channels:
         return seconds_per_unit(self.unit(time))
 
     def variable_clocks(self, channel: str) -> list[_ScalarClock]:
-        """Return the clocks of variables fs, Ts and the like, those in the struct of a channel first, then the slowest.
+        """Return the clocks of variables fs, Ts and the like, those in the struct of a channel
+        first, then the slowest.
 
         A doubtful one is left out if another one agrees with it in some unit.
         """
         found = list(self.scalar_clocks([channel.rpartition(".")[0], ""]))
         sure = [one for one in found if not one.is_doubtful]
         return sorted(
-            one for one in found if one in sure or not any(_agrees_in_some_unit(one.fs, two.fs) for two in sure)
+            one
+            for one in found
+            if one in sure or not any(_agrees_in_some_unit(one.fs, two.fs) for two in sure)
         )
 
     def scalar_clocks(self, homes: list[str]) -> Iterator[_ScalarClock]:
-        """Yield every variable with a sampling frequency or time; `homes` are the structs that rank first."""
+        """Yield every variable with a sampling frequency or time; `homes` are the structs that rank
+        first.
+        """
         for name, array in self.arrays.items():
             key, unit = split_clock_name(UNIT_SUFFIX.sub("", name).rsplit(".", 1)[-1])
-            is_step, is_rate = STEP_NAME.fullmatch(key) is not None, RATE_NAME.fullmatch(key) is not None
-            number, unit = _constant_of(array) if is_step or is_rate else None, unit or self.unit(name)
-            if number is None or (array.size > 1 and is_step and not unit and number >= MIN_DURATION):
+            is_step = STEP_NAME.fullmatch(key) is not None
+            is_rate = RATE_NAME.fullmatch(key) is not None
+            number = _constant_of(array) if is_step or is_rate else None
+            unit = unit or self.unit(name)
+            if number is None or (
+                array.size > 1 and is_step and not unit and number >= MIN_DURATION
+            ):
                 continue
             scale = (seconds_per_unit if is_step else hertz_per_unit)(unit)
             number *= scale or 0.0
@@ -309,15 +435,24 @@ class Channels:
         if not fs > 0:
             return _Clock(why=f"{where} {_backward_steps(t)}")
         if not unit and fs > _MAX_RATE and any(low < t[0] < high for low, high in _DATE_RANGES):
-            readings = f"{fs:g} Hz if these are seconds, {fs / _SECONDS_PER_DAY:g} Hz if they are days"
-            return _Clock(why=f"{where} names no unit, begins at {t[0]:.9g} and steps by {1 / fs:.3g}: {readings}")
+            readings = (
+                f"{fs:g} Hz if these are seconds, {fs / _SECONDS_PER_DAY:g} Hz if they are days"
+            )
+            return _Clock(
+                why=(
+                    f"{where} names no unit, begins at {t[0]:.9g} and steps by {1 / fs:.3g}:"
+                    f" {readings}"
+                )
+            )
         if unit or fs > _SLOW:
             return _Clock(fs, where)
         return _doubtful_clock(fs, where, f"{where} names no unit and steps by", _UNLIKELY)
 
 
 class _Clock(NamedTuple):
-    """A sampling frequency [Hz] and its source; the reason if it is unknown (0); the reason for a doubt."""
+    """A sampling frequency [Hz] and its source; the reason if it is unknown (0); the reason for a
+    doubt.
+    """
 
     fs: float = 0.0
     where: str = ""
@@ -326,7 +461,9 @@ class _Clock(NamedTuple):
 
 
 class _ScalarClock(NamedTuple):
-    """A sampling frequency [Hz] from a variable; rank of its place; True if its unit is in doubt; its name."""
+    """A sampling frequency [Hz] from a variable; rank of its place; True if its unit is in doubt;
+    its name.
+    """
 
     rank: int
     fs: float
@@ -335,19 +472,31 @@ class _ScalarClock(NamedTuple):
 
 
 def _agrees_in_some_unit(fs: float, known: float) -> bool:
-    """Return whether a step without a unit agrees with a known sampling frequency; `fs` is for seconds."""
-    return any(abs(factor * fs - known) <= _MAX_TIME_DIFFERENCE * known for factor in _UNSTATED_UNITS.values())
+    """Return whether a step without a unit agrees with a known sampling frequency; `fs` is for
+    seconds.
+    """
+    return any(
+        abs(factor * fs - known) <= _MAX_TIME_DIFFERENCE * known
+        for factor in _UNSTATED_UNITS.values()
+    )
 
 
 def _doubtful_clock(fs: float, where: str, step: str, unlikely: float) -> _Clock:
-    """Return the clock for a step without a unit: in doubt, or unknown if it is no faster than `unlikely`.
+    """Return the clock for a step without a unit: in doubt, or unknown if it is no faster than
+    `unlikely`.
 
     A slow clock in seconds may be a fast one in milliseconds or microseconds.
     """
-    readings = join_names([f"{factor * fs:g} Hz if {unit}" for unit, factor in _UNSTATED_UNITS.items()])
+    readings = join_names(
+        [f"{factor * fs:g} Hz if {unit}" for unit, factor in _UNSTATED_UNITS.items()]
+    )
     if fs <= unlikely:
         return _Clock(why=f"{step} {1 / fs:g}: {readings}")
-    return _Clock(fs, where, doubt=f"{step} {1 / fs:g}: {readings}; seconds are taken, give fs if they are not")
+    return _Clock(
+        fs,
+        where,
+        doubt=f"{step} {1 / fs:g}: {readings}; seconds are taken, give fs if they are not",
+    )
 
 
 def _may_run(array: np.ndarray) -> bool:
@@ -380,7 +529,9 @@ def _to_stream(array: np.ndarray) -> np.ndarray:
 
 
 class _Reader(NamedTuple):
-    """Reader of a kind of file, a function or a module for its own process, and the extra that it needs."""
+    """Reader of a kind of file, a function or a module for its own process, and the extra that it
+    needs.
+    """
 
     contents: Callable[[Path], Contents] | ModuleType
     extra: str = ""
@@ -393,7 +544,9 @@ TWINCAT = _Reader(twincat, extra="twincat")
 READERS = {
     ".mat": _Reader(matlab.contents, extra="hdf5"),  # version 7.3 is HDF5
     ".npz": _Reader(npz.contents),
-    **dict.fromkeys((".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm", ".mpt", ".dta", ".z", ".frd"), _TEXT_READER),
+    **dict.fromkeys(
+        (".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm", ".mpt", ".dta", ".z", ".frd"), _TEXT_READER
+    ),
     ".npy": _Reader(npy.contents),
     ".h5": _HDF5_READER,
     ".hdf5": _HDF5_READER,
@@ -412,7 +565,11 @@ OnePath: TypeAlias = str | os.PathLike[str]
 
 def to_paths(path: OnePath | Iterable[OnePath]) -> list[OnePath]:
     """Return the files of an experiment, one or several."""
-    paths = [path] if isinstance(path, str | os.PathLike) or not isinstance(path, Iterable) else list(path)
+    paths = (
+        [path]
+        if isinstance(path, str | os.PathLike) or not isinstance(path, Iterable)
+        else list(path)
+    )
     if not paths:
         raise ValueError("path must be a file or a list of files, got none")
     return paths
@@ -424,7 +581,8 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
     Raises
     ------
     ValueError
-        An unknown suffix, a damaged file, a file of another kind than its suffix, a package that is not installed.
+        An unknown suffix, a damaged file, a file of another kind than its suffix, a package that is
+        not installed.
     FileNotFoundError
         No such file.
     """
@@ -452,7 +610,9 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
     numeric, clocks = _abscissas_in_seconds(numeric, units, clocks)
     if "schema" not in numeric:
         numeric, clocks = _split_columns(numeric, clocks)
-    for array in numeric.values():  # no other reference exists, so they go into a record without a copy
+    for (
+        array
+    ) in numeric.values():  # no other reference exists, so they go into a record without a copy
         for one in (array.base, array):
             if isinstance(one, np.ndarray):
                 one.flags.writeable = False
@@ -460,12 +620,22 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
 
 
 def _reader_of_suffix(path: Path, suffix: str) -> _Reader:
-    """Return the reader for a suffix; refuse results of this project that are no measurement, and unknown suffixes."""
-    if suffix in (".json", ".txt") and (kind := stated_kind(path, suffix)):  # a result of `robust`, or a text
-        raise ValueError(describe_wrong_file(path, kind, "nlfrf-multisine", "nlfrf-record", "nlfrf-bla"))
+    """Return the reader for a suffix; refuse results of this project that are no measurement, and
+    unknown suffixes.
+    """
+    if suffix in (".json", ".txt") and (
+        kind := stated_kind(path, suffix)
+    ):  # a result of `robust`, or a text
+        raise ValueError(
+            describe_wrong_file(path, kind, "nlfrf-multisine", "nlfrf-record", "nlfrf-bla")
+        )
     if suffix not in READERS:
         cure = "; save the sheet as .csv" if suffix in (".xls", ".xlsx", ".ods") else ""
-        cure = "; export the SDF of the analyser as a table, .mat or .uff" if suffix == ".sdf" else cure
+        cure = (
+            "; export the SDF of the analyser as a table, .mat or .uff"
+            if suffix == ".sdf"
+            else cure
+        )
         raise ValueError(f"path must end in {_SUFFIXES}, got {path.name!r}{cure}; {_OTHER_WAY}")
     return READERS[suffix]
 
@@ -478,21 +648,26 @@ def _read_contents(path: Path, suffix: str, reader: _Reader) -> Contents:
             return read_in_own_process(str(reader.contents.__file__), path)
         return reader.contents(path)
     except MemoryError:
-        raise ValueError(f"path must be a readable {suffix} file, got {path.name!r}: too large to read") from None
+        raise ValueError(
+            f"path must be a readable {suffix} file, got {path.name!r}: too large to read"
+        ) from None
     except ModuleNotFoundError as missing:
         raise ValueError(
-            f"path must be a file that can be read here: {path.name!r} needs {missing.name}, which is not installed: "
-            f"pip install 'nlfrf[{reader.extra}]'; {_OTHER_WAY}"
+            f"path must be a file that can be read here: {path.name!r} needs {missing.name}, which"
+            f" is not installed: pip install 'nlfrf[{reader.extra}]'; {_OTHER_WAY}"
         ) from None
     except Exception as error:  # readers of damaged files raise nearly anything
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ValueError(
-            f"path must be a readable {suffix} file, got {path.name!r}: {reason[:160]}; {_OTHER_WAY}"
+            f"path must be a readable {suffix} file, got {path.name!r}: {reason[:160]};"
+            f" {_OTHER_WAY}"
         ) from None
 
 
 def _reader_by_start(path: Path, reader: _Reader) -> _Reader:
-    """Return the reader of a file: for texts the first bytes may name another one than the suffix."""
+    """Return the reader of a file: for texts the first bytes may name another one than the
+    suffix.
+    """
     if reader is _TEXT_READER:
         with path.open("rb") as stream:
             start = stream.read(1024)
@@ -504,10 +679,16 @@ def _reader_by_start(path: Path, reader: _Reader) -> _Reader:
 
 
 def extra_of_file(path: Path) -> str:
-    """Return the extra of this package that a file needs; empty if it needs none, or is of an unknown kind."""
+    """Return the extra of this package that a file needs; empty if it needs none, or is of an
+    unknown kind.
+    """
     reader = READERS.get(path.suffix.lower())
     try:
-        if reader is None or not path.is_file() or (path.suffix.lower() == ".mat" and not matlab.is_version_73(path)):
+        if (
+            reader is None
+            or not path.is_file()
+            or (path.suffix.lower() == ".mat" and not matlab.is_version_73(path))
+        ):
             return ""
         return _reader_by_start(path, reader).extra
     except OSError:  # an unreadable file
@@ -527,7 +708,8 @@ def _read_compressed(path: Path) -> Channels:
                     written.write(block)
         except (OSError, EOFError, ValueError, zlib.error) as error:
             raise ValueError(
-                f"path must be a readable .gz file, got {path.name!r}: {one_line(str(error))}; {_OTHER_WAY}"
+                f"path must be a readable .gz file, got {path.name!r}: {one_line(str(error))};"
+                f" {_OTHER_WAY}"
             ) from None
         return replace(read_channels(unpacked), path=str(path))
 
@@ -539,7 +721,8 @@ def _clean_names(
     clocks: Mapping[str, float | str],
     notes: Mapping[str, str],
 ) -> Contents:
-    """Return channels with unique names, and names, units and notes of one line each without control characters.
+    """Return channels with unique names, and names, units and notes of one line each without
+    control characters.
 
     Empty units are dropped, except that of a start: then its unit is in doubt.
     """
@@ -549,8 +732,15 @@ def _clean_names(
     named = {"": ""} | dict(zip(names, make_unique(list(map(one_line, names))), strict=True))
     return (
         {named[name]: array for name, array in arrays.items()},
-        {named[name]: one_line(unit) for name, unit in units.items() if unit or name.endswith(".start")},
-        {named[name]: named[clock] if isinstance(clock, str) else clock for name, clock in clocks.items()},
+        {
+            named[name]: one_line(unit)
+            for name, unit in units.items()
+            if unit or name.endswith(".start")
+        },
+        {
+            named[name]: named[clock] if isinstance(clock, str) else clock
+            for name, clock in clocks.items()
+        },
         {named[name]: one_line(note) for name, note in notes.items()},
     )
 
@@ -558,7 +748,9 @@ def _clean_names(
 def _abscissas_in_seconds(
     arrays: Mapping[str, np.ndarray], units: Mapping[str, str], clocks: Mapping[str, float | str]
 ) -> tuple[dict[str, np.ndarray], dict[str, float | str]]:
-    """Return steps and starts of waveforms in seconds, by the unit of ``name.start``; 0 Hz if it is unknown."""
+    """Return steps and starts of waveforms in seconds, by the unit of ``name.start``; 0 Hz if it is
+    unknown.
+    """
     scaled, rates = dict(arrays), dict(clocks)
     for name, clock in clocks.items():
         if not isinstance(clock, str):
@@ -566,14 +758,18 @@ def _abscissas_in_seconds(
             second = seconds_per_unit(unit) or 1 / (hertz_per_unit(unit) or np.inf)
             rates[name] = clock / second if second else 0.0
             if f"{name}.start" in arrays:
-                scaled[f"{name}.start"] = second * arrays[f"{name}.start"] + arrays.get(f"{name}.moment", 0.0)
+                scaled[f"{name}.start"] = second * arrays[f"{name}.start"] + arrays.get(
+                    f"{name}.moment", 0.0
+                )
     return scaled, rates
 
 
 def _split_columns(
     arrays: Mapping[str, np.ndarray], clocks: Mapping[str, float | str]
 ) -> tuple[dict[str, np.ndarray], dict[str, float | str]]:
-    """Add each column of a matrix as a channel of its own; a first column that rises evenly is their time."""
+    """Add each column of a matrix as a channel of its own; a first column that rises evenly is
+    their time.
+    """
     more, clocks = dict(arrays), dict(clocks)
     for name, array in arrays.items():
         if array.ndim != 2 or array.dtype.kind not in "fiu":
@@ -593,4 +789,8 @@ def _split_columns(
 def _is_time_axis(t: np.ndarray) -> bool:
     """Return whether a stream is a time axis: it rises by even steps."""
     steps = np.diff(np.asarray(t, dtype=float))
-    return bool(steps.size and steps.min() > 0.5 * np.median(steps) > 0 and np.ptp(steps) < 0.1 * np.median(steps))
+    return bool(
+        steps.size
+        and steps.min() > 0.5 * np.median(steps) > 0
+        and np.ptp(steps) < 0.1 * np.median(steps)
+    )

@@ -28,7 +28,11 @@ from nlfrf.signals.multisine import Multisine
 
 _MULTISINE_SCHEMA = "nlfrf-multisine"
 _EXACT_SUFFIXES = (".npz", ".h5", ".hdf5")
-_PLAYABLE_SUFFIXES = (".csv", ".mat", ".wav")  # these contain the played signal, and the design is a second file
+_PLAYABLE_SUFFIXES = (
+    ".csv",
+    ".mat",
+    ".wav",
+)  # these contain the played signal, and the design is a second file
 _EXPERIMENT_SCHEMA = "nlfrf-axis-experiment"
 DESIGNS: dict[str, Callable[..., Multisine | AxisExperiment]] = {
     _MULTISINE_SCHEMA: Multisine,
@@ -37,20 +41,27 @@ DESIGNS: dict[str, Callable[..., Multisine | AxisExperiment]] = {
 
 
 def save_multisine(ms: Multisine, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
-    """Write a design with its samples, or the signal for a generator with the design as a second file."""
+    """Write a design with its samples, or the signal for a generator with the design as a second
+    file.
+    """
     path, companion = to_path(path), to_path(path).with_suffix(".npz")
     suffix, u = path.suffix.lower(), ms.u
     peak = float(np.abs(u).max())
     if suffix not in (*_EXACT_SUFFIXES, *_PLAYABLE_SUFFIXES):
         raise ValueError(
-            f"path must end in {', '.join(_EXACT_SUFFIXES)} or, to be played, {', '.join(_PLAYABLE_SUFFIXES)}, "
-            f"got {path.name!r}"
+            f"path must end in {', '.join(_EXACT_SUFFIXES)} or, to be played,"
+            f" {', '.join(_PLAYABLE_SUFFIXES)}, got {path.name!r}"
         )
     if suffix in _PLAYABLE_SUFFIXES:
         require_writable(companion, role=Role.DERIVED)  # before the first of two files is there
     if suffix == ".csv":
         t = np.arange(ms.n_samples) / ms.fs
-        write_table(path, np.column_stack([t, *_played_samples(u)]), ["t [s]", *_played_names(ms)], decimal=decimal)
+        write_table(
+            path,
+            np.column_stack([t, *_played_samples(u)]),
+            ["t [s]", *_played_names(ms)],
+            decimal=decimal,
+        )
     elif suffix == ".mat":
         save_mat(
             path,
@@ -80,15 +91,21 @@ def save_multisine(ms: Multisine, path: str | os.PathLike[str], *, decimal: str 
     save_value(ms, _MULTISINE_SCHEMA, companion, role=Role.DERIVED, u=u, peak=np.array(peak))
 
 
-def save_experiment(experiment: AxisExperiment, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
-    """Write an experiment: ``.npz`` or ``.h5``, or a ``.csv`` of set points to play and its design as ``.npz``.
+def save_experiment(
+    experiment: AxisExperiment, path: str | os.PathLike[str], *, decimal: str = "."
+) -> None:
+    """Write an experiment: ``.npz`` or ``.h5``, or a ``.csv`` of set points to play and its design
+    as ``.npz``.
 
     For several realisations play.csv becomes play-1.csv, play-2.csv, ...
     """
     path = to_path(path)
     suffix, companion = path.suffix.lower(), path.with_suffix(".npz")
     if suffix not in (*_EXACT_SUFFIXES, ".csv"):
-        raise ValueError(f"path must end in .csv, to be played, or in {', '.join(_EXACT_SUFFIXES)}, got {path.name!r}")
+        raise ValueError(
+            f"path must end in .csv, to be played, or in {', '.join(_EXACT_SUFFIXES)}, got"
+            f" {path.name!r}"
+        )
     if suffix != ".csv":
         save_value(experiment, _EXPERIMENT_SCHEMA, path)
         return
@@ -96,14 +113,20 @@ def save_experiment(experiment: AxisExperiment, path: str | os.PathLike[str], *,
     t, M = np.arange(experiment.n_rows) / experiment.ms.fs, experiment.ms.n_realizations
     for m in range(M):
         target = path if M == 1 else path.with_name(f"{path.stem}-{m + 1}{path.suffix}")
-        columns = {f"{port} [{experiment.units[port]}]": one for port, one in experiment.set_points(m).items()}
-        write_table(target, np.column_stack([t, *columns.values()]), ["t [s]", *columns], decimal=decimal)
+        columns = {
+            f"{port} [{experiment.units[port]}]": one
+            for port, one in experiment.set_points(m).items()
+        }
+        write_table(
+            target, np.column_stack([t, *columns.values()]), ["t [s]", *columns], decimal=decimal
+        )
     save_value(experiment, _EXPERIMENT_SCHEMA, companion, role=Role.DERIVED)
 
 
 @value
 class SetPoints:
-    """Set points of the ports of a drive or a simulated axis, as `nlfrf.save` writes an experiment to play.
+    """Set points of the ports of a drive or a simulated axis, as `nlfrf.save` writes an experiment
+    to play.
 
     Fields
     ------
@@ -126,12 +149,14 @@ class SetPoints:
 
 
 def load_set_points(path: str | os.PathLike[str]) -> SetPoints:
-    """Read the set points of a drive from a table: time, and columns called position, velocity or force.
+    """Read the set points of a drive from a table: time, and columns called position, velocity or
+    force.
 
     Parameters
     ----------
     path : path
-        The table, as `nlfrf.save` writes an experiment to play, or in any format of `nlfrf.load_record`.
+        The table, as `nlfrf.save` writes an experiment to play, or in any format of
+        `nlfrf.load_record`.
 
     Returns
     -------
@@ -157,7 +182,10 @@ def load_set_points(path: str | os.PathLike[str]) -> SetPoints:
     file = read_channels(to_path(path))
     given = [port for port in PORTS if file.full_name(port) in file.arrays]
     if not given:
-        raise ValueError(f"path must hold set points called {', '.join(PORTS)}, got none in {Path(file.path).name!r}")
+        raise ValueError(
+            f"path must hold set points called {', '.join(PORTS)}, got none in"
+            f" {Path(file.path).name!r}"
+        )
     return SetPoints(
         fs=file.sampling_frequency(None, tuple(given)),
         played={port: file.signal(port, port) for port in given},
@@ -166,12 +194,16 @@ def load_set_points(path: str | os.PathLike[str]) -> SetPoints:
 
 
 def _add_remark(path: Path, text: str) -> None:
-    """Add a LIST chunk to a WAV file: the program that wrote it, and a comment (Microsoft RIFF, INFO list)."""
+    """Add a LIST chunk to a WAV file: the program that wrote it, and a comment (Microsoft RIFF,
+    INFO list).
+    """
 
     def chunk(name: bytes, content: bytes) -> bytes:
         return name + struct.pack("<I", len(content)) + content + b"\0" * (len(content) % 2)
 
-    remark = chunk(b"LIST", b"INFO" + chunk(b"ISFT", b"nlfrf\0") + chunk(b"ICMT", text.encode() + b"\0"))
+    remark = chunk(
+        b"LIST", b"INFO" + chunk(b"ISFT", b"nlfrf\0") + chunk(b"ICMT", text.encode() + b"\0")
+    )
     with path.open("r+b") as stream:
         size = stream.seek(0, os.SEEK_END)
         stream.write(remark)
@@ -185,17 +217,24 @@ def _played_samples(u: np.ndarray) -> np.ndarray:
 
 
 def _played_names(ms: Multisine) -> list[str]:
-    """Return the names of these periods: u0, u1 for realisations; for several inputs input, then experiment."""
+    """Return the names of these periods: u0, u1 for realisations; for several inputs input, then
+    experiment.
+    """
     if ms.is_single:
         return [f"u{m}" for m in range(ms.n_realizations)]
-    return [f"u{i + 1} experiment {m + 1}" for m in range(ms.n_experiments) for i in range(ms.n_inputs)]
+    return [
+        f"u{i + 1} experiment {m + 1}" for m in range(ms.n_experiments) for i in range(ms.n_inputs)
+    ]
 
 
 def load_design(path: str | os.PathLike[str]) -> Multisine:
     """Return the design that `save_multisine` wrote, for one input or for several."""
     design: Multisine | AxisExperiment = load_value(DESIGNS, path)
     if isinstance(design, AxisExperiment):
-        raise ValueError(f"path must be a multisine, got an experiment on a drive in {str(path)!r}: use load_trace")
+        raise ValueError(
+            f"path must be a multisine, got an experiment on a drive in {str(path)!r}: use"
+            " load_trace"
+        )
     return design
 
 

@@ -1,7 +1,8 @@
-"""Input, output and reference among the channels of a file: found from their common period, lines and names.
+"""Input, output and reference among the channels of a file: found from their common period, lines
+and names.
 
-A name of an input decides. If the lines contradict the names, or decide nothing between channels without such names,
-no input is proposed.
+A name of an input decides. If the lines contradict the names, or decide nothing between channels
+without such names, no input is proposed.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ _INPUT_NAMES = re.compile(
 _OUTPUT_NAMES = re.compile(
     r"y\d*|out(put)?\d*|x\d*|theta.*|"
     r".*(pos|weg|lage|drehz|geschw|angle|winkel|acc|beschl|vel|speed|disp|response|meas|enc(?![ey])|ist(?![a-z])).*|"
-    r"(.*[^a-z])?ist.*",  # the actual value, in German; the conditions leave out "reference" and "distance"
+    # the actual value, in German; the conditions leave out "reference" and "distance"
+    r"(.*[^a-z])?ist.*",
     re.I,
 )
 _SET_WORDS = r"set[ _]?points?|soll(?:wert)?|cmd|command(?:ed)?|ref(?:erence)?|target|demand(?:ed)?"
@@ -41,9 +43,11 @@ WHOLE_TOLERANCE = 0.05  # [samples] largest distance of a period from a whole nu
 
 
 class Direction(NamedTuple):
-    """Proposed roles of the channels of a record; empty names if there is no proposal, with the reason in `doubt`.
+    """Proposed roles of the channels of a record; empty names if there is no proposal, with the
+    reason in `doubt`.
 
-    The period [samples] is 0 if none is found, and all samples if the record is one period; `lines` describes it.
+    The period [samples] is 0 if none is found, and all samples if the record is one period; `lines`
+    describes it.
     """
 
     u: str = ""
@@ -58,7 +62,8 @@ Rank = IntEnum("Rank", "INPUT SET_POINT UNKNOWN OUTPUT")
 
 
 def find_direction(streams: Mapping[str, np.ndarray], rate: Callable[[str], float]) -> Direction:
-    """Return input and reference among streams (n,) that were sampled together, and their common period.
+    """Return input and reference among streams (n,) that were sampled together, and their common
+    period.
 
     Parameters
     ----------
@@ -72,7 +77,10 @@ def find_direction(streams: Mapping[str, np.ndarray], rate: Callable[[str], floa
     period, together = _find_common_period(x)
     n = round(period)
     period = float(n) if abs(period - n) <= WHOLE_TOLERANCE else period
-    found = {name: find_signal_lines(one[: one.size // n * n].reshape(1, -1, n)) for name, one in together.items()}
+    found = {
+        name: find_signal_lines(one[: one.size // n * n].reshape(1, -1, n))
+        for name, one in together.items()
+    }
     lines = {name: one for name, one in found.items() if one is not None}
     if not lines:
         inputs = [name for name in x if _rank_by_name(name) is Rank.INPUT]
@@ -82,17 +90,25 @@ def find_direction(streams: Mapping[str, np.ndarray], rate: Callable[[str], floa
     reference = min(references, key=lambda name: lines[name].spread, default="") if u else ""
     name = u or next(iter(lines))
     excited, fs = lines[name].grid.excited, rate(name)
-    lasts, band = f" ({period / fs:.4g} s)", f" from {excited[0] * fs / n:.4g} to {excited[-1] * fs / n:.4g} Hz"
+    lasts = f" ({period / fs:.4g} s)"
+    band = f" from {excited[0] * fs / n:.4g} to {excited[-1] * fs / n:.4g} Hz"
     lasts, band = ("", "") if np.isnan(fs) else (lasts, band)
     periods, n_lines = format_count(x[name].size // n, "period"), format_count(excited.size, "line")
-    return Direction(u, reference, period, f"period {period:.6g} samples{lasts}, {periods}; {n_lines}{band}", doubt)
+    return Direction(
+        u,
+        reference,
+        period,
+        f"period {period:.6g} samples{lasts}, {periods}; {n_lines}{band}",
+        doubt,
+    )
 
 
 def _find_common_period(streams: Mapping[str, np.ndarray]) -> tuple[float, dict[str, np.ndarray]]:
-    """Return the period [samples] of channels that were sampled together, 0 if there is none, and those that have it.
+    """Return the period [samples] of channels that were sampled together, 0 if there is none, and
+    those that have it.
 
-    If a channel does not repeat and has odd lines only over its whole length, this length is one period, whatever rings
-    behind it. Else it is the period at which most channels repeat.
+    If a channel does not repeat and has odd lines only over its whole length, this length is one
+    period, whatever rings behind it. Else it is the period at which most channels repeat.
     """
     periods: dict[int, float] = {}
     for x in streams.values():
@@ -103,16 +119,23 @@ def _find_common_period(streams: Mapping[str, np.ndarray]) -> tuple[float, dict[
             if (lines := find_signal_lines(x.reshape(1, 1, -1))) and lines.is_one_period:
                 return float(x.size), dict(streams)
     groups = [
-        (period, {name: x for name, x in streams.items() if is_repeated(x, period)}) for period in periods.values()
+        (period, {name: x for name, x in streams.items() if is_repeated(x, period)})
+        for period in periods.values()
     ]
     return max(groups, key=lambda group: (len(group[1]), group[0]), default=(0.0, {}))
 
 
 def _choose_input(lines: Mapping[str, SignalLines]) -> tuple[str, str]:
-    """Return the input among periodic channels, by names, then by lines, and the reason if there is none."""
+    """Return the input among periodic channels, by names, then by lines, and the reason if there is
+    none.
+    """
     ranks = {name: _rank_by_name(name) for name in lines}
     first = min(ranks.values())
-    if first is Rank.SET_POINT and list(ranks.values()).count(Rank.UNKNOWN) > 1 and Rank.OUTPUT not in ranks.values():
+    if (
+        first is Rank.SET_POINT
+        and list(ranks.values()).count(Rank.UNKNOWN) > 1
+        and Rank.OUTPUT not in ranks.values()
+    ):
         first = Rank.UNKNOWN  # a loop, with one of them as input
     names = [name for name in lines if ranks[name] is first]
     u = names[0]
@@ -123,22 +146,36 @@ def _choose_input(lines: Mapping[str, SignalLines]) -> tuple[str, str]:
             return "", f"neither names nor lines show which of {join_names(names)} was played"
         u = left[0] if len(left) == 1 else min(names, key=lambda name: lines[name].spread)
     quantity = _bare_name(u)
-    u = next((name for name in lines if name != u and _SET_POINT.sub("", _bare_name(name)) == quantity), u)
+    u = next(
+        (name for name in lines if name != u and _SET_POINT.sub("", _bare_name(name)) == quantity),
+        u,
+    )
     for name, one in lines.items() if Rank.SET_POINT not in ranks.values() else ():
-        level = f"its lines are even to {one.spread:.2g} dB" if compare_levels(one, lines[u]) else ""
+        level = (
+            f"its lines are even to {one.spread:.2g} dB" if compare_levels(one, lines[u]) else ""
+        )
         if ranks[name] > first and (found := describe_played(one, lines[u]) or level):
-            return "", (
-                f"by names {u} is the input, but the multisine is found in {name}, {found}: {name} was played, or the "
-                "reference of a closed loop is missing"
+            return (
+                "",
+                (
+                    f"by names {u} is the input, but the multisine is found in {name}, {found}:"
+                    f" {name} was played, or the reference of a closed loop is missing"
+                ),
             )
     return u, ""
 
 
 def _shows_played(one: SignalLines, other: SignalLines) -> bool:
-    """Return whether one signal was played and not another: by clean detection lines, one level, or exactness."""
+    """Return whether one signal was played and not another: by clean detection lines, one level, or
+    exactness.
+    """
     if compare_detection_lines(other, one):
         return False
-    return bool(compare_detection_lines(one, other) or compare_levels(one, other) or one.is_exact > other.is_exact)
+    return bool(
+        compare_detection_lines(one, other)
+        or compare_levels(one, other)
+        or one.is_exact > other.is_exact
+    )
 
 
 def _rank_by_name(name: str) -> Rank:
@@ -150,19 +187,27 @@ def _rank_by_name(name: str) -> Rank:
     short = _bare_name(name)
     if is_set_point(name):
         return Rank.SET_POINT
-    drives, responds = _INPUT_NAMES.fullmatch(short) is not None, _OUTPUT_NAMES.fullmatch(short) is not None
+    drives = _INPUT_NAMES.fullmatch(short) is not None
+    responds = _OUTPUT_NAMES.fullmatch(short) is not None
     return Rank.UNKNOWN if drives == responds else Rank.INPUT if drives else Rank.OUTPUT
 
 
 def choose_output(u: str, candidates: Mapping[str, np.ndarray]) -> str:
-    """Return the first channel named like an output, else the first not named like an input or set point."""
-    others = [name for name in candidates if name != u and candidates[name].size == candidates[u].size]
-    ranked = sorted((name for name in others if not is_set_point(name)), key=_rank_by_name, reverse=True)
+    """Return the first channel named like an output, else the first not named like an input or set
+    point.
+    """
+    others = [
+        name for name in candidates if name != u and candidates[name].size == candidates[u].size
+    ]
+    ranked = sorted(
+        (name for name in others if not is_set_point(name)), key=_rank_by_name, reverse=True
+    )
     return ranked[0] if ranked else ""
 
 
 def is_set_point(name: str) -> bool:
-    """Return whether a channel is named a set point, which a sampled drive or controller holds over each period.
+    """Return whether a channel is named a set point, which a sampled drive or controller holds over
+    each period.
 
     >>> [is_set_point(name) for name in ("current set point [A]", "Strom_Soll", "reference", "current [A]")]
     [True, True, True, False]

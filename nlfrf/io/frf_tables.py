@@ -1,4 +1,6 @@
-"""FRFs in files: the tables of Bode plotters and analysers, functions of universal files, complex arrays."""
+"""FRFs in files: the tables of Bode plotters and analysers, functions of universal files, complex
+arrays.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,17 @@ from nlfrf._base.arguments import MissingArgumentError, data_warning, join_names
 from nlfrf.bla.bla import Bla
 from nlfrf.bla.from_frf import bla_from_frf
 from nlfrf.io.channels import Channels, read_channels
-from nlfrf.io.readers.names import ROLES, TURN, ColumnName, Unit, convert, find_symbol, parse_name, parse_unit, suits
+from nlfrf.io.readers.names import (
+    ROLES,
+    TURN,
+    ColumnName,
+    Unit,
+    convert,
+    find_symbol,
+    parse_name,
+    parse_unit,
+    suits,
+)
 
 #: The parts of G in order of preference, and the keys of `columns`, which abbreviate quantities.
 _WHOLE = ("complex", "real", "magnitude")
@@ -35,17 +47,24 @@ _SAME_FRF = 0.01  # largest relative difference of an FRF that a file contains i
 _MAX_OUTLIERS = 0.02  # share of lines that may differ by more; one line always may
 #: Arguments that a variance needs, and the reason.
 _NEEDS = {
-    "n_averages": "a coherence gives a variance only with the number of independent averages, which the file lacks",
-    "relative_std": "the file has no coherence, and a swept sine shows no distortion, so the error of G is unknown. "
-    "Give sqrt(E|G - E G|^2)/|G| by the scatter of repeated sweeps (0.1 dB is 0.012, 1 degree is 0.017), "
-    "export the coherence, or measure with a multisine of nlfrf design, which shows the distortion",
+    "n_averages": (
+        "a coherence gives a variance only with the number of independent averages, which the file"
+        " lacks"
+    ),
+    "relative_std": (
+        "the file has no coherence, and a swept sine shows no distortion, so the error of G is"
+        " unknown. Give sqrt(E|G - E G|^2)/|G| by the scatter of repeated sweeps (0.1 dB is 0.012,"
+        " 1 degree is 0.017), export the coherence, or measure with a multisine of nlfrf design,"
+        " which shows the distortion"
+    ),
 }
 
 
 class _FrfTable(NamedTuple):
     """An FRF in a file: increasing frequencies [Hz], the names of the columns of G, the unit of G.
 
-    `left_out` are unused columns of the same length; `refusal` is the reason if the columns are not understood.
+    `left_out` are unused columns of the same length; `refusal` is the reason if the columns are not
+    understood.
     """
 
     columns: tuple[str, ...]
@@ -68,25 +87,28 @@ def load_frf(
     hold: str = "unknown",
     fs: float | None = None,
 ) -> Bla:
-    """Read an FRF that a Bode plotter or an analyser measured, with the variance that makes it a `Bla`.
+    """Read an FRF that a Bode plotter or an analyser measured, with the variance that makes it a
+    `Bla`.
 
     Use this for a Bode table; use `load_record` for time signals.
 
     Parameters
     ----------
     path : path
-        A table with frequencies [Hz] or [rad/s] and magnitude (ratio or dB) and phase, or real and imaginary part; a
-        universal file with FRFs; an .npz or .h5 file with a complex array and its frequencies. Columns are
-        recognised by their names.
+        A table with frequencies [Hz] or [rad/s] and magnitude (ratio or dB) and phase, or real and
+        imaginary part; a universal file with FRFs; an .npz or .h5 file with a complex array and its
+        frequencies. Columns are recognised by their names.
     relative_std : float, optional
         Standard deviation of G over |G|, as a complex number: see `std` of `bla_from_frf`.
     n_averages : float, optional
         Number of independent averages of the coherence, or of sweeps of the standard deviation.
     channel : str
-        The FRF to read if the file has several: the common part of the names of its columns, as in "CH2".
+        The FRF to read if the file has several: the common part of the names of its columns, as in
+        "CH2".
     columns : str
-        Meaning of the columns, if their names do not show it: "f=col1 [Hz], re=col2 [Ohm], im=-col3 [Ohm]". The keys
-        are f, re, im, mag, phase, G (complex), std and coherence; a minus or 1/ in front, a unit in brackets after it.
+        Meaning of the columns, if their names do not show it: "f=col1 [Hz], re=col2 [Ohm], im=-col3
+        [Ohm]". The keys are f, re, im, mag, phase, G (complex), std and coherence; a minus or 1/ in
+        front, a unit in brackets after it.
     hold, fs
         As in `bla_from_frf`.
 
@@ -98,8 +120,8 @@ def load_frf(
     Raises
     ------
     ValueError
-        A file without an FRF; several FRFs without `channel`; no variance; columns whose names or units are unknown,
-        that may be the same part twice, or that contradict each other.
+        A file without an FRF; several FRFs without `channel`; no variance; columns whose names or
+        units are unknown, that may be the same part twice, or that contradict each other.
 
     Warns
     -----
@@ -126,25 +148,35 @@ def load_frf(
     tables = {label: one for label, one in tables.items() if not one.refusal} or tables
     if not tables:
         raise ValueError(
-            "path must hold an FRF, by name: frequencies that rise or fall throughout, with magnitude and phase or "
-            f"real and imaginary part, got {name!r} with {', '.join(file.arrays)}; name the columns as in "
-            "'f [Hz],gain [dB],phase [deg]', or give columns, as in 'f=col1 [Hz], mag=col2 [dB], "
-            "phase=col3 [deg]'; nlfrf inspect shows the contents of a file"
+            "path must hold an FRF, by name: frequencies that rise or fall throughout, with"
+            f" magnitude and phase or real and imaginary part, got {name!r} with"
+            f" {', '.join(file.arrays)}; name the columns as in 'f [Hz],gain [dB],phase [deg]', or"
+            " give columns, as in 'f=col1 [Hz], mag=col2 [dB], phase=col3 [deg]'; nlfrf inspect"
+            " shows the contents of a file"
         )
     wanted = re.sub(r"\W", "", channel).lower()
     chosen = [one for one in tables if re.sub(r"\W", "", one).lower() == wanted or not channel]
     if len(chosen) != 1:
         listed = ", ".join(map(repr, tables))
-        raise ValueError(f"channel must name one of the FRFs of {name!r}, {listed}; got {channel or 'none'!r}")
+        raise ValueError(
+            f"channel must name one of the FRFs of {name!r}, {listed}; got {channel or 'none'!r}"
+        )
     table = tables[chosen[0]]
     if table.refusal:
         raise ValueError(table.refusal)
-    std = table.std if relative_std is None else require_positive("relative_std", relative_std) * np.abs(table.G)
+    std = (
+        table.std
+        if relative_std is None
+        else require_positive("relative_std", relative_std) * np.abs(table.G)
+    )
     missing = "relative_std" if table.coherence is None else "n_averages"
     if std is None and (table.coherence is None or n_averages is None):
         raise MissingArgumentError(missing, _NEEDS[missing])
     if table.left_out and len(tables) == 1:
-        data_warning(f"left out, because not part of the FRF in {name!r}: {', '.join(map(repr, table.left_out))}")
+        data_warning(
+            f"left out, because not part of the FRF in {name!r}:"
+            f" {', '.join(map(repr, table.left_out))}"
+        )
     top, slash, bottom = table.unit.rpartition("/")
     return bla_from_frf(
         table.f,
@@ -168,21 +200,29 @@ class _Column(NamedTuple):
 
 
 def _parse_columns(text: str, file: Channels) -> list[_Column]:
-    """Parse the option for the columns of a file, as in "f=col1 [Hz], re=col2 [Ohm], im=-col3 [Ohm]"."""
+    """Parse the option for the columns of a file, as in "f=col1 [Hz], re=col2 [Ohm], im=-col3
+    [Ohm]".
+    """
     columns = []
     for item in re.split(rf",\s*(?=(?:{'|'.join(_KEYS)})\s*=)", text.strip()):
         key, _, rest = (one.strip() for one in item.partition("="))
         name, signs, unit = file.full_name(rest), "", ""
-        if name not in file.arrays and (found := re.fullmatch(r"([-−]?(?:\s*1\s*/)?)\s*(.+?)", rest)):
+        if name not in file.arrays and (
+            found := re.fullmatch(r"([-−]?(?:\s*1\s*/)?)\s*(.+?)", rest)
+        ):
             signs, name = found[1], file.full_name(found[2])
         if name not in file.arrays and (found := re.fullmatch(r"(.+?)\s*\[([^\[\]]*)\]", name)):
             name, unit = file.full_name(found[1]), found[2]
         parsed = parse_name(name, unit or file.stated_unit(name))
-        if key not in _KEYS or name not in file.arrays or (unit and not suits(_KEYS[key], parse_unit(unit))):
+        if (
+            key not in _KEYS
+            or name not in file.arrays
+            or (unit and not suits(_KEYS[key], parse_unit(unit)))
+        ):
             raise ValueError(
-                f"columns must be {', '.join(_KEYS)}, each with a column and its unit, as in 'f=col1 [Hz], "
-                f"re=col2 [Ohm], im=-col3 [Ohm]', got {item!r}; the columns of {Path(file.path).name!r} are "
-                + ", ".join(file.arrays)
+                f"columns must be {', '.join(_KEYS)}, each with a column and its unit, as in"
+                f" 'f=col1 [Hz], re=col2 [Ohm], im=-col3 [Ohm]', got {item!r}; the columns of"
+                f" {Path(file.path).name!r} are " + ", ".join(file.arrays)
             )
         named = parsed._replace(
             quantity=_KEYS[key],
@@ -198,20 +238,28 @@ def _parse_columns(text: str, file: Channels) -> list[_Column]:
 
 
 def find_frfs(file: Channels, columns: str = "") -> dict[str, _FrfTable]:
-    """Find the FRFs in the channels of a file, each once, by the common part of the names of their columns."""
+    """Find the FRFs in the channels of a file, each once, by the common part of the names of their
+    columns.
+    """
     numeric = {
         name: np.ravel(array)
         for name, array in file.arrays.items()
         if array.dtype.kind in "fiuc" and np.squeeze(array).ndim == 1 and np.isfinite(array).any()
     }
-    if not columns and file.path.lower().endswith(".frd") and [*numeric] == ["col1", "col2", "col3"]:
+    if (
+        not columns
+        and file.path.lower().endswith(".frd")
+        and [*numeric] == ["col1", "col2", "col3"]
+    ):
         columns = "f=col1 [Hz], mag=col2 [dB], phase=col3 [deg]"  # as in files of loudspeakers
         data_warning(f"{Path(file.path).name!r} names no columns: they are taken for {columns!r}")
     found = (
         _parse_columns(columns, file)
         if columns
         else [
-            _Column(name, x, parse_name(name, file.stated_unit(name), is_complex=x.dtype.kind == "c"))
+            _Column(
+                name, x, parse_name(name, file.stated_unit(name), is_complex=x.dtype.kind == "c")
+            )
             for name, x in numeric.items()
         ]
     )
@@ -221,7 +269,11 @@ def find_frfs(file: Channels, columns: str = "") -> dict[str, _FrfTable]:
             continue
         others = [one.G for one in tables.values() if one.G.shape == table.G.shape]
         # an admittance and its impedance are one FRF
-        same = (np.all(np.abs(G - table.G) <= _SAME_FRF * np.abs(G)) for one in others for G in (one, 1 / one))
+        same = (
+            np.all(np.abs(G - table.G) <= _SAME_FRF * np.abs(G))
+            for one in others
+            for G in (one, 1 / one)
+        )
         if table.refusal or not any(same):
             tables[label] = table
     return tables
@@ -230,7 +282,9 @@ def find_frfs(file: Channels, columns: str = "") -> dict[str, _FrfTable]:
 def _read_frf(found: list[_Column], label: str, file: str) -> _FrfTable | None:
     """Read an FRF by the names of its columns; None if a part or its frequencies are missing."""
     whole = [one for one in found if one.parsed.quantity in _WHOLE]
-    of, size = next((one.parsed.of_what.split(), one.x.size) for one in whole if one.parsed.label == label)
+    of, size = next(
+        (one.parsed.of_what.split(), one.x.size) for one in whole if one.parsed.label == label
+    )
     is_alone = all(one.parsed.label == label or one.parsed.unknown for one in whole)
 
     def related(quantity: str) -> list[_Column]:
@@ -240,7 +294,8 @@ def _read_frf(found: list[_Column], label: str, file: str) -> _FrfTable | None:
         fitting = [
             one
             for one in some
-            if is_alone and {*of, *one.parsed.of_what.split()} in ({*of}, {*one.parsed.of_what.split()})
+            if is_alone
+            and {*of, *one.parsed.of_what.split()} in ({*of}, {*one.parsed.of_what.split()})
         ]
         other = {
             "frequency": bare or some,
@@ -258,12 +313,18 @@ def _read_frf(found: list[_Column], label: str, file: str) -> _FrfTable | None:
         return None
     lone = [(one,) for part in _PARTS[2] for one in related(part)]
     try:
-        table, used = _assemble(axes, forms, [*forms[1:], *lone], related("std"), related("coherence"), file)
+        table, used = _assemble(
+            axes, forms, [*forms[1:], *lone], related("std"), related("coherence"), file
+        )
     except ValueError as error:
         example = ", ".join(map(_example_of, (axes[0], *forms[0])))
         why = f"columns must describe those of {file!r}: {error}; as in {example!r}"
         return _FrfTable(tuple(one.name for one in forms[0]), refusal=why)
-    others = [one for one in found if one.name not in used and (one.parsed.unknown or not one.parsed.quantity)]
+    others = [
+        one
+        for one in found
+        if one.name not in used and (one.parsed.unknown or not one.parsed.quantity)
+    ]
     left_out = tuple(one.name for one in others if not re.fullmatch(r"col\d+", one.name))
     return table._replace(left_out=left_out) if table.f.size else None
 
@@ -276,28 +337,52 @@ def _assemble(
     coherences: list[_Column],
     file: str,
 ) -> tuple[_FrfTable, set[str]]:
-    """Return an FRF, and the names of its columns or of compared ones; refuse unknown or contradicting columns."""
+    """Return an FRF, and the names of its columns or of compared ones; refuse unknown or
+    contradicting columns.
+    """
     _require_known_words(axes[0], forms[0], file)
     in_matlab = axes[0].name.rpartition(".")[2] == "wout"
     axis, *first = [_with_unit(one, file, in_matlab=in_matlab) for one in (axes[0], *forms[0])]
-    f, G, (divisor, unit) = convert(axis.parsed, axis.x), _complex_numbers(first), _unit_of_parts(first)
+    f, G, (divisor, unit) = (
+        convert(axis.parsed, axis.x),
+        _complex_numbers(first),
+        _unit_of_parts(first),
+    )
     same_axes = [one for one in axes[1:] if not _is_unclear(one)]
-    if differing := [one for one in same_axes if not np.allclose(convert(one.parsed, one.x), f, rtol=_SAME_FRF)]:
-        raise ValueError(f"the frequencies {axis.name!r} and {differing[0].name!r} contradict each other")
+    if differing := [
+        one for one in same_axes if not np.allclose(convert(one.parsed, one.x), f, rtol=_SAME_FRF)
+    ]:
+        raise ValueError(
+            f"the frequencies {axis.name!r} and {differing[0].name!r} contradict each other"
+        )
     names = {one.name for one in first}
-    clear = [form for form in others if not any(map(_is_unclear, form)) and not names >= {one.name for one in form}]
+    clear = [
+        form
+        for form in others
+        if not any(map(_is_unclear, form)) and not names >= {one.name for one in form}
+    ]
     for form in clear:
         _require_same(G, first, form)
     for form in others:
         is_open = any(map(_is_unclear, form)) and not any(one.parsed.unknown for one in form)
-        if is_open and [one.parsed.quantity for one in form] == [one.parsed.quantity for one in first]:
-            a, b = next(pair for pair in zip(first, form, strict=True) if pair[0].name != pair[1].name)
+        if is_open and [one.parsed.quantity for one in form] == [
+            one.parsed.quantity for one in first
+        ]:
+            a, b = next(
+                pair for pair in zip(first, form, strict=True) if pair[0].name != pair[1].name
+            )
             raise ValueError(f"{a.name!r} and {b.name!r} may both be the {a.parsed.quantity}")
     own = next(one.parsed.unit for one in first if one.parsed.quantity != "phase")
-    known = [(one, x) for one in deviations if (x := _deviation_of(one, np.abs(G), own)) is not None]
-    n_parts = 2 if len(known) == 1 and known[0][0].parsed.part else 1  # the other part of G has the same deviation
+    known = [
+        (one, x) for one in deviations if (x := _deviation_of(one, np.abs(G), own)) is not None
+    ]
+    n_parts = (
+        2 if len(known) == 1 and known[0][0].parsed.part else 1
+    )  # the other part of G has the same deviation
     coherences = [one for one in coherences[:1] if not one.parsed.unknown]
-    used = np.flatnonzero(np.isfinite(G) & (f > 0) & (G != 0))[:: 1 if np.nanargmax(f) > np.nanargmin(f) else -1]
+    used = np.flatnonzero(np.isfinite(G) & (f > 0) & (G != 0))[
+        :: 1 if np.nanargmax(f) > np.nanargmin(f) else -1
+    ]
     table = _FrfTable(
         columns=tuple(one.name for one in first),
         f=f[used],
@@ -307,7 +392,9 @@ def _assemble(
         unit=unit,
     )
     return table, {
-        one.name for some in (first, *clear, [axis, *same_axes], [one for one, _ in known], coherences) for one in some
+        one.name
+        for some in (first, *clear, [axis, *same_axes], [one for one, _ in known], coherences)
+        for one in some
     }
 
 
@@ -318,40 +405,66 @@ def _is_monotone(x: np.ndarray) -> bool:
 
 
 def _is_unclear(column: _Column) -> bool:
-    """Return whether words of a column are unknown, or a unit without which its numbers have no meaning."""
+    """Return whether words of a column are unknown, or a unit without which its numbers have no
+    meaning.
+    """
     one = column.parsed
-    return bool(one.unknown) or (one.unit is None and one.quantity in ("frequency", "magnitude", "phase"))
+    return bool(one.unknown) or (
+        one.unit is None and one.quantity in ("frequency", "magnitude", "phase")
+    )
 
 
 def _example_of(column: _Column) -> str:
     """Return a column in the syntax of the option."""
     key = next(key for key, quantity in _KEYS.items() if quantity == column.parsed.quantity)
-    unit = {"f": " [Hz]", "mag": " [dB]", "phase": " [deg]"}.get(key, " [1]") if _is_unclear(column) else ""
+    unit = (
+        {"f": " [Hz]", "mag": " [dB]", "phase": " [deg]"}.get(key, " [1]")
+        if _is_unclear(column)
+        else ""
+    )
     return f"{key}={column.name}{unit}"
 
 
 def _require_known_words(axis: _Column, form: Sequence[_Column], file: str) -> None:
-    """Refuse unknown words; words that all parts share name the measured quantity, and are warned of."""
-    shared = set.intersection(*({*one.parsed.unknown} & {*one.parsed.of_what.split()} for one in form))
+    """Refuse unknown words; words that all parts share name the measured quantity, and are warned
+    of.
+    """
+    shared = set.intersection(
+        *({*one.parsed.unknown} & {*one.parsed.of_what.split()} for one in form)
+    )
     for one in (axis, *form):
         named = [] if one is axis else [word for word in shared if word.isalpha() or word.isdigit()]
         if unknown := [
-            word for word in one.parsed.unknown if word not in named or ROLES.get(word.lower()) == "no_name"
+            word
+            for word in one.parsed.unknown
+            if word not in named or ROLES.get(word.lower()) == "no_name"
         ]:
             raise ValueError(f"{unknown[0]!r} in {one.name!r} is not known")
     if shared and form[0].parsed.quantity != "complex":
         names = join_names([repr(one.name) for one in form])
-        data_warning(f"{' '.join(form[0].parsed.unknown)!r} in {names} of {file!r} is taken as the measured quantity")
+        data_warning(
+            f"{' '.join(form[0].parsed.unknown)!r} in {names} of {file!r} is taken as the measured"
+            " quantity"
+        )
 
 
 def _with_unit(column: _Column, file: str, *, in_matlab: bool = False) -> _Column:
-    """Return a column with its unit; without a stated one the likely one, with a warning, or a refusal.
+    """Return a column with its unit; without a stated one the likely one, with a warning, or a
+    refusal.
 
     In MATLAB `[mag, phase, wout] = bode(sys)` gives ratios and degrees.
     """
     x, quantity = column.x, column.parsed.quantity
-    degrees = ("degrees", "radians") if in_matlab or np.nanmax(np.abs(x)) > TURN else ("radians", "degrees")
-    likely = {"frequency": ("Hz", "rad/s"), "magnitude": ("ratio" if in_matlab else "dB", "a ratio"), "phase": degrees}
+    degrees = (
+        ("degrees", "radians")
+        if in_matlab or np.nanmax(np.abs(x)) > TURN
+        else ("radians", "degrees")
+    )
+    likely = {
+        "frequency": ("Hz", "rad/s"),
+        "magnitude": ("ratio" if in_matlab else "dB", "a ratio"),
+        "phase": degrees,
+    }
     if column.parsed.unit or quantity not in likely:
         return column
     taken, other = likely[quantity]
@@ -359,14 +472,16 @@ def _with_unit(column: _Column, file: str, *, in_matlab: bool = False) -> _Colum
         raise ValueError(f"{column.name!r} names no unit and may be in dB, or a ratio, [1]")
     if not in_matlab:
         data_warning(
-            f"{column.name!r} of {file!r} names no unit and is taken for {taken}, not {other}: write the unit behind "
-            "the name, as in 'phase [rad]', 'gain [dB]'"
+            f"{column.name!r} of {file!r} names no unit and is taken for {taken}, not {other}:"
+            " write the unit behind the name, as in 'phase [rad]', 'gain [dB]'"
         )
     return column._replace(parsed=column.parsed._replace(unit=parse_unit(taken)))
 
 
 def _complex_numbers(form: Sequence[_Column], G: np.ndarray | None = None) -> np.ndarray:
-    """Return G in SI units from its parts; a magnitude or phase alone is completed by the other part of `G`."""
+    """Return G in SI units from its parts; a magnitude or phase alone is completed by the other
+    part of `G`.
+    """
     x = {one.parsed.quantity: convert(one.parsed, one.x) for one in form}
     if "real" in x:
         if form[0].parsed.inverse != form[1].parsed.inverse:
@@ -374,19 +489,31 @@ def _complex_numbers(form: Sequence[_Column], G: np.ndarray | None = None) -> np
         z = x["real"] + 1j * x["imaginary"]
         return 1 / z if form[0].parsed.inverse else z
     size, angle = (np.ones(1), np.zeros(1)) if G is None else (np.abs(G), np.angle(G))
-    return x["complex"] if "complex" in x else x.get("magnitude", size) * np.exp(1j * x.get("phase", angle))
+    return (
+        x["complex"]
+        if "complex" in x
+        else x.get("magnitude", size) * np.exp(1j * x.get("phase", angle))
+    )
 
 
 def _unit_of_parts(form: Sequence[_Column]) -> tuple[float, str]:
-    """Return factor to SI and name of the unit of G: the unit of all parts, else one without prefixes."""
+    """Return factor to SI and name of the unit of G: the unit of all parts, else one without
+    prefixes.
+    """
     parts = [one.parsed for one in form if one.parsed.quantity != "phase"]
     units = [one.unit or Unit(1.0, (("unknown", 1),)) for one in parts]
     if len({unit.powers for unit in units}) > 1:
-        raise ValueError(f"{form[0].name!r} and {form[1].name!r} must be in one unit, or units of one kind")
-    unit, name = units[0], re.sub("^(?:dB.*|%|1)$", "", units[0].text if parts[0].scale == 1 else "")
+        raise ValueError(
+            f"{form[0].name!r} and {form[1].name!r} must be in one unit, or units of one kind"
+        )
+    unit = units[0]
+    name = re.sub("^(?:dB.*|%|1)$", "", units[0].text if parts[0].scale == 1 else "")
     divisor = unit.factor if unit.powers and not unit.decades else 1.0
     if len({one.factor for one in units}) > 1:
-        divisor, name = 1.0, re.sub(r"[^\W\d_]+", lambda some: (find_symbol(some[0]) or ("", "", some[0]))[2], name)
+        divisor = 1.0
+        name = re.sub(
+            r"[^\W\d_]+", lambda some: (find_symbol(some[0]) or ("", "", some[0]))[2], name
+        )
     top, slash, bottom = name.rpartition("/")
     inverted = f"{bottom}/{top}" if slash else name and f"1/{name}"
     return (1 / divisor, inverted) if parts[0].inverse else (divisor, name)
@@ -407,34 +534,59 @@ def _require_same(G: np.ndarray, first: Sequence[_Column], form: Sequence[_Colum
 def _last_decimal(x: np.ndarray) -> float:
     """Return the last decimal of written numbers; 0 if they have many digits."""
     kept = x[np.isfinite(x)]
-    return next((10.0**-k for k in range(12) if np.allclose(np.round(kept, k), kept, rtol=1e-12, atol=0)), 0.0)
+    return next(
+        (10.0**-k for k in range(12) if np.allclose(np.round(kept, k), kept, rtol=1e-12, atol=0)),
+        0.0,
+    )
 
 
 def _deviation_of(column: _Column, size: np.ndarray, own: Unit | None) -> np.ndarray | None:
-    """Return the standard deviation of G or of a part in SI units; None if its unit does not fit that of G."""
+    """Return the standard deviation of G or of a part in SI units; None if its unit does not fit
+    that of G.
+    """
     unit = column.parsed.unit or (None if own and own.decades else own or Unit(1.0))
     if unit is None or column.parsed.unknown:
         return None
     is_share = not unit.powers and unit.factor < 1 and unit != own  # not if G is in percent, too
     is_relative = unit.decades > 0 or is_share or suits("phase", unit)
-    if not is_relative and (unit.powers != (own or Unit(1.0)).powers or (not unit.powers and unit.factor == 0.01)):
+    if not is_relative and (
+        unit.powers != (own or Unit(1.0)).powers or (not unit.powers and unit.factor == 0.01)
+    ):
         return None
-    x = 10 ** (unit.decades * np.abs(column.x)) - 1 if unit.decades else unit.factor * np.abs(column.x)
+    x = (
+        10 ** (unit.decades * np.abs(column.x)) - 1
+        if unit.decades
+        else unit.factor * np.abs(column.x)
+    )
     return np.asarray(x * size if is_relative else x)
 
 
 def describe_frfs(tables: dict[str, _FrfTable]) -> tuple[str, tuple[str, ...]]:
-    """Describe the FRFs of a file and what the first one lacks; return also the options that it needs."""
+    """Describe the FRFs of a file and what the first one lacks; return also the options that it
+    needs.
+    """
     if not tables:
         return "", ()
     (label, frf), *others = tables.items()
     if frf.refusal:
-        return f"FRF:   in {' and '.join(map(repr, frf.columns))}\nneeds: {frf.refusal}", ("--columns", "COLUMNS")
-    about = f"FRF:   {frf.f.size} lines from {frf.f[0]:g} to {frf.f[-1]:g} Hz in {' and '.join(map(repr, frf.columns))}"
+        return f"FRF:   in {' and '.join(map(repr, frf.columns))}\nneeds: {frf.refusal}", (
+            "--columns",
+            "COLUMNS",
+        )
+    about = (
+        f"FRF:   {frf.f.size} lines from {frf.f[0]:g} to {frf.f[-1]:g} Hz in"
+        f" {' and '.join(map(repr, frf.columns))}"
+    )
     about += "".join(f", and of {other!r}" for other, _ in others)
-    about += f"; not part of it: {', '.join(map(repr, frf.left_out))}" if frf.left_out and not others else ""
+    about += (
+        f"; not part of it: {', '.join(map(repr, frf.left_out))}"
+        if frf.left_out and not others
+        else ""
+    )
     channel = ("--channel", label) if others else ()
     if frf.std is not None:
         return about, channel
-    missing, option = ("relative_std", "relative-std") if frf.coherence is None else ("n_averages", "averages")
+    missing, option = (
+        ("relative_std", "relative-std") if frf.coherence is None else ("n_averages", "averages")
+    )
     return f"{about}\nneeds: {_NEEDS[missing]}", (f"--{option}", option.upper(), *channel)

@@ -34,14 +34,18 @@ from nlfrf.records.screened import ScreenedStreams, screen_streams
 from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine
 
-_MAX_UNEVEN_STEPS = 0.01  # largest share of the steps of a counter that differ from the others, at its wraps
+_MAX_UNEVEN_STEPS = (
+    0.01  # largest share of the steps of a counter that differ from the others, at its wraps
+)
 _MIN_LENGTH_RATIO = 16  # length ratio beyond which a shorter channel is ignored
 #: Reason why a channel is no candidate.
 _PROGRESSIVE = "rises or falls throughout, as a clock or a counter does"
 
 
 class _Channel(NamedTuple):
-    """One channel of a file: its name, unit, samples, sampling frequency [Hz] (nan if unknown), extremes, rms."""
+    """One channel of a file: its name, unit, samples, sampling frequency [Hz] (nan if unknown),
+    extremes, rms.
+    """
 
     name: str
     unit: str
@@ -65,8 +69,8 @@ class _FileContents:
     notes : dict of str to str
         Reasons why other entries of the file are no signals.
     u, y, reference : str
-        Guess at input, output and reference, empty if there is none. A channel that rises throughout (a clock, counter
-        or frequency) is none of them; a set point is no output.
+        Guess at input, output and reference, empty if there is none. A channel that rises
+        throughout (a clock, counter or frequency) is none of them; a set point is no output.
     period : float
         Guess at the period of the input, in samples; 0 if it does not repeat.
     lines : str
@@ -74,7 +78,8 @@ class _FileContents:
     schema : str
         Schema of a file of this package, empty for other files.
     lost : str
-        Description of the rows missing in the time column and of the whole periods, or of its unequal steps.
+        Description of the rows missing in the time column and of the whole periods, or of its
+        unequal steps.
     uneven : bool
         True if the rows belong to no even clock, and must be put on one.
     doubt : str
@@ -113,23 +118,45 @@ class _FileContents:
 
     @property
     def command(self) -> str:
-        """The command that identifies the BLA of a record or models an FRF; words in capitals are to be replaced."""
+        """The command that identifies the BLA of a record or models an FRF; words in capitals are
+        to be replaced.
+        """
         file, stem = _escape_dash(self.path), Path(self.path).stem
         if self.frf and not self.period:
-            return shlex.join(["robust", "model", file, *self.frf_options, "-o", _escape_dash(f"{stem}-model.json")])
+            return shlex.join(
+                [
+                    "robust",
+                    "model",
+                    file,
+                    *self.frf_options,
+                    "-o",
+                    _escape_dash(f"{stem}-model.json"),
+                ]
+            )
         options = () if self.schema else self.record_options()
-        return shlex.join(["nlfrf", "identify", file, *options, "-o", _escape_dash(f"{stem}-bla.npz")])
+        return shlex.join(
+            ["nlfrf", "identify", file, *options, "-o", _escape_dash(f"{stem}-bla.npz")]
+        )
 
     def record_options(self) -> list[str]:
         """Return the options of `nlfrf identify` for a file of another program."""
-        options = ["--input", _quote_name(self.u or "INPUT"), "--output", _quote_name(self.y or "OUTPUT")]
+        options = [
+            "--input",
+            _quote_name(self.u or "INPUT"),
+            "--output",
+            _quote_name(self.y or "OUTPUT"),
+        ]
         options += ["--hold", "zoh" if is_set_point(self.u) else "unknown"]
         options += ["--reference", _quote_name(self.reference)] if self.reference else []
         known = [one for one in self.channels if self.u in ("", one.name)]
         options += [] if any(np.isfinite(one.fs) for one in known) else ["--fs", "HERTZ"]
-        if max((one.n for one in known), default=0) < 2 * self.period or (self.u and not self.period):
+        if max((one.n for one in known), default=0) < 2 * self.period or (
+            self.u and not self.period
+        ):
             options += ["--period", f"{self.period:.0f}" if self.period else "SAMPLES"]
-        return options + ["--resample"] * (self.uneven or abs(self.period - round(self.period)) > WHOLE_TOLERANCE)
+        return options + ["--resample"] * (
+            self.uneven or abs(self.period - round(self.period)) > WHOLE_TOLERANCE
+        )
 
     def __str__(self) -> str:
         what = format_count(len(self.channels), "channel") if self.channels else self.schema
@@ -145,28 +172,39 @@ class _FileContents:
             lines.append(f"guess: none, {self.doubt}; {self.lines}")
         elif self.u:
             reference = f", reference {self.reference}" if self.reference else ""
-            lines.append(f"guess: input {self.u or '?'}, output {self.y or '?'}{reference}; {self.lines}")
+            lines.append(
+                f"guess: input {self.u or '?'}, output {self.y or '?'}{reference}; {self.lines}"
+            )
             if not is_set_point(self.u):
-                lines.append("hold:  zoh if the input is a command, band-limited if it was measured; unknown here")
+                lines.append(
+                    "hold:  zoh if the input is a command, band-limited if it was measured; unknown"
+                    " here"
+                )
         return "\n".join([*lines, f"run:   {self.command}"])
 
 
 def _table_of_channels(channels: Sequence[_Channel]) -> list[str]:
     """Return a line for each channel below their head, in columns; none without channels."""
-    rows: list[tuple[str, ...]] = [("channel", "unit", "samples", "fs [Hz]", "lowest", "highest", "rms")]
+    rows: list[tuple[str, ...]] = [
+        ("channel", "unit", "samples", "fs [Hz]", "lowest", "highest", "rms")
+    ]
     for c in channels:
         numbers = ["" if np.isnan(x) else f"{x:.6g}" for x in (c.fs, c.low, c.high, c.rms)]
         rows.append((c.name, c.unit, str(c.n), *numbers))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     aligned = [
-        [cell.ljust(w) if i < 2 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))]
+        [
+            cell.ljust(w) if i < 2 else cell.rjust(w)
+            for i, (cell, w) in enumerate(zip(row, widths, strict=True))
+        ]
         for row in rows
     ]
     return [("  " + "  ".join(cells)).rstrip() for cells in aligned] if channels else []
 
 
 def _quote_name(name: str) -> str:
-    """Return a channel's name as `nlfrf identify` takes it: in quotes, as in a table, if it contains commas.
+    """Return a channel's name as `nlfrf identify` takes it: in quotes, as in a table, if it
+    contains commas.
 
     >>> print(_quote_name("Kraft"), _quote_name("Kraft, x"))
     Kraft "Kraft, x"
@@ -193,8 +231,8 @@ def inspect_file(path: str | os.PathLike[str]) -> _FileContents:
     Returns
     -------
     FileContents
-        Printed, it is a table with the command to run. The guess uses names, then lines: a machine adds power between
-        the lines, so the input is the channel whose detection lines are empty.
+        Printed, it is a table with the command to run. The guess uses names, then lines: a machine
+        adds power between the lines, so the input is the channel whose detection lines are empty.
 
     Raises
     ------
@@ -232,16 +270,23 @@ def inspect_file(path: str | os.PathLike[str]) -> _FileContents:
         )
     tables = find_frfs(file)
     frf, frf_options = describe_frfs(tables)
-    n_lines = {file.arrays[one.columns[0]].size for one in tables.values()}  # other streams may be a record
+    n_lines = {
+        file.arrays[one.columns[0]].size for one in tables.values()
+    }  # other streams may be a record
     streams = {name: stream for name, stream in streams.items() if stream.size not in n_lines}
     candidates, progressive = _split_moving(file, streams)
     rows = {name: find_rows_off(file.seconds(name), _known_rate(file, name)) for name in candidates}
     filled = {
-        name: stream if (lost := rows[name]) is None else lost.filled(stream) for name, stream in candidates.items()
+        name: stream if (lost := rows[name]) is None else lost.filled(stream)
+        for name, stream in candidates.items()
     }
     groups = _group_by_length(filled)
-    guesses = [find_direction(together, lambda name: _known_rate(file, name)) for together in groups]
-    guess = next((one for one in guesses if one.period), next((one for one in guesses if one.u), Direction()))
+    guesses = [
+        find_direction(together, lambda name: _known_rate(file, name)) for together in groups
+    ]
+    guess = next(
+        (one for one in guesses if one.period), next((one for one in guesses if one.u), Direction())
+    )
     lost = rows.get(guess.u)
     return _FileContents(
         path=str(path),
@@ -261,10 +306,16 @@ def inspect_file(path: str | os.PathLike[str]) -> _FileContents:
     )
 
 
-def _split_moving(file: Channels, streams: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], list[str]]:
+def _split_moving(
+    file: Channels, streams: dict[str, np.ndarray]
+) -> tuple[dict[str, np.ndarray], list[str]]:
     """Return the varying streams without times, and the names of those that only rise or fall."""
     times = {name for name in streams if is_time_name(name)} | set(file.clocks.values())
-    varying = {name: stream for name, stream in streams.items() if name not in times and _is_varying(stream)}
+    varying = {
+        name: stream
+        for name, stream in streams.items()
+        if name not in times and _is_varying(stream)
+    }
     candidates = {name: stream for name, stream in varying.items() if not _is_progressive(stream)}
     return candidates, [name for name in varying if name not in candidates]
 
@@ -272,7 +323,8 @@ def _split_moving(file: Channels, streams: dict[str, np.ndarray]) -> tuple[dict[
 def screen_file(path: str | os.PathLike[str], contents: _FileContents) -> ScreenedStreams:
     """Look for the faults of the record in a file, with their places, to draw them.
 
-    For a file without a periodic input all varying channels are shown; for several realisations the first one.
+    For a file without a periodic input all varying channels are shown; for several realisations the
+    first one.
 
     Parameters
     ----------
@@ -292,7 +344,9 @@ def screen_file(path: str | os.PathLike[str], contents: _FileContents) -> Screen
         if contents.schema:
             record = value_in(file)
             if not isinstance(record, Record):
-                raise ValueError(f"plot must show a record, got {path}: nlfrf plot draws {contents.schema}")
+                raise ValueError(
+                    f"plot must show a record, got {path}: nlfrf plot draws {contents.schema}"
+                )
             signals = _record_signals(record)
             return screen_streams(
                 [one[0].ravel() for _, _, one in signals],
@@ -304,11 +358,19 @@ def screen_file(path: str | os.PathLike[str], contents: _FileContents) -> Screen
         inputs = [name for name in (contents.reference, contents.u) if name]
         names = [*inputs, *[contents.y] * bool(contents.y)]
         if not contents.u:
-            varying = {name: file.arrays[name] for name in file.signals if file.arrays[name].squeeze().ndim == 1}
-            moving = {name: x for name, x in varying.items() if _is_varying(x) and name not in file.times}
+            varying = {
+                name: file.arrays[name]
+                for name in file.signals
+                if file.arrays[name].squeeze().ndim == 1
+            }
+            moving = {
+                name: x for name, x in varying.items() if _is_varying(x) and name not in file.times
+            }
             names = list(next(iter(_group_by_length(moving)), {}))[:MAX_CANDIDATES]
         if contents.frf and not contents.u:
-            raise ValueError(f"plot must show a record, got {path}, which contains an FRF: use robust model")
+            raise ValueError(
+                f"plot must show a record, got {path}, which contains an FRF: use robust model"
+            )
         if not names:
             raise ValueError(f"plot must show a record, got {path}, in which no channel varies")
         streams = [file.signal("u", name) for name in names]
@@ -316,7 +378,10 @@ def screen_file(path: str | os.PathLike[str], contents: _FileContents) -> Screen
         fs = _known_rate(file, *names)
     return screen_streams(
         streams,
-        [label_with_unit(UNIT_SUFFIX.sub("", name), file.unit(name), "unit of it") for name in names],
+        [
+            label_with_unit(UNIT_SUFFIX.sub("", name), file.unit(name), "unit of it")
+            for name in names
+        ],
         n_inputs=len(inputs),
         fs=fs,
         period=contents.period,
@@ -325,13 +390,16 @@ def screen_file(path: str | os.PathLike[str], contents: _FileContents) -> Screen
 
 
 def _own_contents(file: Channels) -> _FileContents:
-    """Return the contents of a file of this package: the channels of a record, or a description of anything else."""
+    """Return the contents of a file of this package: the channels of a record, or a description of
+    anything else.
+    """
     content = value_in(file)
     channels: tuple[_Channel, ...] = ()
     if isinstance(content, Record):
         fs = content.fs
         channels = tuple(
-            _channel_statistics(name, unit, fs=fs, stream=one) for name, unit, one in _record_signals(content)
+            _channel_statistics(name, unit, fs=fs, stream=one)
+            for name, unit, one in _record_signals(content)
         )
     return _FileContents(
         path=file.path,
@@ -340,7 +408,9 @@ def _own_contents(file: Channels) -> _FileContents:
         u="",
         y="",
         period=0.0,
-        lines=str(content) if isinstance(content, Bla | AxisExperiment) else _describe_extent(content),
+        lines=(
+            str(content) if isinstance(content, Bla | AxisExperiment) else _describe_extent(content)
+        ),
         schema=file.text("schema"),
     )
 
@@ -357,13 +427,17 @@ def _record_signals(record: Record) -> list[tuple[str, str, np.ndarray]]:
         (name, unit, one)
         for names, units, signals in sides
         if signals is not None
-        for name, unit, one in zip(names, units, signals[None] if record.is_single else signals, strict=True)
+        for name, unit, one in zip(
+            names, units, signals[None] if record.is_single else signals, strict=True
+        )
     ]
 
 
 def _describe_extent(content: Record | Multisine) -> str:
     runs = format_count(content.n_experiments, "realisation" if content.is_single else "experiment")
-    periods = f"{format_count(content.n_periods, 'period')} x " if isinstance(content, Record) else ""
+    periods = (
+        f"{format_count(content.n_periods, 'period')} x " if isinstance(content, Record) else ""
+    )
     f = content.lines.excited * content.f0
     band = f"{format_count(f.size, 'line')} from {f[0]:.4g} to {f[-1]:.4g} Hz"
     return f"{runs} x {periods}{content.n_samples} samples, {band}, hold {content.hold}"
@@ -375,7 +449,8 @@ def _is_varying(stream: np.ndarray) -> bool:
 
 
 def _is_progressive(stream: np.ndarray) -> bool:
-    """Return whether a stream only rises or falls, or has equal steps except for rare wraps: no periodic signal.
+    """Return whether a stream only rises or falls, or has equal steps except for rare wraps: no
+    periodic signal.
 
     >>> [_is_progressive(np.array(x)) for x in ([1, 2, 2, 9], [3.0, 1.0, 0.5], [0, 1, 0], np.arange(900) % 256)]
     [True, True, False, True]
@@ -397,14 +472,17 @@ def _known_rate(file: Channels, *names: str) -> float:
 def _channel_statistics(name: str, unit: str, *, fs: float, stream: np.ndarray) -> _Channel:
     x = np.asarray(stream, dtype=float)
     x = x[np.isfinite(x)]
-    extremes = (float(x.min()), float(x.max()), float(np.sqrt(np.mean(x**2)))) if x.size else (np.nan,) * 3
+    extremes = (
+        (float(x.min()), float(x.max()), float(np.sqrt(np.mean(x**2)))) if x.size else (np.nan,) * 3
+    )
     return _Channel(name, unit, stream.size, fs, *extremes)
 
 
 def _group_by_length(candidates: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
     """Return groups of channels with equal length, sampled together, the longest first.
 
-    A channel much shorter than the longest is no measurement, but a state, a setting or an occasional temperature.
+    A channel much shorter than the longest is no measurement, but a state, a setting or an
+    occasional temperature.
     """
     sizes = sorted({stream.size for stream in candidates.values()}, reverse=True)
     return [

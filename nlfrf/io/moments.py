@@ -1,4 +1,6 @@
-"""Check that channels were sampled at the same moments, if the file has a time axis or a start for each."""
+"""Check that channels were sampled at the same moments, if the file has a time axis or a start for
+each.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +10,16 @@ import numpy as np
 
 from nlfrf._base.arguments import data_warning
 
-_WARN_SHIFT, _MAX_SHIFT = 0.05, 0.5  # samples of delay between two starts: limit of a warning, of a refusal
+# samples of delay between two starts: limit of a warning, of a refusal
+_WARN_SHIFT = 0.05
+_MAX_SHIFT = 0.5
 _N_COMPARED = 1000  # samples of long axes that are compared
 _OTHER_ORIGIN = 1e8  # [s] between two starts, three years, above which they have different origins
 
 
 def require_same_moments(file: str, axes: Mapping[str, np.ndarray | float], fs: float) -> None:
-    """Refuse channels that begin at different moments, and warn of a difference by part of a sample.
+    """Refuse channels that begin at different moments, and warn of a difference by part of a
+    sample.
 
     Parameters
     ----------
@@ -32,21 +37,27 @@ def require_same_moments(file: str, axes: Mapping[str, np.ndarray | float], fs: 
             continue
         if np.ndim(here) and abs(late) >= max(np.size(here), _N_COMPARED):
             data_warning(
-                f"the times of {first!r} and {name!r} in {file!r} have no moment in common: the clocks are assumed to "
-                "have different origins, and the first samples of both to be simultaneous"
+                f"the times of {first!r} and {name!r} in {file!r} have no moment in common: the"
+                " clocks are assumed to have different origins, and the first samples of both to"
+                " be simultaneous"
             )
             continue
         message = f"by the times in {file!r} {name!r} begins {late:+.4g} samples behind {first!r}"
         if abs(late) > _MAX_SHIFT:
             raise ValueError(
-                f"u and y must be sampled together, but {message}; bring them to one clock and give them to "
-                "record_from_samples"
+                f"u and y must be sampled together, but {message}; bring them to one clock and give"
+                " them to record_from_samples"
             )
-        data_warning(f"{message}: G includes this delay, which comes from the recorder and not from the machine")
+        data_warning(
+            f"{message}: G includes this delay, which comes from the recorder and not from the"
+            " machine"
+        )
 
 
 def _start_difference(there: float | np.ndarray, here: float | np.ndarray, fs: float) -> float:
-    """Return the delay of one axis against the other in samples; 0 if it is unknown, or if origins differ."""
+    """Return the delay of one axis against the other in samples; 0 if it is unknown, or if origins
+    differ.
+    """
     if here is there or np.shape(here) != np.shape(there):
         return 0.0
     step = max(1, np.size(here) // _N_COMPARED)

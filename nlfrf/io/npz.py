@@ -1,8 +1,8 @@
 """NPZ files of NumPy: every array, read without a copy where possible.
 
-A member is a small header and its numbers, compressed or not. The header gives the number of entries, the archive the
-number of bytes of the member. If the two contradict each other, or exceed the limit of `require_size`, nothing of the
-file is unpacked.
+A member is a small header and its numbers, compressed or not. The header gives the number of
+entries, the archive the number of bytes of the member. If the two contradict each other, or exceed
+the limit of `require_size`, nothing of the file is unpacked.
 """
 
 from __future__ import annotations
@@ -37,7 +37,9 @@ class _Header(NamedTuple):
 
 
 def contents(path: Path) -> Contents:
-    """Return arrays by name; uncompressed ones without an extra copy, checked against their checksum."""
+    """Return arrays by name; uncompressed ones without an extra copy, checked against their
+    checksum.
+    """
     notes: dict[str, str] = {}
     arrays: dict[str, np.ndarray] = {}
     with path.open("rb") as stream, ZipFile(stream) as archive:
@@ -55,21 +57,32 @@ def contents(path: Path) -> Contents:
             elif header.kind.hasobject:
                 raise ValueError(f"{name!r} holds Python objects, and pickles are never read")
             elif (
-                header.length + header.n_numbers * header.kind.itemsize != member.file_size or header.kind.itemsize == 0
+                header.length + header.n_numbers * header.kind.itemsize != member.file_size
+                or header.kind.itemsize == 0
             ):
-                raise ValueError(f"{name!r} has the shape {header.shape} in its header, and another number of entries")
+                raise ValueError(
+                    f"{name!r} has the shape {header.shape} in its header, and another number of"
+                    " entries"
+                )
             else:
                 headers[name] = member, header
         for name, (member, header) in headers.items():
-            plain = member.compress_type == ZIP_STORED and member.file_size == member.compress_size > _LARGE_MEMBER
+            plain = (
+                member.compress_type == ZIP_STORED
+                and member.file_size == member.compress_size > _LARGE_MEMBER
+            )
             arrays[name] = (
-                _map_member(path, archive, member=member, header=header) if plain else _read_member(archive, member)
+                _map_member(path, archive, member=member, header=header)
+                if plain
+                else _read_member(archive, member)
             )
     return arrays, {}, {}, notes
 
 
 def _read_header(stream: IO[bytes]) -> _Header | None:
-    """Return the header of a member behind its first bytes; None for a version used by tables only."""
+    """Return the header of a member behind its first bytes; None for a version used by tables
+    only.
+    """
     version = tuple(stream.read(2))
     if version not in _HEADER_READERS:
         return None
@@ -101,7 +114,14 @@ def _map_member(path: Path, archive: ZipFile, *, member: ZipInfo, header: _Heade
 
 
 def _member_offset(stream: IO[bytes], member: ZipInfo) -> int:
-    """Return the offset of the bytes of a member, behind its local head of 30 bytes, a name and an extra field."""
+    """Return the offset of the bytes of a member, behind its local head of 30 bytes, a name and an
+    extra field.
+    """
     stream.seek(member.header_offset + 26)
     lengths = stream.read(4)
-    return member.header_offset + 30 + int.from_bytes(lengths[:2], "little") + int.from_bytes(lengths[2:], "little")
+    return (
+        member.header_offset
+        + 30
+        + int.from_bytes(lengths[:2], "little")
+        + int.from_bytes(lengths[2:], "little")
+    )

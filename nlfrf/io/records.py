@@ -23,7 +23,12 @@ from nlfrf._base.numbers import all_finite
 from nlfrf._base.values import value
 from nlfrf.io.channels import Channels, read_channels, to_paths
 from nlfrf.io.designs import load_design
-from nlfrf.io.stored_records import MULTIRECORD_SCHEMA, RECORD_SCHEMA, stored_multirecord, stored_records
+from nlfrf.io.stored_records import (
+    MULTIRECORD_SCHEMA,
+    RECORD_SCHEMA,
+    stored_multirecord,
+    stored_records,
+)
 from nlfrf.io.uneven_clock import UnevenClock, find_uneven_clock
 from nlfrf.records.period import detect_period, is_repeated
 from nlfrf.records.record import SAME_CLOCK, Record
@@ -45,12 +50,15 @@ def _read_measurement(path: str | os.PathLike[str]) -> Channels:
     return file
 
 
-# ---- Rows that a logger lost, as the time column of its file shows them, and the periods that are still whole.
+# ---- Rows that a logger lost, as the time column of its file shows them, and the periods that are
+# still whole.
 #
-# Behind a lost row every sample is one place early. Periods that are cut by counting are then all misplaced. Cut by
-# their times, all periods except the one with the gap are valid.
+# Behind a lost row every sample is one place early. Periods that are cut by counting are then all
+# misplaced. Cut by their times, all periods except the one with the gap are valid.
 
-_MAX_UNEVENNESS = 0.25  # [samples] a step further from a whole number shows a clock with jitter, not a lost row
+_MAX_UNEVENNESS = (
+    0.25  # [samples] a step further from a whole number shows a clock with jitter, not a lost row
+)
 _WHOLE_TOLERANCE = 0.1  # [samples] largest distance of a period from a whole number
 _MAX_NAMED = 3  # jumps that a message lists
 _MAX_LOST_SHARE = 0.05  # share of the rows with a jump of time above which the rate varies
@@ -65,7 +73,9 @@ class _LostRows:
     fs: float  # sampling frequency [Hz]
 
     def filled(self, stream: np.ndarray) -> np.ndarray:
-        """Return a stream with lost rows interpolated linearly: only good enough to find its period."""
+        """Return a stream with lost rows interpolated linearly: only good enough to find its
+        period.
+        """
         return np.asarray(np.interp(np.arange(self.place[-1] + 1), self.place, stream))
 
     def whole_periods(self, n_samples: int) -> np.ndarray:
@@ -74,7 +84,9 @@ class _LostRows:
         return np.flatnonzero(count == n_samples)
 
     def kept(self, stream: np.ndarray, n_samples: int, n_discard: int) -> np.ndarray:
-        """Return the whole periods of streams (..., n), one behind the other, without the first `n_discard`."""
+        """Return the whole periods of streams (..., n), one behind the other, without the first
+        `n_discard`.
+        """
         period = self.place // n_samples
         whole = self.whole_periods(n_samples)
         kept = np.ascontiguousarray(stream[..., np.isin(period, whole[whole >= n_discard])])
@@ -85,12 +97,15 @@ class _LostRows:
         steps = np.diff(self.place)
         jumps = np.flatnonzero(steps > 1)
         descriptions = [
-            f"time jumps by {format_small_count(int(steps[j]), 'sample')} at {self.moments[j] + 1 / self.fs:.9g} s: "
-            f"{format_small_count(int(steps[j]) - 1, 'sample')} lost"
+            f"time jumps by {format_small_count(int(steps[j]), 'sample')} at"
+            f" {self.moments[j] + 1 / self.fs:.9g} s:"
+            f" {format_small_count(int(steps[j]) - 1, 'sample')} lost"
             for j in jumps[:_MAX_NAMED]
         ]
         more = jumps.size - _MAX_NAMED
-        return "; ".join(descriptions + [f"and {format_small_count(more, 'such jump')} more"] * (more > 0))
+        return "; ".join(
+            descriptions + [f"and {format_small_count(more, 'such jump')} more"] * (more > 0)
+        )
 
     def describe(self, n_samples: int) -> str:
         """Describe the lost rows and list the whole periods.
@@ -107,7 +122,8 @@ class _LostRows:
 
 
 def find_lost_rows(seconds: np.ndarray | None, fs: float) -> _LostRows | None:
-    """Find the lost rows in a time column; None if there are none, or if the column does not show them.
+    """Find the lost rows in a time column; None if there are none, or if the column does not show
+    them.
 
     Parameters
     ----------
@@ -119,8 +135,8 @@ def find_lost_rows(seconds: np.ndarray | None, fs: float) -> _LostRows | None:
     Returns
     -------
     LostRows or None
-        None if the steps are no whole numbers of samples, as for times noted by a computer, or if more rows are lost
-        than exist.
+        None if the steps are no whole numbers of samples, as for times noted by a computer, or if
+        more rows are lost than exist.
     """
     if seconds is None or not fs > 0 or seconds.size < 2:
         return None
@@ -135,13 +151,19 @@ def find_lost_rows(seconds: np.ndarray | None, fs: float) -> _LostRows | None:
     ):
         return None
     place = np.concatenate([[0], np.cumsum(whole)])
-    return _LostRows(place=place.astype(int), moments=seconds, fs=fs) if place[-1] < 2 * seconds.size else None
+    return (
+        _LostRows(place=place.astype(int), moments=seconds, fs=fs)
+        if place[-1] < 2 * seconds.size
+        else None
+    )
 
 
 # ---- Rows of a file that do not form one record: parts of it, and signals that alternate.
 
 _HEAD_ROWS = 64  # rows that show whether signals alternate
-_MAX_FRAYED_SHARE = 0.01  # share of rows at the ends of a file that may lack a channel without a warning
+_MAX_FRAYED_SHARE = (
+    0.01  # share of rows at the ends of a file that may lack a channel without a warning
+)
 
 
 def _arrange_rows(
@@ -152,9 +174,13 @@ def _arrange_rows(
     fs: float | None,
     windows: tuple[Seconds, Seconds],
 ) -> tuple[list[Channels], Cutting]:
-    """Return measurement files whose channels are streams of rows, one per realisation, and the cutting options."""
+    """Return measurement files whose channels are streams of rows, one per realisation, and the
+    cutting options.
+    """
     several = (some if isinstance(some, list | tuple) else [some] for some in channels)
-    names = [name for some in several for name in some if isinstance(name, str)]  # other types are refused later
+    names = [
+        name for some in several for name in some if isinstance(name, str)
+    ]  # other types are refused later
     if not names or any(file.text("schema") for file in files):
         return files, options
     files = [merge_alternating_rows(file, names) for file in files]
@@ -165,58 +191,92 @@ def _arrange_rows(
 
 
 def unfold_periods(file: Channels, names: Sequence[str]) -> tuple[Channels, int]:
-    """Return a file with its matrices of periods, (n, P) or (P, n), as streams, and n; the file and 0 if it has none.
+    """Return a file with its matrices of periods, (n, P) or (P, n), as streams, and n; the file and
+    0 if it has none.
 
-    The first channel shows whether its columns repeat each other; matrices with its shape are treated alike.
+    The first channel shows whether its columns repeat each other; matrices with its shape are
+    treated alike.
     """
     full = file.full_name(names[0]) if names else ""
     matrix = file.arrays.get(full, np.zeros(0))
-    if matrix.ndim != 2 or matrix.dtype.kind not in "fiu" or not 4 < 4 * min(matrix.shape) <= max(matrix.shape):
+    if (
+        matrix.ndim != 2
+        or matrix.dtype.kind not in "fiu"
+        or not 4 < 4 * min(matrix.shape) <= max(matrix.shape)
+    ):
         return file, 0
     n_periods, n = sorted(matrix.shape)
     arrays = {
         name: np.ravel(x if x.shape[0] == n_periods else x.T) if x.shape == matrix.shape else x
         for name, x in file.arrays.items()
-        if not any(name.startswith(f"{other}.") and file.arrays[other].shape == matrix.shape for other in file.arrays)
+        if not any(
+            name.startswith(f"{other}.") and file.arrays[other].shape == matrix.shape
+            for other in file.arrays
+        )
     }
     if not is_repeated(arrays[full].astype(float), n):
         return file, 0
     for name in file.times:
         if file.arrays[name].size == n:
             t = np.ravel(file.arrays[name]).astype(float)
-            arrays[name] = (t + np.arange(n_periods)[:, None] * (t[-1] - t[0]) * n / (n - 1)).ravel()
+            arrays[name] = (
+                t + np.arange(n_periods)[:, None] * (t[-1] - t[0]) * n / (n - 1)
+            ).ravel()
     return replace(file, arrays=arrays), n
 
 
 def merge_alternating_rows(file: Channels, names: Sequence[str]) -> Channels:
-    """Return a file with alternating channels merged, one row each; the file itself if they do not alternate."""
+    """Return a file with alternating channels merged, one row each; the file itself if they do not
+    alternate.
+    """
     full = [file.full_name(name) for name in names]
-    known = {name: file.arrays[name] for name in full if name in file.arrays and file.arrays[name].dtype.kind == "f"}
-    if len(known) < 2 or len({array.shape for array in known.values()}) > 1 or next(iter(known.values())).ndim != 1:
+    known = {
+        name: file.arrays[name]
+        for name in full
+        if name in file.arrays and file.arrays[name].dtype.kind == "f"
+    }
+    if (
+        len(known) < 2
+        or len({array.shape for array in known.values()}) > 1
+        or next(iter(known.values())).ndim != 1
+    ):
         return file
     if np.logical_and.reduce([np.isfinite(array[:_HEAD_ROWS]) for array in known.values()]).any():
         return file
     rows = {name: np.flatnonzero(np.isfinite(array)) for name, array in known.items()}
     n = min(map(np.size, rows.values()))
     turns = np.array([held[:n] for held in rows.values()])
-    if n < 4 or max(map(np.size, rows.values())) > n + 1 or np.any(turns.max(axis=0)[:-1] >= turns.min(axis=0)[1:]):
+    if (
+        n < 4
+        or max(map(np.size, rows.values())) > n + 1
+        or np.any(turns.max(axis=0)[:-1] >= turns.min(axis=0)[1:])
+    ):
         return file
     merged = {name: known[name][held] for name, held in zip(known, turns, strict=True)}
     late = ""
     if (seconds := file.seconds(full[0])) is not None:
         t = seconds[turns]
         shift = float(np.median(t[1:] - t[0]) / np.median(np.diff(t[0])))
-        late = f"; {full[1]} is {shift:.3g} samples later than {full[0]}, and G includes this delay" if shift else ""
+        late = (
+            f"; {full[1]} is {shift:.3g} samples later than {full[0]}, and G includes this delay"
+            if shift
+            else ""
+        )
         time = file.time_of(full[0])
         merged[time] = file.arrays[time][turns[0]]
-    data_warning(f"the channels of {Path(file.path).name!r} alternate, one row each: {n} pairs were merged{late}")
+    data_warning(
+        f"the channels of {Path(file.path).name!r} alternate, one row each: {n} pairs were"
+        f" merged{late}"
+    )
     return replace(file, arrays={**file.arrays, **merged})
 
 
 def _cut_windows(
     files: Sequence[Channels], start: Seconds, stop: Seconds, *, name: str, fs: float | None
 ) -> list[Channels]:
-    """Return the parts of files from each start to its stop, in seconds from the first row; one realisation each."""
+    """Return the parts of files from each start to its stop, in seconds from the first row; one
+    realisation each.
+    """
     starts, stops = ([] if one is None else np.atleast_1d(one).tolist() for one in (start, stop))
     starts, stops = starts or [0.0] * len(stops), stops or [np.inf] * len(starts)
     if len(starts) != len(stops):
@@ -229,8 +289,8 @@ def _cut_windows(
             rows = np.flatnonzero((t >= first - 1e-9 * t[-1]) & (t < end - 1e-9 * t[-1]))
             if rows.size < 4:
                 raise ValueError(
-                    f"start and stop must be inside {Path(file.path).name!r}, from 0 to {t[-1]:g} s, got {first:g} to "
-                    f"{end:g} s with {format_small_count(rows.size, 'sample')}"
+                    f"start and stop must be inside {Path(file.path).name!r}, from 0 to {t[-1]:g}"
+                    f" s, got {first:g} to {end:g} s with {format_small_count(rows.size, 'sample')}"
                 )
             part = slice(rows[0], rows[-1] + 1)
             arrays = {key: x[part] if x.shape[:1] == (n,) else x for key, x in file.arrays.items()}
@@ -239,7 +299,9 @@ def _cut_windows(
 
 
 def find_rows_off(seconds: np.ndarray | None, fs: float) -> _LostRows | UnevenClock | None:
-    """Return the lost rows of a time column, or its uneven clock; None if all rows are on an even clock."""
+    """Return the lost rows of a time column, or its uneven clock; None if all rows are on an even
+    clock.
+    """
     return find_lost_rows(seconds, fs) or find_uneven_clock(seconds, fs)
 
 
@@ -248,9 +310,15 @@ Group: TypeAlias = tuple[str, list[np.ndarray]]
 
 
 def _align_rows(
-    files: Sequence[Channels], names: Sequence[str], groups: Sequence[Group], *, fs: float | None, options: Cutting
+    files: Sequence[Channels],
+    names: Sequence[str],
+    groups: Sequence[Group],
+    *,
+    fs: float | None,
+    options: Cutting,
 ) -> tuple[float, Cutting]:
-    """Bring the streams of files onto one even clock, in place; return its rate [Hz] and the cutting options.
+    """Bring the streams of files onto one even clock, in place; return its rate [Hz] and the
+    cutting options.
 
     Parameters
     ----------
@@ -268,11 +336,15 @@ def _align_rows(
     Raises
     ------
     ValueError
-        Several clocks; unequal time steps without `resample` or `fs`; a file without a whole period.
+        Several clocks; unequal time steps without `resample` or `fs`; a file without a whole
+        period.
     """
     clocks = [file.sampling_frequency(fs, tuple(names)) for file in files]
     if max(clocks) > min(clocks) * (1 + SAME_CLOCK):
-        raise ValueError(f"path must be files with one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
+        raise ValueError(
+            f"path must be files with one sampling frequency, got {min(clocks):g} to"
+            f" {max(clocks):g} Hz"
+        )
     clock = clocks[0]
     lost: list[_LostRows | None] = []
     for m, file in enumerate(files):
@@ -285,20 +357,29 @@ def _align_rows(
             for _, streams in groups:
                 streams[m] = rows.filled(streams[m])
             clock = rows.fs
-            data_warning(f"{described}; its rows were put on an even clock of {clock:g} Hz by a cubic spline")
+            data_warning(
+                f"{described}; its rows were put on an even clock of {clock:g} Hz by a cubic spline"
+            )
         elif fs is not None:
             data_warning(f"{described}; the given fs is used as if the clock were even")
         else:
-            raise ValueError(f"fs must be one rate, but {described}; resample=True puts the rows on an even clock")
+            raise ValueError(
+                f"fs must be one rate, but {described}; resample=True puts the rows on an even"
+                " clock"
+            )
     if not any(lost) or options.resample:  # resample finds the periods in the input
         return clock, options
-    return clock, _keep_whole_periods(lost, groups, fs=clock, options=options, paths=[file.path for file in files])
+    return clock, _keep_whole_periods(
+        lost, groups, fs=clock, options=options, paths=[file.path for file in files]
+    )
 
 
 def _trim_missing(groups: Sequence[Group], m: int, seconds: np.ndarray | None) -> np.ndarray | None:
-    """Cut the rows at both ends of a file where a channel has no number; return the times of the others.
+    """Cut the rows at both ends of a file where a channel has no number; return the times of the
+    others.
 
-    None if streams differ in length from each other, which is refused later, or from the time column.
+    None if streams differ in length from each other, which is refused later, or from the time
+    column.
     """
     sizes = {streams[m].shape[-1] for _, streams in groups}
     if len(sizes) > 1:
@@ -315,13 +396,15 @@ def _trim_missing(groups: Sequence[Group], m: int, seconds: np.ndarray | None) -
         worst = min(range(len(groups)), key=lambda i: finite[i].sum())
         bad = np.flatnonzero(~finite[worst])
         raise ValueError(
-            f"{groups[worst][0]} must be finite, got {bad.size} nan or infinite numbers, the first at {bad[0]}; if "
-            "a channel has a slower clock than the other, its cells are empty: record both at one rate, or fill the "
-            "gaps and give the arrays to record_from_samples(u, y, fs=...)"
+            f"{groups[worst][0]} must be finite, got {bad.size} nan or infinite numbers, the first"
+            f" at {bad[0]}; if a channel has a slower clock than the other, its cells are empty:"
+            " record both at one rate, or fill the gaps and give the arrays to"
+            " record_from_samples(u, y, fs=...)"
         )
     if n_cut > _MAX_FRAYED_SHARE * held.size:
         data_warning(
-            f"{n_cut} of {held.size} rows at the ends of the file have no number in every channel; they are left out"
+            f"{n_cut} of {held.size} rows at the ends of the file have no number in every channel;"
+            " they are left out"
         )
     for _, streams in groups:
         streams[m] = streams[m][..., kept]
@@ -329,9 +412,15 @@ def _trim_missing(groups: Sequence[Group], m: int, seconds: np.ndarray | None) -
 
 
 def _keep_whole_periods(
-    lost: Sequence[_LostRows | None], groups: Sequence[Group], *, fs: float, options: Cutting, paths: Sequence[str]
+    lost: Sequence[_LostRows | None],
+    groups: Sequence[Group],
+    *,
+    fs: float,
+    options: Cutting,
+    paths: Sequence[str],
 ) -> Cutting:
-    """Remove from streams, in place, the periods with lost rows; return the cutting options for the rest.
+    """Remove from streams, in place, the periods with lost rows; return the cutting options for the
+    rest.
 
     Parameters
     ----------
@@ -360,10 +449,8 @@ def _keep_whole_periods(
         n_samples = round(found)
         if abs(found - n_samples) > _WHOLE_TOLERANCE:
             return options  # refused later, when it is searched again
-    n_samples, n_discard = (
-        require_integer("n_samples", n_samples, least=4),
-        require_integer("n_discard", options.n_discard, least=0),
-    )
+    n_samples = require_integer("n_samples", n_samples, least=4)
+    n_discard = require_integer("n_discard", options.n_discard, least=0)
     for m, rows in enumerate(lost):
         if rows is not None:
             descriptions = f"{Path(paths[m]).name!r}: {rows.describe(n_samples)}"
@@ -376,7 +463,11 @@ def _keep_whole_periods(
             data_warning(f"{descriptions}, and kept; the others are left out")
         for _, streams in groups:
             cut = n_discard * n_samples
-            streams[m] = streams[m][..., cut:] if rows is None else rows.kept(streams[m], n_samples, n_discard)
+            streams[m] = (
+                streams[m][..., cut:]
+                if rows is None
+                else rows.kept(streams[m], n_samples, n_discard)
+            )
     return options._replace(n_samples=n_samples, n_discard=0)
 
 
@@ -396,7 +487,12 @@ class ReadOptions(TypedDict, total=False):
 
 @overload
 def load_record(
-    path: Path_ | Sequence[Path_], *, u: str = ..., y: str = ..., r: str | None = ..., **options: Unpack[ReadOptions]
+    path: Path_ | Sequence[Path_],
+    *,
+    u: str = ...,
+    y: str = ...,
+    r: str | None = ...,
+    **options: Unpack[ReadOptions],
 ) -> Record: ...
 
 
@@ -441,25 +537,28 @@ def load_record(
 ) -> Record | list[Record]:
     """Read a record from a measurement file, or from several files of one experiment.
 
-    The samples are cut into periods and screened, as in `record_from_samples`; `inspect_file` lists the channels.
+    The samples are cut into periods and screened, as in `record_from_samples`; `inspect_file` lists
+    the channels.
 
     Parameters
     ----------
     path : path, or a list of them
-        ``.csv .txt .tsv .dat .asc`` as instruments and spreadsheets write them, ``.lvm``, ``.mat`` (Simulink scopes,
-        dSPACE, ``[t u y]`` matrices), ``.npz``, ``.h5``, ``.tdms``, ``.mf4 .mdf``, ``.uff .unv``,
-        ``.parquet .feather``, ``.wav``; `inspect_file` lists them. Several files are several realisations of
-        one experiment, as in `join_records`.
+        ``.csv .txt .tsv .dat .asc`` as instruments and spreadsheets write them, ``.lvm``, ``.mat``
+        (Simulink scopes, dSPACE, ``[t u y]`` matrices), ``.npz``, ``.h5``, ``.tdms``, ``.mf4
+        .mdf``, ``.uff .unv``, ``.parquet .feather``, ``.wav``; `inspect_file` lists them. Several
+        files are several realisations of one experiment, as in `join_records`.
     u, y, r : str, or a list of them
-        Names of the input, output and reference: variables, columns or channels, ``struct.field`` inside structs,
-        ``matrix.2`` for a column, ``col2`` for a table without a header; by default "u" and "y". A list of inputs
-        gives one record of all channels, with one file per experiment. One input and a list of names for `y` give a
-        list of records that share the input. For a record with several channels that `save_record` wrote, `u` may be
-        left out, and `y` chooses outputs; several such files give one record with the experiments of all files. Such a
-        record keeps its reference if `r` is not given.
+        Names of the input, output and reference: variables, columns or channels, ``struct.field``
+        inside structs, ``matrix.2`` for a column, ``col2`` for a table without a header; by default
+        "u" and "y". A list of inputs gives one record of all channels, with one file per
+        experiment. One input and a list of names for `y` give a list of records that share the
+        input. For a record with several channels that `save_record` wrote, `u` may be left out, and
+        `y` chooses outputs; several such files give one record with the experiments of all files.
+        Such a record keeps its reference if `r` is not given.
     fs : float, optional
-        Sampling frequency [Hz]; by default from the file: a variable ``fs`` or ``Ts``, the rate stated for a channel,
-        or a time channel (in seconds, or in the unit in its name or in a row of units).
+        Sampling frequency [Hz]; by default from the file: a variable ``fs`` or ``Ts``, the rate
+        stated for a channel, or a time channel (in seconds, or in the unit in its name or in a row
+        of units).
     n_samples : int, optional
         Samples in one period; by default found from the input.
     lines : LineGrid, optional
@@ -467,12 +566,13 @@ def load_record(
     n_discard : int
         Periods to leave out at the start.
     resample : bool
-        Put rows with unequal time steps on an even clock, and cut the periods at their places in the input; see
-        `record_from_samples`.
+        Put rows with unequal time steps on an even clock, and cut the periods at their places in
+        the input; see `record_from_samples`.
     design : Multisine or path, optional
         Design that was played, or the file that ``nlfrf design`` wrote; see `record_from_samples`.
     hold : str, optional
-        Input between its samples, "zoh" or "band-limited"; see `Record`. By default from the file or the design.
+        Input between its samples, "zoh" or "band-limited"; see `Record`. By default from the file
+        or the design.
     start, stop : float, or a list of them, optional
         Parts of each file, in seconds after its first row: each is a realisation.
 
@@ -484,16 +584,16 @@ def load_record(
     Raises
     ------
     ValueError
-        A file that cannot be read as the kind that its suffix names; names that are not in it (the message lists the
-        existing ones); signals that do not make a record.
+        A file that cannot be read as the kind that its suffix names; names that are not in it (the
+        message lists the existing ones); signals that do not make a record.
     FileNotFoundError
         No such file.
 
     Warns
     -----
     DataWarning
-        A given sampling frequency that is not that of the file; a time channel without a unit, or with lost rows: the
-        periods that are complete according to their time stamps are kept.
+        A given sampling frequency that is not that of the file; a time channel without a unit, or
+        with lost rows: the periods that are complete according to their time stamps are kept.
 
     Examples
     --------
@@ -512,11 +612,14 @@ def load_record(
         design = load_design(design)
     options = Cutting(n_samples, lines, n_discard, resample, design, hold)
     if (start, stop) != (None, None) and any(file.text("schema") for file in files):
-        raise ValueError(f"start and stop must be left out for a record that was saved, got {start} and {stop}")
+        raise ValueError(
+            f"start and stop must be left out for a record that was saved, got {start} and {stop}"
+        )
     if not isinstance(u, str) and not isinstance(y, str) and all(map(_holds_several, files)):
         if r:
             raise ValueError(
-                f"r must be left out for a record that has its own references or none, got {short_form(r)}"
+                "r must be left out for a record that has its own references or none, got"
+                f" {short_form(r)}"
             )
         return stored_multirecord(files, u, y=y, fs=fs, options=options)
     u, y = "u" if u is None else u, "y" if y is None else y
@@ -525,28 +628,44 @@ def load_record(
         y, r = ([one] if isinstance(one, str) else one for one in (y, () if r is None else r))
         return _load_channels(files, u=u, y=y, r=r, fs=fs, options=options)
     records = _load_outputs(
-        files, *_checked_names(u[0] if isinstance(u, list | tuple) else u, y, r), fs=fs, options=options
+        files,
+        *_checked_names(u[0] if isinstance(u, list | tuple) else u, y, r),
+        fs=fs,
+        options=options,
     )
     return records[0] if isinstance(y, str) else records
 
 
 def _load_outputs(
-    files: list[Channels], names: Mapping[str, str], outputs: list[str], *, fs: float | None, options: Cutting
+    files: list[Channels],
+    names: Mapping[str, str],
+    outputs: list[str],
+    *,
+    fs: float | None,
+    options: Cutting,
 ) -> list[Record]:
-    """Return a record for each output of one input, from files of this package or from measurement files."""
+    """Return a record for each output of one input, from files of this package or from measurement
+    files.
+    """
     if several := next((file.path for file in files if _holds_several(file)), None):
         raise ValueError(
-            f"path must be a record of one input, got {several!r} with several: name its inputs in a list, or leave "
-            "input out"
+            f"path must be a record of one input, got {several!r} with several: name its inputs in"
+            " a list, or leave input out"
         )
     stored = [file.text("schema") == RECORD_SCHEMA for file in files]
     if any(stored) and not all(stored):
-        raise ValueError("path must be records that this package wrote, or none of them, got some of each")
-    return (stored_records if all(stored) else _measured_records)(files, names, outputs, fs, options)
+        raise ValueError(
+            "path must be records that this package wrote, or none of them, got some of each"
+        )
+    return (stored_records if all(stored) else _measured_records)(
+        files, names, outputs, fs, options
+    )
 
 
 def _checked_names(u: object, y: object, r: object) -> tuple[dict[str, str], list[str]]:
-    """Return the names of input and reference, and of the outputs; refuse other types, or an output given twice."""
+    """Return the names of input and reference, and of the outputs; refuse other types, or an output
+    given twice.
+    """
     for parameter, name in (("u", u), ("r", "" if r is None else r)):
         if not isinstance(name, str):
             raise ValueError(f"{parameter} must name one channel, got {short_form(name)}")
@@ -561,14 +680,21 @@ def _checked_names(u: object, y: object, r: object) -> tuple[dict[str, str], lis
 
 
 def _measured_records(
-    files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, options: Cutting
+    files: list[Channels],
+    names: Mapping[str, str],
+    outputs: list[str],
+    fs: float | None,
+    options: Cutting,
 ) -> list[Record]:
-    streams = {signal: [file.signal(signal, name) for file in files] for signal, name in names.items()}
+    streams = {
+        signal: [file.signal(signal, name) for file in files] for signal, name in names.items()
+    }
     measured = {"y": {name: [file.signal("y", name) for file in files] for name in outputs}}
     fs, options = _align_rows(
         files,
         (*names.values(), *outputs),
-        [(signal, streams[signal]) for signal in sorted(names)] + [("y", group) for group in measured["y"].values()],
+        [(signal, streams[signal]) for signal in sorted(names)]
+        + [("y", group) for group in measured["y"].values()],
         fs=fs,
         options=options,
     )
@@ -599,10 +725,13 @@ def _load_channels(
     fs: float | None,
     options: Cutting,
 ) -> Record:
-    """Return the record with several inputs or outputs in measurement files, one file per experiment."""
+    """Return the record with several inputs or outputs in measurement files, one file per
+    experiment.
+    """
     if isinstance(y, str) or isinstance(r, str) or not (u and y):
         raise ValueError(
-            f"u, y and r must be lists of names, at least one input and one output, got {u!r}, {y!r}, {r!r}"
+            f"u, y and r must be lists of names, at least one input and one output, got {u!r},"
+            f" {y!r}, {r!r}"
         )
     signals = {
         parameter: [_stack_channels(parameter, names, file) for file in files]
@@ -634,12 +763,14 @@ def _holds_several(file: Channels) -> bool:
 def _stack_channels(parameter: str, names: Sequence[str], file: Channels) -> np.ndarray:
     """Return (n_channels, n) channels of one file."""
     if file.text("schema"):
-        raise ValueError(f"path must be measurement files, got {file.path!r}, written as {file.text('schema')}")
+        raise ValueError(
+            f"path must be measurement files, got {file.path!r}, written as {file.text('schema')}"
+        )
     streams = [file.signal(parameter, name) for name in names]
     for name, stream in zip(names, streams, strict=True):
         if stream.size != streams[0].size:
             raise ValueError(
-                f"{parameter} must be channels of equal length, got {streams[0].size} samples in {names[0]!r} and "
-                f"{stream.size} in {name!r}"
+                f"{parameter} must be channels of equal length, got {streams[0].size} samples in"
+                f" {names[0]!r} and {stream.size} in {name!r}"
             )
     return np.stack(streams)

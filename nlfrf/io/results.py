@@ -31,17 +31,21 @@ from nlfrf.signals.multisine import Multisine
 _BLA_SCHEMA, _FRM_SCHEMA = "nlfrf-bla", "nlfrf-frm"  # for one input and output, for several
 RESULTS: dict[str, Callable[..., Bla]] = {_BLA_SCHEMA: Bla, _FRM_SCHEMA: Bla}
 StoredValue = Multisine | AxisExperiment | Record | Bla
-#: Module that reads and writes the JSON files of `robust`. It is not imported, because `robust` imports this package.
+# : Module that reads and writes the JSON files of `robust`. It is not imported, because `robust`
+# imports this package.
 _JSON_FILES = "robust.io.stored"
 _PID_FILES = "robust.synthesis.pid_file"
 
 
-def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.95, decimal: str = ".") -> None:
+def export_csv(
+    bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.95, decimal: str = "."
+) -> None:
     """Write a `Bla` as a table, one row per excited line, for spreadsheets and other programs.
 
-    Columns: f [Hz], Re G, Im G, bound (of the BLA), bound_realization, std_noise, std_total, std_distortion, std_even,
-    dof, grid_factor; standard deviations in the unit of G. For several channels, for every entry: Re, Im and bound,
-    each with "output/input". Warnings are above the columns, one row each, behind "# warning:".
+    Columns: f [Hz], Re G, Im G, bound (of the BLA), bound_realization, std_noise, std_total,
+    std_distortion, std_even, dof, grid_factor; standard deviations in the unit of G. For several
+    channels, for every entry: Re, Im and bound, each with "output/input". Warnings are above the
+    columns, one row each, behind "# warning:".
 
     Parameters
     ----------
@@ -106,12 +110,21 @@ def _frm_table(frm: Bla, confidence: float) -> dict[str, np.ndarray]:
     columns, bound = {"f [Hz]": frm.f}, frm.bound(confidence)
     for (j, y), (i, u) in itertools.product(enumerate(frm.outputs), enumerate(frm.inputs)):
         entry, name = frm.G[j, i], f"{y}/{u}".replace(",", ";")
-        columns |= {f"Re {name}": entry.real, f"Im {name}": entry.imag, f"bound {name}": bound[j, i]}
+        columns |= {
+            f"Re {name}": entry.real,
+            f"Im {name}": entry.imag,
+            f"bound {name}": bound[j, i],
+        }
     return columns
 
 
 def save(
-    thing: object, path: str | os.PathLike[str], *, decimal: str = ".", delay: float | None = None, unit: str = ""
+    thing: object,
+    path: str | os.PathLike[str],
+    *,
+    decimal: str = ".",
+    delay: float | None = None,
+    unit: str = "",
 ) -> None:
     """Write an object of these packages to a file, so that `load` reads it.
 
@@ -122,17 +135,19 @@ def save(
     thing : Multisine, Record, Bla, UncertaintyModel, controller, RobustnessReport, ...
         Object to write; each kind has its suffixes:
 
-        - a multisine: ``.npz`` and ``.h5`` contain the exact design and its samples u, (M, N), for several inputs
-          (n_u, M, N). ``.csv``, ``.mat`` and ``.wav`` contain the signal for a generator, one column or channel per
-          realisation or input; the design goes to an ``.npz`` with the same name. A WAV file is scaled to a peak of 1.
-        - an experiment on a drive: ``.npz``, ``.h5``, or ``.csv`` with set points to play, one file per realisation,
-          with its design as ``.npz``.
-        - a record: ``.npz``, ``.mat`` and ``.h5`` contain all of it, ``.csv`` the samples of one experiment.
+        - a multisine: ``.npz`` and ``.h5`` contain the exact design and its samples u, (M, N), for
+          several inputs (n_u, M, N). ``.csv``, ``.mat`` and ``.wav`` contain the signal for a
+          generator, one column or channel per realisation or input; the design goes to an ``.npz``
+          with the same name. A WAV file is scaled to a peak of 1.
+        - an experiment on a drive: ``.npz``, ``.h5``, or ``.csv`` with set points to play, one file
+          per realisation, with its design as ``.npz``.
+        - a record: ``.npz``, ``.mat`` and ``.h5`` contain all of it, ``.csv`` the samples of one
+          experiment.
         - a BLA: ``.npz`` or ``.h5``.
-        - an uncertainty model, or a controller for negative feedback (state space, transfer function, number or
-          matrix): ``.json``, exact to the bit.
-        - a result of `robust.check` or `robust.prove_friction`: a certificate, ``.json``, with plant, controller,
-          delay, weights and claim as given, and a digest of them.
+        - an uncertainty model, or a controller for negative feedback (state space, transfer
+          function, number or matrix): ``.json``, exact to the bit.
+        - a result of `robust.check` or `robust.prove_friction`: a certificate, ``.json``, with
+          plant, controller, delay, weights and claim as given, and a digest of them.
     path : path
         File to write.
     decimal : str
@@ -145,15 +160,17 @@ def save(
     Raises
     ------
     ValueError
-        An object of another kind, or a suffix that does not fit; several experiments of a record for a ``.csv``; a
-        sampling frequency that is no whole number for a ``.wav``; a report in which nothing is proved.
+        An object of another kind, or a suffix that does not fit; several experiments of a record
+        for a ``.csv``; a sampling frequency that is no whole number for a ``.wav``; a report in
+        which nothing is proved.
     FileNotFoundError
         The folder does not exist.
 
     Warns
     -----
     DataWarning
-        Second-order sections do not represent a sampled controller to 0.1 %: only A, B, C and D are written.
+        Second-order sections do not represent a sampled controller to 0.1 %: only A, B, C and D are
+        written.
 
     Examples
     --------
@@ -167,7 +184,10 @@ def save(
     """
     require_choice("decimal", decimal, DECIMALS)
     if (delay is not None or unit) and isinstance(thing, StoredValue):
-        raise ValueError(f"delay and unit must be left out for anything but a controller, got {delay!r} and {unit!r}")
+        raise ValueError(
+            f"delay and unit must be left out for anything but a controller, got {delay!r} and"
+            f" {unit!r}"
+        )
     match thing:
         case Bla():
             save_value(thing, _BLA_SCHEMA if thing.is_single else _FRM_SCHEMA, path)
@@ -189,14 +209,14 @@ def load(path: str | os.PathLike[str]) -> Any:
     Parameters
     ----------
     path : path
-        A file of `save`; for a signal to play, the ``.npz`` of its design; or a ``.toml`` with a PID and its notches,
-        as `robust check` takes it.
+        A file of `save`; for a signal to play, the ``.npz`` of its design; or a ``.toml`` with a
+        PID and its notches, as `robust check` takes it.
 
     Returns
     -------
     Multisine, AxisExperiment, Record, Bla, UncertaintyModel or control.StateSpace
-        The saved object; a controller is a state space. For a certificate the claim in it, unproved:
-        `robust.io.verify_certificate` proves it again.
+        The saved object; a controller is a state space. For a certificate the claim in it,
+        unproved: `robust.io.verify_certificate` proves it again.
 
     Raises
     ------
@@ -234,7 +254,11 @@ def value_in(file: Channels) -> StoredValue:
         return stored_multirecord([file], None, y=None, fs=None, options=Cutting())
     if schema not in RESULTS | DESIGNS:
         design = to_path(file.path).with_suffix(".npz")
-        played = f"; the design of a played signal may be in {design.name}" if not schema and design.is_file() else ""
+        played = (
+            f"; the design of a played signal may be in {design.name}"
+            if not schema and design.is_file()
+            else ""
+        )
         raise ValueError(describe_wrong_file(file.path, schema or None, *FILE_KINDS) + played)
     kinds: dict[str, Callable[..., StoredValue]] = {**RESULTS, **DESIGNS}
     return value_from_file(kinds, file)

@@ -1,4 +1,6 @@
-"""Values of this package as named arrays in a file, field by field, with a schema and its version."""
+"""Values of this package as named arrays in a file, field by field, with a schema and its
+version.
+"""
 
 from __future__ import annotations
 
@@ -36,16 +38,30 @@ AXES_ORDER = "realization period sample"
 
 
 def save_value(
-    thing: DataclassInstance, schema: str, path: str | os.PathLike[str], *, role: Role = Role.NAMED, **more: np.ndarray
+    thing: DataclassInstance,
+    schema: str,
+    path: str | os.PathLike[str],
+    *,
+    role: Role = Role.NAMED,
+    **more: np.ndarray,
 ) -> None:
-    """Write every field of a value: those of inner values by dotted names, tuples of texts as JSON."""
-    content: dict[str, np.ndarray] = {"schema": np.array(schema), "version": np.array(VERSION)} | more
+    """Write every field of a value: those of inner values by dotted names, tuples of texts as
+    JSON.
+    """
+    content: dict[str, np.ndarray] = {
+        "schema": np.array(schema),
+        "version": np.array(VERSION),
+    } | more
     content |= _value_to_arrays(thing, field_names(thing))
     write_arrays(to_path(path), content, role=role)
 
 
-def _value_to_arrays(thing: DataclassInstance, names: tuple[str, ...], prefix: str = "") -> dict[str, np.ndarray]:
-    """Return the fields of a value as arrays; those of inner values have its name and a dot as prefix."""
+def _value_to_arrays(
+    thing: DataclassInstance, names: tuple[str, ...], prefix: str = ""
+) -> dict[str, np.ndarray]:
+    """Return the fields of a value as arrays; those of inner values have its name and a dot as
+    prefix.
+    """
     content: dict[str, np.ndarray] = {}
     for name in names:
         part, key = getattr(thing, name), f"{prefix}{name}"
@@ -80,13 +96,21 @@ def value_from_file(kinds: Mapping[str, Callable[..., Kind]], file: Channels) ->
     try:
         return _value_from_arrays(kinds[schema], file.arrays)
     except KeyError as missing:
-        raise ValueError(f"path must hold a whole {schema}, got {file.path!r} without {missing}") from None
+        raise ValueError(
+            f"path must hold a whole {schema}, got {file.path!r} without {missing}"
+        ) from None
 
 
-def _value_from_arrays(kind: Callable[..., Kind], content: Mapping[str, np.ndarray], prefix: str = "") -> Kind:
+def _value_from_arrays(
+    kind: Callable[..., Kind], content: Mapping[str, np.ndarray], prefix: str = ""
+) -> Kind:
     """Return a value from its fields as arrays; optional fields may be missing."""
     wanted = inspect.signature(kind).parameters
-    required = [name for name, one in wanted.items() if one.default is one.empty and one.kind is one.KEYWORD_ONLY]
+    required = [
+        name
+        for name, one in wanted.items()
+        if one.default is one.empty and one.kind is one.KEYWORD_ONLY
+    ]
     return kind(
         **{
             name: _field_from_arrays(name, content, prefix)
@@ -118,7 +142,9 @@ def names_from_json(field: str, array: np.ndarray) -> tuple[str, ...]:
     except (json.JSONDecodeError, RecursionError):
         names = None
     if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
-        raise ValueError(f"path must hold names as a list in JSON for {field}, got {str(array)[:60]!r}")
+        raise ValueError(
+            f"path must hold names as a list in JSON for {field}, got {str(array)[:60]!r}"
+        )
     return tuple(map(one_line, names))
 
 
@@ -131,9 +157,17 @@ def _to_scalar(array: np.ndarray) -> object:
 def require_known_version(file: Channels, schema: str, axes: str) -> None:
     """Refuse a file of a version, or with axes, unknown to this package."""
     stored = file.arrays.get("version")
-    version = int(np.ravel(stored)[0]) if stored is not None and stored.dtype.kind in "iuf" and stored.size == 1 else 0
+    version = (
+        int(np.ravel(stored)[0])
+        if stored is not None and stored.dtype.kind in "iuf" and stored.size == 1
+        else 0
+    )
     if version != VERSION:
-        raise ValueError(f"path must hold schema version {VERSION} of {schema}, got {version} in {file.path!r}")
+        raise ValueError(
+            f"path must hold schema version {VERSION} of {schema}, got {version} in {file.path!r}"
+        )
     found = file.text("axes")
     if found not in ("", axes):
-        raise ValueError(f"path must hold signals with the axes {axes!r}, got {found!r} in {file.path!r}")
+        raise ValueError(
+            f"path must hold signals with the axes {axes!r}, got {found!r} in {file.path!r}"
+        )

@@ -1,7 +1,9 @@
-"""Time columns whose steps vary by more than jitter: two rates, the steps of a solver, rows of other events.
+"""Time columns whose steps vary by more than jitter: two rates, the steps of a solver, rows of
+other events.
 
-Rows belong to an even clock as long as their times stay near one straight line, whatever the jitter of each: times that
-a computer noted late, or printed coarsely, return to it. If they do not return, no row has the mean step as its clock.
+Rows belong to an even clock as long as their times stay near one straight line, whatever the jitter
+of each: times that a computer noted late, or printed coarsely, return to it. If they do not return,
+no row has the mean step as its clock.
 """
 
 from __future__ import annotations
@@ -11,7 +13,9 @@ import numpy as np
 from nlfrf._base.arguments import format_count
 from nlfrf._base.values import value
 
-_N_PARTS, _PART_ROWS = 64, 64  # parts of a record that show whether the clock wanders, and rows in each
+# parts of a record that show whether the clock wanders, and rows in each
+_N_PARTS = 64
+_PART_ROWS = 64
 _DRIFT_ORDER = 3  # order of the polynomial by which two quartz clocks may drift apart
 _MAX_WANDER = 0.5  # [samples] permanent distance above which rows do not belong to an even clock
 _USUAL_STEP = 0.25  # largest relative difference of a usual step from the median
@@ -27,10 +31,14 @@ class UnevenClock:
     rows: np.ndarray  # (k,) rows at which the steps begin to differ from the usual ones
 
     def filled(self, stream: np.ndarray) -> np.ndarray:
-        """Return streams (..., n) at the usual rate, by a cubic spline through their rows; the last of equal times."""
+        """Return streams (..., n) at the usual rate, by a cubic spline through their rows; the last
+        of equal times.
+        """
         from scipy.interpolate import CubicSpline
 
-        finite = np.isfinite(self.seconds) & np.isfinite(stream).reshape(-1, self.seconds.size).all(axis=0)
+        finite = np.isfinite(self.seconds) & np.isfinite(stream).reshape(-1, self.seconds.size).all(
+            axis=0
+        )
         t, x = self.seconds[finite], stream[..., finite]
         later = np.append(np.diff(np.maximum.accumulate(t)) > 0, True)
         grid = np.arange(int((t[-1] - t[0]) * self.fs + 1e-6) + 1) / self.fs
@@ -48,10 +56,12 @@ class UnevenClock:
         """
         steps = np.diff(self.seconds)
         places = ", ".join(f"{self.seconds[row]:.9g}" for row in self.rows[:_MAX_NAMED])
-        more = f" and {format_count(self.rows.size - _MAX_NAMED, 'place')} more" * (self.rows.size > _MAX_NAMED)
+        more = f" and {format_count(self.rows.size - _MAX_NAMED, 'place')} more" * (
+            self.rows.size > _MAX_NAMED
+        )
         return (
-            f"the steps of the time column vary from {steps.min():.4g} to {steps.max():.4g} s, usually "
-            f"{1 / self.fs:.6g} s: no even clock from {places} s{more} on"
+            f"the steps of the time column vary from {steps.min():.4g} to {steps.max():.4g} s,"
+            f" usually {1 / self.fs:.6g} s: no even clock from {places} s{more} on"
         )
 
 
@@ -68,7 +78,9 @@ def find_uneven_clock(seconds: np.ndarray | None, fs: float) -> UnevenClock | No
     if seconds is None or seconds.size < _N_PARTS or not fs > 0 or not np.isfinite(seconds).all():
         return None
     n = seconds.size
-    n_equal = n // (1 + int(np.count_nonzero(seconds[1:] != seconds[:-1]))) + 1  # if printed coarsely
+    n_equal = (
+        n // (1 + int(np.count_nonzero(seconds[1:] != seconds[:-1]))) + 1
+    )  # if printed coarsely
     size = min(n // 2, max(_PART_ROWS, 8 * n_equal))
     starts = np.linspace(0, n - size, _N_PARTS).astype(int)
     rows = starts[:, None] + np.arange(size)
@@ -82,5 +94,9 @@ def find_uneven_clock(seconds: np.ndarray | None, fs: float) -> UnevenClock | No
     usual = float(np.median(steps[steps > 0]))
     usual = float(np.mean(steps[np.abs(steps - usual) < _USUAL_STEP * usual]))
     odd = np.flatnonzero(np.abs(steps - usual) > _USUAL_STEP * usual) + 1
-    odd = odd[np.diff(odd, prepend=-1) > 1] if odd.size else starts[[np.argmax(np.abs(np.diff(wander)))]]
+    odd = (
+        odd[np.diff(odd, prepend=-1) > 1]
+        if odd.size
+        else starts[[np.argmax(np.abs(np.diff(wander)))]]
+    )
     return UnevenClock(seconds=seconds, fs=float(f"{1 / usual:.6g}"), rows=odd)

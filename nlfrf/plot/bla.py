@@ -1,4 +1,6 @@
-"""Pictures of a `Bla`: its bound, its phase, its output by kind of line, the two estimates of its distortion."""
+"""Pictures of a `Bla`: its bound, its phase, its output by kind of line, the two estimates of its
+distortion.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,8 @@ _LINES = (".-", ".--", ".:")  # line styles of several BLAs, after all colours a
 
 
 def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Axes:
-    """Draw the magnitude of the BLA with its bound, standard deviations, and the detection lines over |U|.
+    """Draw the magnitude of the BLA with its bound, standard deviations, and the detection lines
+    over |U|.
 
     Parameters
     ----------
@@ -63,10 +66,22 @@ def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> A
                 label=f"{kind} detection lines / |U|",
             )
     ax.plot(
-        bla.f, to_decibel(np.sqrt(bla.var_total)), "-", lw=1.2, color="#CC79A7", label="std of G, noise and distortion"
+        bla.f,
+        to_decibel(np.sqrt(bla.var_total)),
+        "-",
+        lw=1.2,
+        color="#CC79A7",
+        label="std of G, noise and distortion",
     )
     if np.isfinite(bla.var_noise).all():
-        ax.plot(bla.f, to_decibel(np.sqrt(bla.var_noise)), "--", lw=1, color=COLOR["noise"], label="std of G, noise")
+        ax.plot(
+            bla.f,
+            to_decibel(np.sqrt(bla.var_noise)),
+            "--",
+            lw=1,
+            color=COLOR["noise"],
+            label="std of G, noise",
+        )
     _draw_magnitude(ax, bla, confidence)
     ax.set(xscale="log", xlabel="frequency [Hz]", title=_describe_measurement(bla))
     return finish_axes(crop_rounding(ax, np.abs(bla.G)))
@@ -76,14 +91,24 @@ def _draw_magnitude(ax: Axes, bla: Bla, confidence: float) -> None:
     """Draw |G| with its bound as a band around it, and label the axis."""
     size, radius = np.abs(bla.G), bla.bound(confidence)
     label = f"{100 * confidence:g} % bound"
-    gain_band(ax, bla.f, size, size - radius, size + radius, color=COLOR["bound"], label=label, over=OVER_100)
+    gain_band(
+        ax,
+        bla.f,
+        size,
+        size - radius,
+        size + radius,
+        color=COLOR["bound"],
+        label=label,
+        over=OVER_100,
+    )
     ax.plot(bla.f, to_decibel(size), ".-", ms=3, lw=1.2, color=COLOR["excited"], label=_BEST)
     follow_lines(ax)
     ax.set(ylabel=f"magnitude [dB, {bla.unit or 'unit of y / u'}]")
 
 
 def plot_bode(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> tuple[Axes, Axes]:
-    """Draw magnitude and phase of the BLA over logarithmic frequency, with its bound as a band around both.
+    """Draw magnitude and phase of the BLA over logarithmic frequency, with its bound as a band
+    around both.
 
     Parameters
     ----------
@@ -104,19 +129,24 @@ def plot_bode(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> 
 
 
 def plot_phase(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Axes:
-    """Draw the unwrapped phase of the BLA in degrees, with its bound as a band; arguments as in `plot_bla`."""
+    """Draw the unwrapped phase of the BLA in degrees, with its bound as a band; arguments as in
+    `plot_bla`.
+    """
     _require_single(bla)
     ax = axes_or_new(ax)
     phase, wide = np.degrees(np.unwrap(np.angle(bla.G))), phase_band(bla.G, bla.bound(confidence))
     label = f"{100 * confidence:g} % bound"
-    ax.fill_between(bla.f, phase - wide, phase + wide, color=COLOR["bound"], alpha=0.35, lw=0, label=label)
+    ax.fill_between(
+        bla.f, phase - wide, phase + wide, color=COLOR["bound"], alpha=0.35, lw=0, label=label
+    )
     ax.plot(bla.f, phase, ".-", ms=3, lw=1.2, color=COLOR["excited"], label=_BEST)
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="phase [deg]")
     return finish_axes(ax)
 
 
 def _phase_from_surest(G: np.ndarray, radius: np.ndarray) -> np.ndarray:
-    """Return (F,) unwrapped phase [deg] from the most certain line of the lowest third, where it is -270 to 90 deg.
+    """Return (F,) unwrapped phase [deg] from the most certain line of the lowest third, where it is
+    -270 to 90 deg.
 
     Unwrapping from a first line without a valid phase could shift all others by whole turns.
 
@@ -133,7 +163,8 @@ def _phase_from_surest(G: np.ndarray, radius: np.ndarray) -> np.ndarray:
 def plot_blas(
     blas: Sequence[Bla], labels: Sequence[str], *, confidence: float = 0.95, ax: Axes | None = None
 ) -> tuple[Axes, Axes]:
-    """Draw magnitude and phase of several BLAs in one picture, each with its bound, for example at several levels.
+    """Draw magnitude and phase of several BLAs in one picture, each with its bound, for example at
+    several levels.
 
     Parameters
     ----------
@@ -151,7 +182,9 @@ def plot_blas(
     for bla in blas:
         _require_single(bla)
     if not isinstance(labels, list | tuple) or len(labels) != len(blas):
-        raise ValueError(f"labels must be a list of {len(blas)}, one per Bla, got {short_form(labels)}")
+        raise ValueError(
+            f"labels must be a list of {len(blas)}, one per Bla, got {short_form(labels)}"
+        )
     top, bottom = bode_axes(ax)
     styles = cycle((color, line) for line in _LINES for color in COLOR_CYCLE)
     for bla, label, (color, line) in zip(blas, labels, styles, strict=False):
@@ -169,11 +202,18 @@ def plot_blas(
         top.plot(bla.f, to_decibel(size), line, ms=3, lw=1.2, color=color)
         bottom.plot(bla.f, phase, line, ms=3, lw=1.2, color=color, label=label)
     bottom.fill_between(
-        [], [], [], color=COLOR["noise"], alpha=_BAND_ALPHA, label=f"{100 * confidence:g} % bound of each"
+        [],
+        [],
+        [],
+        color=COLOR["noise"],
+        alpha=_BAND_ALPHA,
+        label=f"{100 * confidence:g} % bound of each",
     )
     follow_lines(top)
     top.set(
-        xscale="log", ylabel=f"magnitude [dB, {blas[0].unit or 'unit of y / u'}]", title="Best linear approximations"
+        xscale="log",
+        ylabel=f"magnitude [dB, {blas[0].unit or 'unit of y / u'}]",
+        title="Best linear approximations",
     )
     bottom.set(xlabel="frequency [Hz]", ylabel="phase [deg]")
     finish_axes(top)
@@ -181,7 +221,9 @@ def plot_blas(
 
 
 def plot_levels(bla: Bla, *, ax: Axes | None = None) -> Axes:
-    """Draw the output spectrum by kind of line, with the noise floor; arguments as in `plot_bla`."""
+    """Draw the output spectrum by kind of line, with the noise floor; arguments as in
+    `plot_bla`.
+    """
     _require_single(bla)
     ax = axes_or_new(ax)
     levels = bla.levels
@@ -195,18 +237,29 @@ def plot_levels(bla: Bla, *, ax: Axes | None = None) -> Axes:
     noise = np.concatenate([levels.noise_excited, levels.noise_odd, levels.noise_even])
     if np.isfinite(noise).all() and np.any(noise > 0):
         order = np.argsort(f)
-        ax.plot(f[order], to_decibel(noise[order]), "-", lw=0.8, color=COLOR["noise"], label="std by noise")
+        ax.plot(
+            f[order],
+            to_decibel(noise[order]),
+            "-",
+            lw=0.8,
+            color=COLOR["noise"],
+            label="std by noise",
+        )
     ax.set(
         xscale="log",
         xlabel="frequency [Hz]",
         ylabel=f"output amplitude [dB, {bla.y_unit or 'unit of y'}]",
         title=f"Output{f' {bla.y_name}' * bool(bla.y_name)} by kind of line",
     )
-    return finish_axes(crop_rounding(ax, np.abs(np.concatenate([levels.excited, levels.odd, levels.even], axis=1))))
+    return finish_axes(
+        crop_rounding(ax, np.abs(np.concatenate([levels.excited, levels.odd, levels.even], axis=1)))
+    )
 
 
 def plot_opinion(opinion: SecondOpinion, *, ax: Axes | None = None) -> Axes:
-    """Draw the two estimates of the distortion, as standard deviations; arguments as in `plot_bla`."""
+    """Draw the two estimates of the distortion, as standard deviations; arguments as in
+    `plot_bla`.
+    """
     require_kind("opinion", opinion, SecondOpinion)
     ax = axes_or_new(ax)
     ax.plot(
@@ -219,12 +272,25 @@ def plot_opinion(opinion: SecondOpinion, *, ax: Axes | None = None) -> Axes:
     )
     if np.isfinite(opinion.detection).any():
         read = to_decibel(np.sqrt(opinion.detection))
-        ax.plot(opinion.f, read, "-", lw=1.4, color=COLOR["odd"], label="odd detection lines, calibrated")
+        ax.plot(
+            opinion.f,
+            read,
+            "-",
+            lw=1.4,
+            color=COLOR["odd"],
+            label="odd detection lines, calibrated",
+        )
         disagreement = opinion.disagree
         if disagreement.any():
             label = f"more than {DISAGREEMENT_DB:g} dB apart"
             ax.plot(
-                opinion.f[disagreement], read[disagreement], "o", ms=5, mfc="none", color=COLOR["even"], label=label
+                opinion.f[disagreement],
+                read[disagreement],
+                "o",
+                ms=5,
+                mfc="none",
+                color=COLOR["even"],
+                label=label,
             )
     ax.set(
         xscale="log",
@@ -238,7 +304,10 @@ def plot_opinion(opinion: SecondOpinion, *, ax: Axes | None = None) -> Axes:
 def _describe_measurement(bla: Bla) -> str:
     """Describe grid, realisations, periods and source of the level in one line."""
     made = bla.experiment
-    return f"{made.grid} grid, M = {made.n_realizations}, P = {made.n_periods}, level from {bla.level_source}"
+    return (
+        f"{made.grid} grid, M = {made.n_realizations}, P = {made.n_periods}, level from"
+        f" {bla.level_source}"
+    )
 
 
 def _require_single(bla: Bla) -> None:
@@ -246,6 +315,6 @@ def _require_single(bla: Bla) -> None:
     require_kind("bla", bla, Bla)
     if not bla.is_single:
         raise ValueError(
-            f"bla must have one input and one output, got {bla.n_outputs} x {bla.n_inputs}: use plot_frm, "
-            "plot_frm_bounds, or bla.entry(output, input)"
+            f"bla must have one input and one output, got {bla.n_outputs} x {bla.n_inputs}: use"
+            " plot_frm, plot_frm_bounds, or bla.entry(output, input)"
         )

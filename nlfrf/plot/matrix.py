@@ -1,4 +1,6 @@
-"""Pictures of a `Bla` with several channels: one axes per entry; singular values, relative gains."""
+"""Pictures of a `Bla` with several channels: one axes per entry; singular values, relative
+gains.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nlfrf._base.arguments import require_kind
-from nlfrf._base.axes import axes_or_new, finish_axes, finish_matrix, gain_band, matrix_axes, to_decibel
+from nlfrf._base.axes import (
+    axes_or_new,
+    finish_axes,
+    finish_matrix,
+    gain_band,
+    matrix_axes,
+    to_decibel,
+)
 from nlfrf.bla.bla import Bla
 from nlfrf.bla.gains import rga, rga_radius, singular_values
 from nlfrf.plot.look import COLOR, COLOR_CYCLE, OVER_100
@@ -21,7 +30,8 @@ _LINE_STYLES = ("-", "--", "-.", ":")
 
 
 def plot_frm(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> np.ndarray:
-    """Draw the magnitude of every entry with its bound: one row of axes per output, one column per input.
+    """Draw the magnitude of every entry with its bound: one row of axes per output, one column per
+    input.
 
     Parameters
     ----------
@@ -41,7 +51,8 @@ def plot_frm(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> n
     size, radius = np.abs(frm.matrix), _expand_entries(frm, frm.bound(confidence))
     label = f"{100 * confidence:g} % bound of the entry"
     for j in range(frm.n_outputs):
-        floor, ceiling = _smallest_nonzero(size[j]) - _LEGEND_DB / 2, float(to_decibel(size[j].max())) + _LEGEND_DB / 2
+        floor = _smallest_nonzero(size[j]) - _LEGEND_DB / 2
+        ceiling = float(to_decibel(size[j].max())) + _LEGEND_DB / 2
         for i, entry in enumerate(made[j]):
             gains = size[j, i], size[j, i] - radius[j, i], size[j, i] + radius[j, i]
             gain_band(entry, frm.f, *gains, color=COLOR["bound"], label=label, over=OVER_100)
@@ -61,8 +72,8 @@ def plot_frm(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> n
 def plot_frm_bounds(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> np.ndarray:
     """Draw the radius of every entry: its own bound, that of the matrix, and standard deviations.
 
-    Arguments and result as in `plot_frm`. The bound of the matrix holds for all entries together, so its radius for one
-    entry is larger.
+    Arguments and result as in `plot_frm`. The bound of the matrix holds for all entries together,
+    so its radius for one entry is larger.
     """
     require_kind("frm", frm, Bla)
     made, foot = _entry_axes(ax, frm, "[dB]")
@@ -75,7 +86,13 @@ def plot_frm_bounds(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = Non
         (np.abs(frm.matrix), "|G|", "-", COLOR["excited"], 1.6),
         (matrix_radius, f"{100 * confidence:g} % bound of the matrix", "-.", COLOR["even"], 1.2),
         (bound, f"{100 * confidence:g} % bound of the entry", "-", COLOR["bound"], 1.2),
-        (_expand_entries(frm, np.sqrt(frm.var_distortion)), "std by distortion, one set", "--", COLOR["odd"], 1.0),
+        (
+            _expand_entries(frm, np.sqrt(frm.var_distortion)),
+            "std by distortion, one set",
+            "--",
+            COLOR["odd"],
+            1.0,
+        ),
         (_expand_entries(frm, np.sqrt(frm.var_noise)), "std by noise", ":", COLOR["noise"], 1.4),
     )
     for (j, i), one in np.ndenumerate(made):
@@ -86,7 +103,9 @@ def plot_frm_bounds(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = Non
     return finish_matrix(made, foot, "frequency [Hz]")
 
 
-def plot_singular_values(frm: Bla, *, confidence: float = 0.95, of: str = "bla", ax: Axes | None = None) -> Axes:
+def plot_singular_values(
+    frm: Bla, *, confidence: float = 0.95, of: str = "bla", ax: Axes | None = None
+) -> Axes:
     """Draw the singular values of the matrix, each with its bounds.
 
     Parameters
@@ -104,22 +123,44 @@ def plot_singular_values(frm: Bla, *, confidence: float = 0.95, of: str = "bla",
     for i, gain in enumerate(sigma):
         color, style = COLOR_CYCLE[i % len(COLOR_CYCLE)], _LINE_STYLES[i % len(_LINE_STYLES)]
         gain_band(
-            ax, frm.f, gain, low[i], high[i], color=color, alpha=0.2, label="_band", over="the matrix may be singular"
+            ax,
+            frm.f,
+            gain,
+            low[i],
+            high[i],
+            color=color,
+            alpha=0.2,
+            label="_band",
+            over="the matrix may be singular",
         )
-        ax.plot(frm.f, to_decibel(gain), style, lw=1.4, color=color, label=f"singular value {i + 1}")
-    ax.fill_between([], [], [], color="0.5", alpha=0.3, lw=0, label=f"{100 * confidence:g} % bound of the matrix")
+        ax.plot(
+            frm.f, to_decibel(gain), style, lw=1.4, color=color, label=f"singular value {i + 1}"
+        )
+    ax.fill_between(
+        [],
+        [],
+        [],
+        color="0.5",
+        alpha=0.3,
+        lw=0,
+        label=f"{100 * confidence:g} % bound of the matrix",
+    )
     ax.set(
         xscale="log",
         xlabel="frequency [Hz]",
         ylabel="singular values of G [dB]",
-        ylim=(_smallest_nonzero(sigma) - _LEGEND_DB / 2, float(to_decibel(sigma.max())) + _LEGEND_DB / 2),
+        ylim=(
+            _smallest_nonzero(sigma) - _LEGEND_DB / 2,
+            float(to_decibel(sigma.max())) + _LEGEND_DB / 2,
+        ),
         title="Gain in the strongest and in the weakest direction",
     )
     return finish_axes(ax)
 
 
 def plot_rga(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> np.ndarray:
-    """Draw the magnitude of every relative gain over frequency with its bound: near one is a good pairing.
+    """Draw the magnitude of every relative gain over frequency with its bound: near one is a good
+    pairing.
 
     Arguments and result as in `plot_frm`; the bound is that of `rga_radius`.
     """
@@ -139,7 +180,9 @@ def plot_rga(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> n
 
 def _entry_axes(ax: Axes | None, frm: Bla, up: str) -> tuple[np.ndarray, Axes]:
     """Create a matrix of axes with the names of the channels."""
-    return matrix_axes(ax, [f"{name}  {up}".strip() for name in frm.outputs], [f"by {name}" for name in frm.inputs])
+    return matrix_axes(
+        ax, [f"{name}  {up}".strip() for name in frm.outputs], [f"by {name}" for name in frm.inputs]
+    )
 
 
 def _expand_entries(frm: Bla, curve: np.ndarray) -> np.ndarray:

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nlfrf._base.arguments import format_count, label_with_unit, require_choice, require_kind
-from nlfrf._base.axes import add_note, axes_or_new, finish_axes, finish_matrix, matrix_axes, to_decibel
+from nlfrf._base.axes import (
+    add_note,
+    axes_or_new,
+    finish_axes,
+    finish_matrix,
+    matrix_axes,
+    to_decibel,
+)
 from nlfrf.bla.line_index import index_lines
 from nlfrf.bla.spectra import period_dft
 from nlfrf.plot.look import COLOR, COLOR_CYCLE, MARKER, ROUNDING_DB
@@ -20,7 +27,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _MAX_HARMONICS = 48  # harmonics of a grid that are shown, so that each is visible
-_INPUT_COLORS = tuple(tone for tone in COLOR_CYCLE if tone not in (COLOR["odd"], COLOR["even"]))  # of several inputs
+_INPUT_COLORS = tuple(
+    tone for tone in COLOR_CYCLE if tone not in (COLOR["odd"], COLOR["even"])
+)  # of several inputs
 #: Colours of the kinds of faults.
 _FAULT_COLORS = {
     Fault.SILENCE: COLOR["noise"],
@@ -34,7 +43,9 @@ _LINE_OFFSET = 0.3  # [lines] distance between the markers of two inputs
 
 
 def plot_excitation(ms: Multisine, *, ax: Axes | None = None) -> Axes:
-    """Draw one period of the first realisation over time, of every input; arguments as in `plot_bla`."""
+    """Draw one period of the first realisation over time, of every input; arguments as in
+    `plot_bla`.
+    """
     require_kind("ms", ms, Multisine)
     ax = axes_or_new(ax)
     t = np.arange(ms.n_samples) / ms.fs
@@ -54,7 +65,9 @@ def plot_excitation(ms: Multisine, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_spectrum(ms: Multisine, *, ax: Axes | None = None) -> Axes:
-    """Draw the first excited lines of a multisine, and its detection lines; arguments as in `plot_bla`."""
+    """Draw the first excited lines of a multisine, and its detection lines; arguments as in
+    `plot_bla`.
+    """
     require_kind("ms", ms, Multisine)
     ax = axes_or_new(ax)
     last = int(ms.lines.excited[-1])
@@ -63,7 +76,9 @@ def plot_spectrum(ms: Multisine, *, ax: Axes | None = None) -> Axes:
     mine = ms.lines.excited <= shown
     amplitudes = _labelled_amplitudes(ms)
     top = max(float(size.max()) for size, _, _ in amplitudes.values())
-    same = " like this" * all(np.ptp(size[size > 0]) < 1e-6 * top for size, _, _ in amplitudes.values())
+    same = " like this" * all(
+        np.ptp(size[size > 0]) < 1e-6 * top for size, _, _ in amplitudes.values()
+    )
     more = f"; it continues{same} up to {last}" if shown < last else ""
     for label, (size, color, offset) in amplitudes.items():
         here = mine & (size > 0)
@@ -74,7 +89,12 @@ def plot_spectrum(ms: Multisine, *, ax: Axes | None = None) -> Axes:
         lines = lines[lines <= shown]
         if lines.size:
             ax.plot(
-                lines, np.zeros(lines.size), marker, ms=6, color=COLOR[kind], label=f"{kind} detection, nothing played"
+                lines,
+                np.zeros(lines.size),
+                marker,
+                ms=6,
+                color=COLOR[kind],
+                label=f"{kind} detection, nothing played",
             )
     ax.set(
         xlabel=f"harmonic of {ms.f0:g} Hz{more}",
@@ -87,7 +107,8 @@ def plot_spectrum(ms: Multisine, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_screened(screened: ScreenedStreams, *, ax: Axes | None = None) -> np.ndarray:
-    """Draw a whole record over time with the findings of screening: periods, silence, outliers, lost samples.
+    """Draw a whole record over time with the findings of screening: periods, silence, outliers,
+    lost samples.
 
     Parameters
     ----------
@@ -105,38 +126,63 @@ def plot_screened(screened: ScreenedStreams, *, ax: Axes | None = None) -> np.nd
     known = bool(np.isfinite(screened.fs))
     dt = 1 / screened.fs if known else 1.0
     period = f"{format_count(screened.starts.size, 'whole period')} of {screened.period:g} samples"
-    made, foot = matrix_axes(ax, screened.labels, [period if screened.period else "no channel repeats"])
+    made, foot = matrix_axes(
+        ax, screened.labels, [period if screened.period else "no channel repeats"]
+    )
     t = dt * np.arange(screened.samples.shape[1])
     for one, x, outliers in zip(made[:, 0], screened.samples, screened.outliers, strict=True):
         one.plot(t, x, "-", lw=0.6, color=COLOR["excited"], rasterized=True)
         for fault, color in _FAULT_COLORS.items():
             spans = [span for span in screened.spans if span.fault is fault]
-            extents = [span.extent for span in spans[:_MAX_NAMED]] + ["..."] * (len(spans) > _MAX_NAMED)
+            extents = [span.extent for span in spans[:_MAX_NAMED]] + ["..."] * (
+                len(spans) > _MAX_NAMED
+            )
             for span in spans:
                 one.axvspan(dt * span.first, dt * span.end, color=color, alpha=0.35, lw=1)
             if spans:
-                one.fill_between([], [], [], color=color, alpha=0.35, label=f"{fault.value}: {', '.join(extents)}")
+                one.fill_between(
+                    [],
+                    [],
+                    [],
+                    color=color,
+                    alpha=0.35,
+                    label=f"{fault.value}: {', '.join(extents)}",
+                )
         for start in dt * screened.starts[:_MAX_PERIODS]:
             one.axvline(start, color=COLOR["noise"], lw=0.8, ls="--")
         if screened.starts.size:
             one.plot([], [], "--", lw=0.8, color=COLOR["noise"], label="a period begins")
         if outliers.size:
             label = (
-                f"{format_count(outliers.size, 'outlier')}, the first at {dt * outliers[0]:.4g} {'s' if known else ''}"
+                f"{format_count(outliers.size, 'outlier')}, the first at {dt * outliers[0]:.4g}"
+                f" {'s' if known else ''}"
             )
-            one.plot(dt * outliers, x[outliers], "o", ms=8, mfc="none", color=COLOR["odd"], label=label.strip())
+            one.plot(
+                dt * outliers,
+                x[outliers],
+                "o",
+                ms=8,
+                mfc="none",
+                color=COLOR["odd"],
+                label=label.strip(),
+            )
         one.set_xlim(0, t[-1])
     return finish_matrix(made, foot, "time [s]" if known else "sample")
 
 
 def _labelled_amplitudes(ms: Multisine) -> dict[str, tuple[np.ndarray, str, float]]:
-    """Return amplitudes (F,) by label, each with a colour and an offset from the line, for each input."""
+    """Return amplitudes (F,) by label, each with a colour and an offset from the line, for each
+    input.
+    """
     if ms.is_single:
         return {"excited": (ms.amplitude, COLOR["excited"], 0.0)}
-    sizes = np.sqrt(np.mean(np.abs(ms.spectrum) ** 2, axis=1))  # mean over experiments, which differ with a mixing
+    sizes = np.sqrt(
+        np.mean(np.abs(ms.spectrum) ** 2, axis=1)
+    )  # mean over experiments, which differ with a mixing
     offset = _LINE_OFFSET * (np.arange(ms.n_inputs) - (ms.n_inputs - 1) / 2)
     return {
-        f"u{i + 1}": (sizes[i], _INPUT_COLORS[i % len(_INPUT_COLORS)], float(offset[i])) for i in range(ms.n_inputs)
+        f"u{i + 1}": (sizes[i], _INPUT_COLORS[i % len(_INPUT_COLORS)], float(offset[i]))
+        for i in range(ms.n_inputs)
     }
 
 
@@ -162,21 +208,26 @@ def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -
         last = p == len(periods) - 1
         label = "last period" if last else "periods before" if p == 0 else None
         ax.plot(t, period, "-", lw=0.6, color=COLOR["excited" if last else "noise"], label=label)
-    name, unit = getattr(record, f"{signal}_name", "") or signal, getattr(record, f"{signal}_unit", "")
+    name = getattr(record, f"{signal}_name", "") or signal
+    unit = getattr(record, f"{signal}_unit", "")
     swing = periods[-1] - np.mean(periods[-1])
     rms = float(np.std(periods[-1]))
     crest = float(np.abs(swing).max()) / rms if rms else np.nan
     ax.set(
         xlabel="time [s]",
         ylabel=label_with_unit(name, unit, f"unit of {signal}"),
-        title=f"{name}: {len(periods)} periods over one another; "
-        f"without the mean: rms {rms:.3g}, crest factor {crest:.2f}",
+        title=(
+            f"{name}: {len(periods)} periods over one another; "
+            f"without the mean: rms {rms:.3g}, crest factor {crest:.2f}"
+        ),
     )
     return finish_axes(ax)
 
 
 def plot_input(record: Record, *, ax: Axes | None = None) -> Axes:
-    """Draw the input spectrum by kind of line, detection lines included; arguments as in `plot_bla`."""
+    """Draw the input spectrum by kind of line, detection lines included; arguments as in
+    `plot_bla`.
+    """
     require_kind("record", record, Record)
     ax, grid = axes_or_new(ax), record.lines
     lines = index_lines(grid).lines

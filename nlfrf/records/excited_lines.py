@@ -1,7 +1,8 @@
 """Find the excited lines of a measured input.
 
-Measured inputs are coloured and noisy, and have power on lines that were not excited (an amplifier or a current loop
-distorts). So a line is compared with its own noise and its neighbours, never with the largest line.
+Measured inputs are coloured and noisy, and have power on lines that were not excited (an amplifier
+or a current loop distorts). So a line is compared with its own noise and its neighbours, never with
+the largest line.
 """
 
 from __future__ import annotations
@@ -9,16 +10,25 @@ from __future__ import annotations
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from nlfrf._base.numbers import BLOCK_ENTRIES, iterate_blocks, mean_power, rfft, squared_modulus, streams_equal
+from nlfrf._base.numbers import (
+    BLOCK_ENTRIES,
+    iterate_blocks,
+    mean_power,
+    rfft,
+    squared_modulus,
+    streams_equal,
+)
 from nlfrf.signals.lines import LineGrid, local_mean, recognise_kind
 
 # ---- Regular grids among lines that the actuator distorts.
 #
-# Distortion by an actuator (saturation, dead zone, amplifier) scatters from line to line as noise does; a designed
-# spectrum is smooth. So lines on a regular grid (every line, every odd one, 4k+1, 8k+1 with 8k+3) that are smooth were
-# played, and lines with a jumping level were not.
+# Distortion by an actuator (saturation, dead zone, amplifier) scatters from line to line as noise
+# does; a designed spectrum is smooth. So lines on a regular grid (every line, every odd one, 4k+1,
+# 8k+1 with 8k+3) that are smooth were played, and lines with a jumping level were not.
 
-_ROUGH_LEVEL = 2.5  # [dB] median step from line to line: noise has 4.8, a spectrum distorted by 20 % has 1.6
+_ROUGH_LEVEL = (
+    2.5  # [dB] median step from line to line: noise has 4.8, a spectrum distorted by 20 % has 1.6
+)
 _ACTUATOR_DROP = 6.0  # [dB] smallest distance of distortion below the neighbouring lines
 _MIN_SHARE = 0.75  # smallest share of the power on the lines that were played
 _EDGE_LINES = 8  # grid lines that are compared on either side of the end of the band
@@ -33,7 +43,8 @@ def _excited_lines_on_grid(power: np.ndarray, found: np.ndarray, total: float) -
     Parameters
     ----------
     power : (K,) ndarray
-        Power of the lines 1 to K: all lines, or enough of them beyond those found to show the end of the band.
+        Power of the lines 1 to K: all lines, or enough of them beyond those found to show the end
+        of the band.
     found : (F,) int ndarray
         Lines that stand out of the noise.
     total : float
@@ -51,7 +62,10 @@ def _excited_lines_on_grid(power: np.ndarray, found: np.ndarray, total: float) -
             or _level_roughness(level[played - 1]) > _ROUGH_LEVEL
         ):
             continue
-        if np.isin(played, found, assume_unique=True).mean() < _MAX_SHARE or recognise_kind(played) == "custom":
+        if (
+            np.isin(played, found, assume_unique=True).mean() < _MAX_SHARE
+            or recognise_kind(played) == "custom"
+        ):
             continue
         others = np.setdiff1d(np.arange(played[0], played[-1]), played, assume_unique=True)
         above = np.arange(
@@ -63,7 +77,9 @@ def _excited_lines_on_grid(power: np.ndarray, found: np.ndarray, total: float) -
 
 
 def _regular_grids(level: np.ndarray, found: np.ndarray) -> list[np.ndarray]:
-    """Return the lines on each regular grid, from the first to the last line found; sparse grids first."""
+    """Return the lines on each regular grid, from the first to the last line found; sparse grids
+    first.
+    """
     inside = np.arange(found[0], found[-1] + 1)
     special = [inside[np.isin((inside - shift) % 8, (1, 3))] for shift in (0, 2, 4, 6)]
     sparse = [inside[inside % 4 == k] for k in (1, 3)]
@@ -86,7 +102,9 @@ def _smooth_band(level: np.ndarray) -> tuple[int, int]:
 
 
 def _band_edge(level: np.ndarray) -> int:
-    """Return the number of lines in the first stretch, which ends at a fall after which the level jumps."""
+    """Return the number of lines in the first stretch, which ends at a fall after which the level
+    jumps.
+    """
     highest = np.full(level.size, -np.inf)  # of the lines before each
     for back in range(1, min(_EDGE_LINES, level.size - 1) + 1):
         np.maximum(highest[back:], level[:-back], out=highest[back:])
@@ -111,12 +129,16 @@ def _stands_out(level: np.ndarray, played: np.ndarray, others: np.ndarray) -> bo
     under = level[nearest - 1] - level[others - 1]
     return bool(
         np.median(under) > 2 * _ACTUATOR_DROP
-        or (np.median(under) > _ACTUATOR_DROP and _level_roughness(level[others - 1]) > _ROUGH_LEVEL)
+        or (
+            np.median(under) > _ACTUATOR_DROP and _level_roughness(level[others - 1]) > _ROUGH_LEVEL
+        )
     )
 
 
 def grid_level_jump(power: np.ndarray, grid: LineGrid) -> float:
-    """Return the median step [dB] of the level of a grid, from the powers (K,) of the lines 1 to K; 0 if smooth."""
+    """Return the median step [dB] of the level of a grid, from the powers (K,) of the lines 1 to K;
+    0 if smooth.
+    """
     if grid.excited.size < _MIN_LINES:
         return 0.0
     jump = _level_roughness(10 * np.log10(np.maximum(power[grid.excited - 1], 1e-300)))
@@ -147,26 +169,41 @@ def detect_lines(u: np.ndarray) -> LineGrid:
 
 
 def line_powers(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (K,) power of the mean over periods, for all lines but mean and Nyquist, and its variance by noise."""
+    """Return (K,) power of the mean over periods, for all lines but mean and Nyquist, and its
+    variance by noise.
+    """
     n_periods = u.shape[1]
     inside = slice(1, (u.shape[2] + 1) // 2)
     if u.shape[2] > BLOCK_ENTRIES and n_periods > 1:
         pairs = [_line_powers_of_halves(one) for one in u]
-        power, noise = (np.add.reduce(some)[inside] / len(pairs) for some in zip(*pairs, strict=True))
+        power, noise = (
+            np.add.reduce(some)[inside] / len(pairs) for some in zip(*pairs, strict=True)
+        )
     else:
         spectrum = rfft(u)[..., inside]
         power = mean_power(spectrum.mean(axis=1))
-        noise = np.mean(np.var(spectrum, axis=1, ddof=1), axis=0) / n_periods if n_periods > 1 else power
-    return power, local_mean(noise, 21) if n_periods > 1 else np.full(power.size, _white_noise_level(power))
+        noise = (
+            np.mean(np.var(spectrum, axis=1, ddof=1), axis=0) / n_periods
+            if n_periods > 1
+            else power
+        )
+    return power, (
+        local_mean(noise, 21) if n_periods > 1 else np.full(power.size, _white_noise_level(power))
+    )
 
 
 def _line_powers_of_halves(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return `line_powers` for long periods u (P, N) from the means of even and odd periods: two transforms in all."""
+    """Return `line_powers` for long periods u (P, N) from the means of even and odd periods: two
+    transforms in all.
+    """
     n = len(u)
     if all(streams_equal(u[0], one) for one in u[1:]):
         power = squared_modulus(rfft(u[0]))
         return power, np.zeros(power.size)
-    one, other = (rfft(np.add.reduce(some) / len(some) if len(some) > 1 else some[0]) for some in (u[::2], u[1::2]))
+    one, other = (
+        rfft(np.add.reduce(some) / len(some) if len(some) > 1 else some[0])
+        for some in (u[::2], u[1::2])
+    )
     share = len(u[::2]) / n
     power, noise = np.empty(one.size), np.empty(one.size)
     for some in iterate_blocks(one.size):
@@ -180,13 +217,17 @@ def lines_from_powers(power: np.ndarray, noise: np.ndarray) -> LineGrid:
     noise = np.maximum(noise, 1e-20 * power.max() / SIGNIFICANCE)
     lines = np.flatnonzero(power > SIGNIFICANCE * noise) + 1
     if not lines.size:
-        raise ValueError("u must hold lines that stand out of its noise, got none; is n_samples its period?")
+        raise ValueError(
+            "u must hold lines that stand out of its noise, got none; is n_samples its period?"
+        )
     level = 10 * np.log10(np.maximum(power[lines - 1], 1e-300))
     near = level > _upper_envelope(level, lines) - _MAX_STEP
     excited = _connected_lines(level[near], lines[near])
     excited = _complete_grid(excited, power[: excited[-1]] > 2 * noise[: excited[-1]])
     return LineGrid(
-        excited=_excited_lines_on_grid(power[: excited[-1] + _EXTENSION_LINES], excited, float(power.sum()))
+        excited=_excited_lines_on_grid(
+            power[: excited[-1] + _EXTENSION_LINES], excited, float(power.sum())
+        )
     )
 
 
@@ -221,17 +262,22 @@ def check_lines(u: np.ndarray, lines: np.ndarray, power: np.ndarray) -> None:
     more = np.setdiff1d(found, lines, assume_unique=True)
     elsewhere = carried < _MIN_CARRIED_SHARE * total and more.size > 0
     if missed.size and (elsewhere or np.isin(lines[weak], missed).any()):
-        listing = ", ".join(map(str, found[:6].tolist())) + (f", ... {found[-1]}" if found.size > 6 else "")
+        listing = ", ".join(map(str, found[:6].tolist())) + (
+            f", ... {found[-1]}" if found.size > 6 else ""
+        )
         raise ValueError(
-            f"lines must be excited by the input, got line {missed[0]} with no input on it, the first of {missed.size} "
-            f"among {lines.size}; in the record {found.size} lines are: {listing}"
+            f"lines must be excited by the input, got line {missed[0]} with no input on it, the"
+            f" first of {missed.size} among {lines.size}; in the record {found.size} lines are:"
+            f" {listing}"
         )
 
 
 def _complete_grid(excited: np.ndarray, present: np.ndarray) -> np.ndarray:
-    """Return the regular grid of which at most a tenth is missing, if the missing lines do carry input.
+    """Return the regular grid of which at most a tenth is missing, if the missing lines do carry
+    input.
 
-    So lines in a narrow notch of the amplitude spectrum, or near the noise, are found from the grid.
+    So lines in a narrow notch of the amplitude spectrum, or near the noise, are found from the
+    grid.
     """
     band = np.arange(excited[0], excited[-1] + 1)
     patterns = [band, band[band % 2 == excited[0] % 2]]
@@ -245,20 +291,26 @@ def _complete_grid(excited: np.ndarray, present: np.ndarray) -> np.ndarray:
 
 
 def _white_noise_level(power: np.ndarray) -> float:
-    """Return the level of white noise in the power of a single period; zero if no part of it looks like noise.
+    """Return the level of white noise in the power of a single period; zero if no part of it looks
+    like noise.
 
-    The power of noise is exponentially distributed, so its quartiles are 0.288 and 1.386 times its mean. It jumps from
-    line to line by 4.8 dB in the median, while a designed spectrum is smooth.
+    The power of noise is exponentially distributed, so its quartiles are 0.288 and 1.386 times its
+    mean. It jumps from line to line by 4.8 dB in the median, while a designed spectrum is smooth.
     """
     floors = []
     for block in np.array_split(power, 16):
-        if block.size >= 8 and np.median(np.abs(np.diff(10 * np.log10(np.maximum(block, 1e-300))))) > 2.5:
+        if (
+            block.size >= 8
+            and np.median(np.abs(np.diff(10 * np.log10(np.maximum(block, 1e-300))))) > 2.5
+        ):
             floors.append(float(np.quantile(block, 0.25)) / 0.288)
     return min(floors, default=0.0)
 
 
 def _upper_envelope(level: np.ndarray, lines: np.ndarray) -> np.ndarray:
-    """Return the upper envelope of the levels of lines; it falls by at most _ENVELOPE_DECAY a line beside a peak."""
+    """Return the upper envelope of the levels of lines; it falls by at most _ENVELOPE_DECAY a line
+    beside a peak.
+    """
     ramp = _ENVELOPE_DECAY * lines
     forward = np.maximum.accumulate(level + ramp) - ramp
     backward = np.maximum.accumulate((level - ramp)[::-1])[::-1] + ramp

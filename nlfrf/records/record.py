@@ -27,7 +27,9 @@ from nlfrf.signals.lines import LineGrid
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-SAME_CLOCK = 1e-6  # largest relative difference of two sampling frequencies estimated from one clock
+SAME_CLOCK = (
+    1e-6  # largest relative difference of two sampling frequencies estimated from one clock
+)
 
 
 class SignalLabels(TypedDict, total=False):
@@ -48,12 +50,19 @@ class Channels:
     output_units: tuple[str, ...]
 
     def _name_channels(
-        self, n: tuple[int, int], names: Sequence[str | Sequence[str]], units: Sequence[str | Sequence[str]]
+        self,
+        n: tuple[int, int],
+        names: Sequence[str | Sequence[str]],
+        units: Sequence[str | Sequence[str]],
     ) -> None:
-        """Set the four fields for (n_u, n_y) channels; names that are not given become u, y, or u1, u2, ..."""
+        """Set the four fields for (n_u, n_y) channels; names that are not given become u, y, or u1,
+        u2, ...
+        """
         for k, (side, letter) in enumerate((("input", "u"), ("output", "y"))):
             given = channel_names(f"{side}s", names[k], n[k])
-            self.__dict__[f"{side}s"] = given or tuple(f"{letter}{i + 1}" if n[k] > 1 else letter for i in range(n[k]))
+            self.__dict__[f"{side}s"] = given or tuple(
+                f"{letter}{i + 1}" if n[k] > 1 else letter for i in range(n[k])
+            )
             self.__dict__[f"{side}_units"] = _channel_units(f"{side}_units", units[k], n[k])
 
     @property
@@ -89,16 +98,17 @@ class Channels:
 
 @value
 class Record(Channels):
-    """Whole periods of inputs and outputs, in steady state or after a short transient, for any number of channels.
+    """Whole periods of inputs and outputs, in steady state or after a short transient, for any
+    number of channels.
 
-    `identify` takes it. Make it from arrays that are cut into periods already; `load_record` reads a file, and
-    `record_from_samples` cuts and screens streams of samples.
+    `identify` takes it. Make it from arrays that are cut into periods already; `load_record` reads
+    a file, and `record_from_samples` cuts and screens streams of samples.
 
     Parameters
     ----------
     u : (M, P, N) or (n_u, M, P, N) ndarray
-        Inputs: (channels x) realisations x periods x samples of one period, in their own units. For several inputs a
-        realisation is called an experiment.
+        Inputs: (channels x) realisations x periods x samples of one period, in their own units. For
+        several inputs a realisation is called an experiment.
     y : (M, P, N) or (n_y, M, P, N) ndarray
         Outputs.
     fs : float
@@ -108,9 +118,9 @@ class Record(Channels):
     r : (M, P, N) or (n_u, M, P, N) ndarray, optional
         References, known without noise: for closed loop or noisy inputs.
     hold : str
-        Inputs between their samples: "zoh" if they are commands of converters that hold them (the FRF then includes the
-        hold); "band-limited" if they were measured behind the hold, through an anti-aliasing filter as the outputs
-        were; "unknown" otherwise.
+        Inputs between their samples: "zoh" if they are commands of converters that hold them (the
+        FRF then includes the hold); "band-limited" if they were measured behind the hold, through
+        an anti-aliasing filter as the outputs were; "unknown" otherwise.
     inputs, outputs : sequence of str
         Names of the channels; u and y, or u1, u2, ... and y1, y2, ... by default.
     input_units, output_units : sequence of str
@@ -123,8 +133,8 @@ class Record(Channels):
     Raises
     ------
     ValueError
-        Shapes that do not fit, numbers that are not finite, an input or output that is constant, lines at or above
-        Nyquist.
+        Shapes that do not fit, numbers that are not finite, an input or output that is constant,
+        lines at or above Nyquist.
 
     Notes
     -----
@@ -190,11 +200,17 @@ class Record(Channels):
         highest = max(int(kind[-1]) for kind in (lines.excited, lines.odd, lines.even) if kind.size)
         n_samples = signals["u"].shape[-1]
         if 2 * highest >= n_samples:
-            raise ValueError(f"lines must lie below the Nyquist line {n_samples / 2:g}, got line {highest}")
+            raise ValueError(
+                f"lines must lie below the Nyquist line {n_samples / 2:g}, got line {highest}"
+            )
         n_u, n_y = (1 if signals[name].ndim == 3 else len(signals[name]) for name in "uy")
-        self.__dict__.update(signals, fs=fs, lines=lines, hold=hold, r=signals.get("r"), warnings=tuple(warnings))
+        self.__dict__.update(
+            signals, fs=fs, lines=lines, hold=hold, r=signals.get("r"), warnings=tuple(warnings)
+        )
         self._name_channels(
-            (n_u, n_y), (u_name or inputs, y_name or outputs), (u_unit or input_units, y_unit or output_units)
+            (n_u, n_y),
+            (u_name or inputs, y_name or outputs),
+            (u_unit or input_units, y_unit or output_units),
         )
         self.__post_init__()  # of the decorator: makes the arrays read-only
 
@@ -206,12 +222,16 @@ class Record(Channels):
 
     @property
     def is_single(self) -> bool:
-        """True if the record has one input and one output, so that its arrays have no axis of channels."""
+        """True if the record has one input and one output, so that its arrays have no axis of
+        channels.
+        """
         return bool(self.u.ndim == 3)
 
     @property
     def n_realizations(self) -> int:
-        """Realisations M; for several inputs a set of as many experiments as inputs is one realisation."""
+        """Realisations M; for several inputs a set of as many experiments as inputs is one
+        realisation.
+        """
         return self.u.shape[-3]
 
     @property
@@ -238,8 +258,11 @@ class Record(Channels):
         runs = format_count(self.n_experiments, "realisation" if self.is_single else "experiment")
         f = self.lines.excited[[0, -1]] * self.f0
         rows = [
-            f"record of {runs} x {format_count(self.n_periods, 'period')} x {self.n_samples} samples at {self.fs:g} Hz "
-            f"({self.n_samples / self.fs:g} s a period), hold {self.hold}",
+            (
+                f"record of {runs} x {format_count(self.n_periods, 'period')} x {self.n_samples}"
+                f" samples at {self.fs:g} Hz ({self.n_samples / self.fs:g} s a period), hold"
+                f" {self.hold}"
+            ),
             f"{self.lines.excited.size} lines excited from {f[0]:g} to {f[1]:g} Hz",
         ]
         for what, names, units, signal in (
@@ -247,14 +270,22 @@ class Record(Channels):
             ("output", self.outputs, self.output_units, self.y),
         ):
             for name, unit, one in zip(names, units, signal.reshape(len(names), -1), strict=True):
-                rows.append(f"{what} {one_line(name)}: rms {np.std(one):.4g} {one_line(unit)}".rstrip())
+                rows.append(
+                    f"{what} {one_line(name)}: rms {np.std(one):.4g} {one_line(unit)}".rstrip()
+                )
         return "\n  ".join(rows)
 
 
 def _to_one_layout(signals: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
-    """Return the signals as float arrays: (M, P, N) for one input and one output, else (channels, M, P, N)."""
+    """Return the signals as float arrays:
+
+    (M, P, N) for one input and one output, else (channels, M, P, N).
+    """
     several = any(np.ndim(signal) == 4 for signal in signals.values())
-    arrays = {name: require_real_array(name, one, ndim=4 if np.ndim(one) == 4 else 3) for name, one in signals.items()}
+    arrays = {
+        name: require_real_array(name, one, ndim=4 if np.ndim(one) == 4 else 3)
+        for name, one in signals.items()
+    }
     if several:
         arrays = {name: one if one.ndim == 4 else one[None] for name, one in arrays.items()}
         if len(arrays["u"]) == len(arrays["y"]) == 1:
@@ -264,10 +295,15 @@ def _to_one_layout(signals: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
         whole = not several or name == "r"  # compare the channels, too
         if signal.shape[-3:] != shape[-3:] or (whole and signal.shape != shape):
             of_u = "the shape of u" if whole else "the experiments, periods and samples of u"
-            raise ValueError(f"{name} must have {of_u}, {shape if whole else shape[1:]}, got {signal.shape}")
+            raise ValueError(
+                f"{name} must have {of_u}, {shape if whole else shape[1:]}, got {signal.shape}"
+            )
         if min(signal.shape[:-1]) < 1 or signal.shape[-1] < 4:
             least = "1 channel, 1 experiment" if several else "1 realisation"
-            raise ValueError(f"{name} must hold at least {least}, 1 period and 4 samples, got shape {signal.shape}")
+            raise ValueError(
+                f"{name} must hold at least {least}, 1 period and 4 samples, got shape"
+                f" {signal.shape}"
+            )
     return arrays
 
 
@@ -287,13 +323,17 @@ def _channel_units(name: str, given: str | Sequence[str], n: int) -> tuple[str, 
 def require_varying(name: str, signal: np.ndarray, channels: Sequence[str] = ()) -> None:
     """Refuse a constant signal, from which nothing can be identified.
 
-    One signal (M, P, N) must vary in every realisation, several (channels, M, P, N) each in at least one experiment.
+    One signal (M, P, N) must vary in every realisation, several (channels, M, P, N) each in at
+    least one experiment.
     """
     for m, one in enumerate(signal):
         if is_constant(one.reshape(-1, one.shape[-1])):
             where = f"{name} must vary, got the constant {one.flat[0]:g} in realisation {m}"
             if signal.ndim == 4:
-                where = f"{name} must vary in every channel, got the constant {one.flat[0]:g} in {channels[m]}"
+                where = (
+                    f"{name} must vary in every channel, got the constant {one.flat[0]:g} in"
+                    f" {channels[m]}"
+                )
             raise ValueError(f"{where}. Is it the right channel?")
 
 
@@ -306,8 +346,8 @@ def join_records(records: Sequence[Record]) -> Record:
     Parameters
     ----------
     records : list of Record
-        Runs of one experiment: equal period, sampling frequency and lines, and phases of their own. Runs with equal
-        phases are repeats, which `identify` recognises.
+        Runs of one experiment: equal period, sampling frequency and lines, and phases of their own.
+        Runs with equal phases are repeats, which `identify` recognises.
 
     Returns
     -------
@@ -317,12 +357,13 @@ def join_records(records: Sequence[Record]) -> Record:
     Raises
     ------
     ValueError
-        The list is empty, or the records differ in lines, channels, period or sampling frequency, or only some have a
-        reference.
+        The list is empty, or the records differ in lines, channels, period or sampling frequency,
+        or only some have a reference.
 
     References
     ----------
-    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 4.3 (the robust method).
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 4.3 (the
+    robust method).
 
     Examples
     --------
@@ -332,10 +373,21 @@ def join_records(records: Sequence[Record]) -> Record:
     >>> join_records(runs).n_realizations
     2
     """
-    if not isinstance(records, Sequence) or not records or not all(isinstance(one, Record) for one in records):
+    if (
+        not isinstance(records, Sequence)
+        or not records
+        or not all(isinstance(one, Record) for one in records)
+    ):
         raise ValueError(f"records must be a list of one or more Record, got {short_form(records)}")
     first, *others = records
-    same = ("n_samples", "fs", "hold", "n_inputs", "n_outputs", *(() if first.is_single else ("inputs", "outputs")))
+    same = (
+        "n_samples",
+        "fs",
+        "hold",
+        "n_inputs",
+        "n_outputs",
+        *(() if first.is_single else ("inputs", "outputs")),
+    )
     for m, one in enumerate(others, start=1):
         for name, here, there in (
             *((name, getattr(one, name), getattr(first, name)) for name in same),
@@ -343,13 +395,22 @@ def join_records(records: Sequence[Record]) -> Record:
         ):
             if here != there and not (name == "fs" and abs(one.fs / first.fs - 1) < SAME_CLOCK):
                 raise ValueError(
-                    f"records must be of one experiment, with the same {name}, got {short_form(here)} in record {m} "
-                    f"and {short_form(there)} in record 0"
+                    f"records must be of one experiment, with the same {name}, got"
+                    f" {short_form(here)} in record {m} and {short_form(there)} in record 0"
                 )
     with_r = [one.r is not None for one in records]
     if any(with_r) and not all(with_r):
-        raise ValueError("records must all have a reference or none of them, got some with and some without")
+        raise ValueError(
+            "records must all have a reference or none of them, got some with and some without"
+        )
     n_periods = min(one.n_periods for one in records)
-    u, y = (np.concatenate([getattr(one, name)[..., :n_periods, :] for one in records], axis=-3) for name in "uy")
-    r = np.concatenate([one.r[..., :n_periods, :] for one in records], axis=-3) if all(with_r) else first.r
+    u, y = (
+        np.concatenate([getattr(one, name)[..., :n_periods, :] for one in records], axis=-3)
+        for name in "uy"
+    )
+    r = (
+        np.concatenate([one.r[..., :n_periods, :] for one in records], axis=-3)
+        if all(with_r)
+        else first.r
+    )
     return replace(first, u=u, y=y, r=r)

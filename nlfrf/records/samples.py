@@ -20,8 +20,18 @@ from nlfrf._base.arguments import (
 )
 from nlfrf._base.numbers import has_equal_periods, iterate_blocks, squared_modulus, streams_equal
 from nlfrf.records.direction import SignalLines, describe_played, find_signal_lines
-from nlfrf.records.excited_lines import detect_lines, grid_level_jump, line_powers, lines_from_powers
-from nlfrf.records.period import describe_no_repetition, detect_period, detect_repetition, is_repeated
+from nlfrf.records.excited_lines import (
+    detect_lines,
+    grid_level_jump,
+    line_powers,
+    lines_from_powers,
+)
+from nlfrf.records.period import (
+    describe_no_repetition,
+    detect_period,
+    detect_repetition,
+    is_repeated,
+)
 from nlfrf.records.record import Record, SignalLabels, require_varying
 from nlfrf.records.reference import design_period, fill_reference, reconstruct_references
 from nlfrf.records.screening.gaps import find_slips
@@ -45,9 +55,15 @@ from nlfrf.records.screening.stream import (
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
 
-_MAX_PERIOD_DIFFERENCE = 0.25  # share of its power that does not repeat, beyond which a signal is not periodic
-_MAX_CORRECTIONS = 3  # rounds in which outputs are put onto the clock of the input and examined again
-_SHARED_SHARE = 0.5  # above this share of the inputs on lines of the first, the first has the lines of all
+_MAX_PERIOD_DIFFERENCE = (
+    0.25  # share of its power that does not repeat, beyond which a signal is not periodic
+)
+_MAX_CORRECTIONS = (
+    3  # rounds in which outputs are put onto the clock of the input and examined again
+)
+_SHARED_SHARE = (
+    0.5  # above this share of the inputs on lines of the first, the first has the lines of all
+)
 Streams = dict[str, list[np.ndarray]]
 #: Samples as they are given: one stream, or one for each realisation or experiment.
 Samples: TypeAlias = "np.ndarray | Sequence[np.ndarray]"
@@ -69,15 +85,16 @@ def record_from_samples(
     inputs: Sequence[str] = (),
     outputs: Sequence[str] = (),
 ) -> Record:
-    """Cut streams of samples into whole periods of a record, for any number of channels, and screen every channel.
+    """Cut streams of samples into whole periods of a record, for any number of channels, and screen
+    every channel.
 
     Use this for samples in memory; `load_record` does the same for a file.
 
     Parameters
     ----------
     u, y : (n,) or (n_channels, n) ndarray, or a list of M of them
-        Inputs and outputs, sampled together; a list holds one array per realisation (experiment). For one channel also
-        (n_samples, P), one period per column.
+        Inputs and outputs, sampled together; a list holds one array per realisation (experiment).
+        For one channel also (n_samples, P), one period per column.
     fs : float
         Sampling frequency [Hz].
     n_samples : int, optional
@@ -89,15 +106,16 @@ def record_from_samples(
     n_discard : int
         Periods to leave out at the start, where the transient is.
     resample : bool
-        Cut the periods at the places where the inputs show them, between the samples if need be. This cures a period
-        that is not a whole number of samples, a drifting clock, and lost or repeated samples. The fs of the record is
-        then n_samples in each of these periods.
+        Cut the periods at the places where the inputs show them, between the samples if need be.
+        This cures a period that is not a whole number of samples, a drifting clock, and lost or
+        repeated samples. The fs of the record is then n_samples in each of these periods.
     design : Multisine, optional
-        Design that was played. Its lines and period are used, and its phases are the reference, so that neither noise
-        on the inputs nor distortion by actuators matters. A zippered design is for open loop and gives no reference.
-        The experiments of a set follow each other.
+        Design that was played. Its lines and period are used, and its phases are the reference, so
+        that neither noise on the inputs nor distortion by actuators matters. A zippered design is
+        for open loop and gives no reference. The experiments of a set follow each other.
     hold : str, optional
-        Inputs between their samples, "zoh" or "band-limited"; see `Record`. By default that of the design.
+        Inputs between their samples, "zoh" or "band-limited"; see `Record`. By default that of the
+        design.
     inputs, outputs : sequence of str
         Names of the channels.
 
@@ -109,16 +127,17 @@ def record_from_samples(
     Raises
     ------
     ValueError
-        Streams of different lengths, fewer samples than one period, a period that the input does not have or
-        that is not whole, a drifting clock, lost samples, a design that was not played. The message gives the numbers
-        and the cure.
+        Streams of different lengths, fewer samples than one period, a period that the input does
+        not have or that is not whole, a drifting clock, lost samples, a design that was not played.
+        The message gives the numbers and the cure.
 
     Warns
     -----
     DataWarning
-        Periods slightly out of place; a clipped signal; a signal that stands still; silence before and after the
-        excitation, which is left out; a position that wraps, which is unwrapped; outliers of an output; hits of a
-        hammer; a first period that differs from the others for a reason other than a transient: it is left out.
+        Periods slightly out of place; a clipped signal; a signal that stands still; silence before
+        and after the excitation, which is left out; a position that wraps, which is unwrapped;
+        outliers of an output; hits of a hammer; a first period that differs from the others for a
+        reason other than a transient: it is left out.
 
     Examples
     --------
@@ -140,7 +159,10 @@ def record_from_samples(
     signals: dict[str, Samples] = {"u": u, "y": y}
     if r is not None:
         signals["r"] = r
-    if all(isinstance(x, np.ndarray) and x.ndim == 2 and x.shape[0] > x.shape[1] for x in signals.values()):
+    if all(
+        isinstance(x, np.ndarray) and x.ndim == 2 and x.shape[0] > x.shape[1]
+        for x in signals.values()
+    ):
         n_samples = len(signals["u"]) if n_samples is None else n_samples  # periods side by side
         signals = {name: np.ravel(np.asarray(x).T) for name, x in signals.items()}
         u, y, r = signals["u"], signals["y"], signals.get("r")
@@ -153,7 +175,9 @@ def record_from_samples(
 
 
 class Cutting(NamedTuple):
-    """Options for cutting samples into periods; the names are arguments of `record_from_samples`."""
+    """Options for cutting samples into periods; the names are arguments of
+    `record_from_samples`.
+    """
 
     n_samples: int | None = None
     lines: LineGrid | None = None
@@ -177,7 +201,9 @@ def _record_of_channels(
     inputs: Sequence[str],
     outputs: Sequence[str],
 ) -> Record:
-    """Return `record_from_samples` for several inputs or outputs, or for channels that have names."""
+    """Return `record_from_samples` for several inputs or outputs, or for channels that have
+    names.
+    """
     design = options.design
     if design is not None:
         options = options._replace(
@@ -189,7 +215,9 @@ def _record_of_channels(
     for name, signal in streams.items():
         lengths, wanted = ([one.shape[1] for one in some] for some in (signal, streams["u"]))
         if lengths != wanted:
-            raise ValueError(f"{name} must have the experiments and samples of u, {wanted}, got {lengths}")
+            raise ValueError(
+                f"{name} must have the experiments and samples of u, {wanted}, got {lengths}"
+            )
     inputs, outputs = (
         channel_names(name, given, len(streams[of][0]))
         for name, given, of in (("inputs", inputs, "u"), ("outputs", outputs, "y"))
@@ -218,7 +246,8 @@ def _record_of_channels(
 def _cut_together(
     streams: Streams, known: str, *, names: dict[str, tuple[str, ...]], fs: float, options: Cutting
 ) -> tuple[dict[str, np.ndarray], float]:
-    """Cut every signal (channels, M, P, N) at the periods of the known signals; return them with their fs.
+    """Cut every signal (channels, M, P, N) at the periods of the known signals; return them with
+    their fs.
 
     All channels are cut at once: a period lost in one channel is lost in all.
     """
@@ -231,7 +260,10 @@ def _cut_together(
     options = options._replace(design=None, hold=None)
     cut = records_from_streams(summed, channels, r=None, fs=fs, options=options, named=True)
     rows = iter(cut)
-    found = {name: np.stack([next(rows).y for _ in range(len(signal[0]))]) for name, signal in streams.items()}
+    found = {
+        name: np.stack([next(rows).y for _ in range(len(signal[0]))])
+        for name, signal in streams.items()
+    }
     return found, cut[0].fs
 
 
@@ -241,7 +273,9 @@ def _channel_label(name: str, i: int, names: tuple[str, ...]) -> str:
 
 
 def _sum_with_all_lines(channels: np.ndarray) -> np.ndarray:
-    """Return one signal (n,) with the lines of all channels: the first, or the sum if each has lines of its own."""
+    """Return one signal (n,) with the lines of all channels: the first, or the sum if each has
+    lines of its own.
+    """
     power = squared_modulus(np.fft.rfft(channels - channels.mean(axis=1, keepdims=True), axis=1))
     size = np.add.reduce(power, axis=1)
     share = power[size > 0] / size[size > 0, None]
@@ -252,17 +286,28 @@ def _sum_with_all_lines(channels: np.ndarray) -> np.ndarray:
 
 def _split_experiments(name: str, signal: Samples) -> list[np.ndarray]:
     """Return the streams (n_channels, n) of each experiment."""
-    many = list(signal) if isinstance(signal, list | tuple) and np.ndim(signal[0] if len(signal) else 0) else [signal]
+    many = (
+        list(signal)
+        if isinstance(signal, list | tuple) and np.ndim(signal[0] if len(signal) else 0)
+        else [signal]
+    )
     arrays = [
-        require_real_array(f"{name}[{m}]" if len(many) > 1 else name, one, ndim=2 if np.ndim(one) != 1 else 1)
+        require_real_array(
+            f"{name}[{m}]" if len(many) > 1 else name, one, ndim=2 if np.ndim(one) != 1 else 1
+        )
         for m, one in enumerate(many)
     ]
     arrays = [one if one.ndim == 2 else one[None] for one in arrays]
     for one in arrays:
         if one.shape[0] > one.shape[1]:
-            raise ValueError(f"{name} must be (channels, samples), got shape {one.shape}: transpose it")
+            raise ValueError(
+                f"{name} must be (channels, samples), got shape {one.shape}: transpose it"
+            )
     if not arrays or len({one.shape[0] for one in arrays}) != 1:
-        raise ValueError(f"{name} must have the same channels in every experiment, got {[one.shape for one in arrays]}")
+        raise ValueError(
+            f"{name} must have the same channels in every experiment, got"
+            f" {[one.shape for one in arrays]}"
+        )
     return arrays
 
 
@@ -276,7 +321,8 @@ def records_from_streams(
     labels: Mapping[str, SignalLabels] | None = None,
     named: bool = False,
 ) -> list[Record]:
-    """Return `record_from_samples` for several named outputs: one record each, with the same input, and its labels.
+    """Return `record_from_samples` for several named outputs: one record each, with the same input,
+    and its labels.
 
     Read-only streams of one realisation go into the record without a copy.
     """
@@ -290,7 +336,9 @@ def records_from_streams(
         for name, signal in _check_streams(u, outputs, r=r, named=named).items()
     }
     labels = {name: (labels or {}).get(name, {}) for name in outputs}
-    pairs = {} if named else labels  # an output may be emptier between the lines than a sum of inputs
+    pairs = (
+        {} if named else labels
+    )  # an output may be emptier between the lines than a sum of inputs
     del u, outputs, r  # long streams are held once
     known = "r" if "r" in streams else "u"
     for one in streams[known]:
@@ -304,30 +352,44 @@ def records_from_streams(
     has_outliers = _screen_outputs(streams, n_samples=n_samples, fs=fs)
     if (n := min(one.size for one in streams[known])) < (n_discard + 1) * n_samples:
         raise ValueError(
-            f"u and y must hold at least one period of n_samples = {n_samples} samples after n_discard = {n_discard}, "
-            f"got {n} samples, which is {n / n_samples:.2f} periods"
+            f"u and y must hold at least one period of n_samples = {n_samples} samples after"
+            f" n_discard = {n_discard}, got {n} samples, which is {n / n_samples:.2f} periods"
         )
-    kept = {name: [one[n_discard * n_samples :] for one in signal] for name, signal in streams.items()}
+    kept = {
+        name: [one[n_discard * n_samples :] for one in signal] for name, signal in streams.items()
+    }
     del streams
-    cut, lines, fs = _cut_periods(kept, known, n_samples=n_samples, fs=fs, options=options, labels=pairs)
+    cut, lines, fs = _cut_periods(
+        kept, known, n_samples=n_samples, fs=fs, options=options, labels=pairs
+    )
     cut = _leave_out_outliers(cut) if has_outliers else cut
     if design is not None:
         cut.setdefault("r", reconstruct_references(design, cut["u"][None])[0])
         hold = design.hold if hold is None else hold
     u, r = cut.pop("u"), cut.pop("r", None)
     (y, label), *others = zip(cut.values(), labels.values(), strict=True)
-    first = Record(u=u, y=y, r=r, fs=fs, lines=lines, hold="unknown" if hold is None else hold, **label)
+    first = Record(
+        u=u, y=y, r=r, fs=fs, lines=lines, hold="unknown" if hold is None else hold, **label
+    )
     return [first, *(replace(first, y=y, **label) for y, label in others)]  # type: ignore[misc]  # its constructor takes them
 
 
 def _screen_outputs(streams: Streams, *, n_samples: int, fs: float) -> bool:
     """Warn of the outliers of every output in every realisation; return whether there are any."""
-    pairs = [(name, u, y) for name in _output_names(streams) for u, y in zip(streams["u"], streams[name], strict=True)]
-    return sum(warn_of_outliers(name, y, u=u, n_samples=n_samples, fs=fs) for name, u, y in pairs) > 0
+    pairs = [
+        (name, u, y)
+        for name in _output_names(streams)
+        for u, y in zip(streams["u"], streams[name], strict=True)
+    ]
+    return (
+        sum(warn_of_outliers(name, y, u=u, n_samples=n_samples, fs=fs) for name, u, y in pairs) > 0
+    )
 
 
 def _leave_out_outliers(cut: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Leave out the periods (M, P, N) in which an output has outliers, if at least half of all periods remain."""
+    """Leave out the periods (M, P, N) in which an output has outliers, if at least half of all
+    periods remain.
+    """
     _, n_periods, n_samples = cut["u"].shape
     good = np.ones(n_periods, dtype=bool)
     for name in _output_names(cut):
@@ -349,7 +411,8 @@ def _cut_periods(
 ) -> tuple[dict[str, np.ndarray], LineGrid, float]:
     """Cut streams into periods (M, P, N); return them with their lines and sampling frequency.
 
-    `known` names the input or the reference. A fault of a channel is refused, warned of or, with `resample`, cured.
+    `known` names the input or the reference. A fault of a channel is refused, warned of or, with
+    `resample`, cured.
     """
     resample = options.resample
     _cut_silence(kept, known, n_samples=n_samples)
@@ -366,8 +429,12 @@ def _cut_periods(
         return _cut_stream(signal, tracks, n_periods=n_periods, n_samples=n_samples)
 
     # the streams are kept if they may be cut once more
-    cut = {name: cut_into_periods(kept[name] if resample else kept.pop(name)) for name in list(kept)}
-    with _add_swap_hint({name: [one.ravel() for one in signal[:1]] for name, signal in cut.items()}, labels):
+    cut = {
+        name: cut_into_periods(kept[name] if resample else kept.pop(name)) for name in list(kept)
+    }
+    with _add_swap_hint(
+        {name: [one.ravel() for one in signal[:1]] for name, signal in cut.items()}, labels
+    ):
         _check_period(cut[known], stream, fs)
     _warn_of_swapped(cut, labels)
     lines = _lines_of_periods(cut[known], options) if options.lines is None else options.lines
@@ -380,9 +447,9 @@ def _cut_periods(
         _examine_outputs(kept, cut, tracks=tracks, lines=lines, resample=False)
     if resample and n_periods > 1 and cut["u"].shape[1] == 1:
         data_warning(
-            f"resample leaves one period of {n_periods}: the others hold lost or repeated samples. One period does not "
-            "separate noise from distortion, so the bound is as wide as both. Measure again, or leave resample out if "
-            "a time column shows the lost rows"
+            f"resample leaves one period of {n_periods}: the others hold lost or repeated samples."
+            " One period does not separate noise from distortion, so the bound is as wide as both."
+            " Measure again, or leave resample out if a time column shows the lost rows"
         )
     if resample and all(tracks):  # so that the input repeats at f0
         fs /= float(np.mean([where.spacing for where in tracks if where]))
@@ -397,14 +464,17 @@ def _lines_of_periods(periods: np.ndarray, options: Cutting) -> LineGrid:
     _, n_periods, n_samples = periods.shape
     if options.n_samples is None and n_periods == 2 and lines.kind == "custom":
         data_warning(
-            f"the period of {n_samples} samples was found from one repetition of lines that form no grid: if samples "
-            "were lost between its ends, it is too short. Give the design that was played, or n_samples"
+            f"the period of {n_samples} samples was found from one repetition of lines that form no"
+            " grid: if samples were lost between its ends, it is too short. Give the design that"
+            " was played, or n_samples"
         )
     return lines
 
 
 def _cut_silence(streams: Streams, known: str, *, n_samples: int) -> None:
-    """Cut, in place, the silence before and after the excitation, the signal `known`, and warn of it."""
+    """Cut, in place, the silence before and after the excitation, the signal `known`, and warn of
+    it.
+    """
     for m, excitation in enumerate(streams[known]):
         some = excited_span(excitation, n_samples)
         found = [
@@ -414,15 +484,20 @@ def _cut_silence(streams: Streams, known: str, *, n_samples: int) -> None:
         ]
         if found:
             data_warning(
-                f"{_output_label(known, m, streams[known])} is silent for {' and '.join(found)} the excitation: they "
-                "are left out"
+                f"{_output_label(known, m, streams[known])} is silent for {' and '.join(found)} the"
+                " excitation: they are left out"
             )
             for signal in streams.values():
                 signal[m] = signal[m][some]
 
 
-def _track_inputs(excitation: list[np.ndarray], n_samples: int, resample: bool) -> list[PeriodAlignment | None]:
-    """Return the period alignment of each realisation; None if it is cut evenly. Refuse or cure faults."""
+def _track_inputs(
+    excitation: list[np.ndarray], n_samples: int, resample: bool
+) -> list[PeriodAlignment | None]:
+    """Return the period alignment of each realisation; None if it is cut evenly.
+
+    Refuse or cure faults.
+    """
     tracks = [track_input(one, n_samples) for one in excitation if one.size >= 2 * n_samples]
     tracks = [found for found in tracks if found.unexplained < _MAX_PERIOD_DIFFERENCE]
     if resample and len(tracks) == len(excitation):
@@ -433,11 +508,21 @@ def _track_inputs(excitation: list[np.ndarray], n_samples: int, resample: bool) 
 
 
 def _cut_stream(
-    streams: list[np.ndarray], tracks: list[PeriodAlignment | None], *, n_periods: int, n_samples: int
+    streams: list[np.ndarray],
+    tracks: list[PeriodAlignment | None],
+    *,
+    n_periods: int,
+    n_samples: int,
 ) -> np.ndarray:
-    """Return a signal (M, P, N) cut at its tracked periods, or evenly; P is the smallest number of a realisation."""
+    """Return a signal (M, P, N) cut at its tracked periods, or evenly; P is the smallest number of
+    a realisation.
+    """
     rows = [
-        one[: n_periods * n_samples].reshape(n_periods, n_samples) if where is None else resegment(one, where)[0]
+        (
+            one[: n_periods * n_samples].reshape(n_periods, n_samples)
+            if where is None
+            else resegment(one, where)[0]
+        )
         for one, where in zip(streams, tracks, strict=True)
     ]
     least = min(len(periods) for periods in rows)
@@ -456,7 +541,8 @@ def _examine_outputs(
     lines: LineGrid,
     resample: bool,
 ) -> bool:
-    """Look for faults of the outputs against the input: refuse them, warn of them, or cure them in the streams.
+    """Look for faults of the outputs against the input: refuse them, warn of them, or cure them in
+    the streams.
 
     Periods at the start that differ from the others, but not by a transient, are left out of `cut`.
     """
@@ -473,18 +559,25 @@ def _examine_outputs(
                 sound = where.sound.copy()
                 sound[periods[~good]] = False
                 if not sound.any():
-                    raise ValueError(f"{described_label} must hold a sound period, got none: {lag.fault}")
+                    raise ValueError(
+                        f"{described_label} must hold a sound period, got none: {lag.fault}"
+                    )
                 tracks[m] = replace(where, sound=sound)
                 cured = True
                 continue
             if lag.fault and lag.severe:
-                raise ValueError(f"{described_label} must stay in step with u from period to period, got: {lag.fault}")
+                raise ValueError(
+                    f"{described_label} must stay in step with u from period to period, got:"
+                    f" {lag.fault}"
+                )
             if lag.fault:
                 data_warning(
-                    f"{lag.fault}; otherwise {100 * lag.misplaced:.2g} % of the power of {described_label} is out of "
-                    "place"
+                    f"{lag.fault}; otherwise {100 * lag.misplaced:.2g} % of the power of"
+                    f" {described_label} is out of place"
                 )
-            drifts += [f"{described_label}: {message}" for message in (lag.start, lag.drift) if message]
+            drifts += [
+                f"{described_label}: {message}" for message in (lag.start, lag.drift) if message
+            ]
             n_unsettled = max(n_unsettled, lag.n_unsettled)
     if not cured:  # after a cure all outputs are examined again
         for drift in drifts:
@@ -511,7 +604,9 @@ def _require_equal_gaps(streams: Streams, tracks: list[PeriodAlignment | None]) 
 
 
 def _require_gap(name: str, y: np.ndarray, where: PeriodAlignment) -> None:
-    """Refuse an output without the gap of its input before all sound periods: the delay after it is unknown."""
+    """Refuse an output without the gap of its input before all sound periods: the delay after it is
+    unknown.
+    """
     first = int(np.argmax(where.sound))
     lost = where.gaps[:first].sum()
     if not lost:
@@ -519,15 +614,21 @@ def _require_gap(name: str, y: np.ndarray, where: PeriodAlignment) -> None:
     periods = y[: (first + 1) * where.n_samples].reshape(first + 1, where.n_samples)
     found = find_slips(periods, where.n_samples // 2)[:first].sum()
     if found != lost:
-        of_u, of_y = (f"{abs(n):g} samples {'lost' if n < 0 else 'repeated'}" if n else "none" for n in (lost, found))
+        of_u, of_y = (
+            f"{abs(n):g} samples {'lost' if n < 0 else 'repeated'}" if n else "none"
+            for n in (lost, found)
+        )
         raise ValueError(
-            f"{name} must have the gap of u before period {first + 1} ({of_u}), got {of_y}: the delay of this output "
-            "after the gap is unknown; measure again"
+            f"{name} must have the gap of u before period {first + 1} ({of_u}), got {of_y}: the"
+            " delay of this output after the gap is unknown; measure again"
         )
 
 
-def _check_streams(u: Samples, outputs: Mapping[str, Samples], *, r: Samples | None, named: bool) -> Streams:
-    """Return the streams of each signal, one per realisation, after a check that they belong together.
+def _check_streams(
+    u: Samples, outputs: Mapping[str, Samples], *, r: Samples | None, named: bool
+) -> Streams:
+    """Return the streams of each signal, one per realisation, after a check that they belong
+    together.
 
     Messages call an output y unless outputs are named.
     """
@@ -539,11 +640,16 @@ def _check_streams(u: Samples, outputs: Mapping[str, Samples], *, r: Samples | N
         streams["r"] = _to_streams("r", r)
     for name, signal in streams.items():
         if len(signal) != len(streams["u"]):
-            raise ValueError(f"{name} must hold as many realisations as u, {len(streams['u'])}, got {len(signal)}")
+            raise ValueError(
+                f"{name} must hold as many realisations as u, {len(streams['u'])}, got"
+                f" {len(signal)}"
+            )
         for m, (one, u_one) in enumerate(zip(signal, streams["u"], strict=True)):
             if one.size != u_one.size:
                 which = "" if len(signal) == 1 else f" in realisation {m}"
-                raise ValueError(f"{name} must be as long as u, {u_one.size} samples{which}, got {one.size}")
+                raise ValueError(
+                    f"{name} must be as long as u, {u_one.size} samples{which}, got {one.size}"
+                )
     for name, signal in streams.items():
         for one in signal:
             require_varying(name, one[np.newaxis])
@@ -557,25 +663,29 @@ def _warn_of_other_rates(streams: Streams, fs: float) -> None:
         if n > 1 and n != hold_factor(streams["u"][0]):
             nth = {2: "2nd", 3: "3rd"}.get(n, f"{n}th")
             data_warning(
-                f"{name} changes at every {nth} sample only: it was sampled at {fs / n:g} Hz and held. G includes this "
-                "hold and its aliases; record u and y at one rate"
+                f"{name} changes at every {nth} sample only: it was sampled at {fs / n:g} Hz and"
+                " held. G includes this hold and its aliases; record u and y at one rate"
             )
         elif share := repeated_share(streams[name][0], streams["u"][0]):
             data_warning(
-                f"{name} repeats its last value at {100 * share:.2g} % of the samples and goes on by full steps: its "
-                "sensor is slower than the record. G includes the delay of this sensor and its aliases; record u and y "
-                "at one rate"
+                f"{name} repeats its last value at {100 * share:.2g} % of the samples and goes on"
+                " by full steps: its sensor is slower than the record. G includes the delay of"
+                " this sensor and its aliases; record u and y at one rate"
             )
 
 
 def _warn_of_swapped(cut: dict[str, np.ndarray], labels: Mapping[str, SignalLabels]) -> None:
-    """Warn of an output that is the multisine, or repeats to the last digit, while the input is not or does not."""
+    """Warn of an output that is the multisine, or repeats to the last digit, while the input is not
+    or does not.
+    """
     if "r" in cut or not labels:
         return
     message = [
         f"{name} repeats exactly and u does not: are they swapped? u is what was played"
         for name in _output_names(cut)
-        if cut["u"].shape[1] > 1 and has_equal_periods(cut[name]) and not has_equal_periods(cut["u"])
+        if cut["u"].shape[1] > 1
+        and has_equal_periods(cut[name])
+        and not has_equal_periods(cut["u"])
     ]
     message.append(_describe_swap(cut, lambda signal: find_signal_lines(signal[:1, -2:]), labels))
     if any(message):
@@ -594,10 +704,11 @@ def _add_swap_hint(streams: Streams, labels: Mapping[str, SignalLabels]) -> Iter
 
 
 def _lines_of_first_period(signal: Sequence[np.ndarray]) -> SignalLines | None:
-    """Return the lines of the first period of a signal, whose period is detected; None if it has none.
+    """Return the lines of the first period of a signal, whose period is detected; None if it has
+    none.
 
-    Lost samples make the detected period shorter by a fraction. Of the two nearest whole periods the one with the more
-    even lines is taken.
+    Lost samples make the detected period shorter by a fraction. Of the two nearest whole periods
+    the one with the more even lines is taken.
     """
     try:
         n = int(detect_period(signal[0]))
@@ -608,9 +719,12 @@ def _lines_of_first_period(signal: Sequence[np.ndarray]) -> SignalLines | None:
 
 
 def _describe_swap(
-    signals: Mapping[str, Any], lines_of: Callable[[Any], SignalLines | None], labels: Mapping[str, SignalLabels]
+    signals: Mapping[str, Any],
+    lines_of: Callable[[Any], SignalLines | None],
+    labels: Mapping[str, SignalLabels],
 ) -> str:
-    """Describe swapped signals: the lines show that an output was played and the input was not; else an empty text.
+    """Describe swapped signals: the lines show that an output was played and the input was not;
+    else an empty text.
 
     Parameters
     ----------
@@ -625,24 +739,29 @@ def _describe_swap(
         return ""
     u = lines_of(signals["u"])
     for name, label in zip(_output_names(signals), labels.values(), strict=True):
-        u_name, y_name = (f" ({label[key]})" if label.get(key) else "" for key in ("u_name", "y_name"))
+        u_name, y_name = (
+            f" ({label[key]})" if label.get(key) else "" for key in ("u_name", "y_name")
+        )
         if found := "" if u and u.is_clean else describe_played(lines_of(signals[name]), u):
             return (
-                f"the multisine is found in y{y_name}, {found}, and not in u{u_name}: are input and output swapped? "
-                "u is what was played; in a closed loop name its reference, r"
+                f"the multisine is found in y{y_name}, {found}, and not in u{u_name}: are input and"
+                " output swapped? u is what was played; in a closed loop name its reference, r"
             )
     return ""
 
 
 def _recognise_grid(periodic: np.ndarray) -> LineGrid:
-    """Return the lines of an input or reference; warn if they look like distortion of an actuator."""
+    """Return the lines of an input or reference; warn if they look like distortion of an
+    actuator.
+    """
     power, noise = line_powers(periodic)
     grid = lines_from_powers(power, noise)
     jump = grid_level_jump(power, grid)
     if jump:
         data_warning(
-            f"the level of the {grid.excited.size} lines that were found in the input jumps by {jump:.1f} dB from line "
-            "to line, as distortion of an actuator does; give the design that was played, or lines"
+            f"the level of the {grid.excited.size} lines that were found in the input jumps by"
+            f" {jump:.1f} dB from line to line, as distortion of an actuator does; give the design"
+            " that was played, or lines"
         )
     return grid
 
@@ -651,27 +770,42 @@ def _require_period_alignment(where: PeriodAlignment) -> None:
     """Refuse misplaced periods that would count as distortion; warn of smaller misplacements."""
     fault = where.fault
     if fault and (where.misplaced > SEVERE_POWER or not where.sound.all()):
-        raise ValueError(f"n_samples must be the period of the input, got {where.n_samples}: {fault}")
+        raise ValueError(
+            f"n_samples must be the period of the input, got {where.n_samples}: {fault}"
+        )
     if fault:
-        data_warning(f"{fault}; otherwise {100 * where.misplaced:.2g} % of the input's power is out of place")
+        data_warning(
+            f"{fault}; otherwise {100 * where.misplaced:.2g} % of the input's power is out of place"
+        )
 
 
 def _to_streams(name: str, signal: Samples) -> list[np.ndarray]:
     """Return one-dimensional streams, one per realisation."""
-    many = list(signal) if isinstance(signal, list | tuple) and signal and np.ndim(signal[0]) > 0 else [signal]
+    many = (
+        list(signal)
+        if isinstance(signal, list | tuple) and signal and np.ndim(signal[0]) > 0
+        else [signal]
+    )
     if many[0] is signal and np.ndim(signal) != 1:
         shape = np.shape(signal)
-        raise ValueError(f"{name} must be one stream of samples, or a list of them, got shape {shape}")
-    return [require_real_array(f"{name}[{m}]" if len(many) > 1 else name, one, ndim=1) for m, one in enumerate(many)]
+        raise ValueError(
+            f"{name} must be one stream of samples, or a list of them, got shape {shape}"
+        )
+    return [
+        require_real_array(f"{name}[{m}]" if len(many) > 1 else name, one, ndim=1)
+        for m, one in enumerate(many)
+    ]
 
 
 def _rounded_period(u: np.ndarray, resample: bool) -> int:
-    """Return the period of the input, rounded to samples; `track_input` then finds whether it is whole."""
+    """Return the period of the input, rounded to samples; `track_input` then finds whether it is
+    whole.
+    """
     period = detect_period(u[excited_span(u, u.size // 16)])
     if abs(period - round(period)) > 0.1 and not resample:
         raise ValueError(
-            f"n_samples must be given: the period of u seems to be {period:.2f} samples, not a whole number; "
-            "resample=True cuts it on that period"
+            f"n_samples must be given: the period of u seems to be {period:.2f} samples, not a"
+            " whole number; resample=True cuts it on that period"
             if is_repeated(u, period)
             else describe_no_repetition(u.size)
         )

@@ -1,4 +1,6 @@
-"""Faults that screening finds in streams of samples, sample by sample, before they are cut: for a picture."""
+"""Faults that screening finds in streams of samples, sample by sample, before they are cut: for a
+picture.
+"""
 
 from __future__ import annotations
 
@@ -85,12 +87,22 @@ def screen_streams(
     """
     rows = np.arange(streams[0].size) if place is None else place
     n = int(rows[-1]) + 1
-    smooth = [np.interp(np.arange(n), rows, _unwrap_silently(x)) for x in streams]  # lost rows are interpolated
+    smooth = [
+        np.interp(np.arange(n), rows, _unwrap_silently(x)) for x in streams
+    ]  # lost rows are interpolated
     whole = round(period)
-    outliers = [find_outliers(x, x if k < n_inputs else smooth[0], whole or n)[0] for k, x in enumerate(smooth)]
+    outliers = [
+        find_outliers(x, x if k < n_inputs else smooth[0], whole or n)[0]
+        for k, x in enumerate(smooth)
+    ]
     steps = np.diff(rows)
     spans = [
-        _FaultySpan(Fault.LOST, int(rows[j]) + 1, int(rows[j + 1]), format_count(int(steps[j]) - 1, "sample"))
+        _FaultySpan(
+            Fault.LOST,
+            int(rows[j]) + 1,
+            int(rows[j + 1]),
+            format_count(int(steps[j]) - 1, "sample"),
+        )
         for j in np.flatnonzero(steps > 1)
     ]
     starts = np.zeros(0, dtype=int)
@@ -98,11 +110,16 @@ def screen_streams(
         excited = excited_span(smooth[0], whole)
         kept = [x[excited] for x in smooth]
         starts, slips = (
-            _find_slipped_periods(kept, n_inputs, period) if place is None else (_evenly(kept[0], period), [])
+            _find_slipped_periods(kept, n_inputs, period)
+            if place is None
+            else (_evenly(kept[0], period), [])
         )
         starts = starts + excited.start
         last = int(starts[-1]) + whole if starts.size else excited.stop
-        spans += [span._replace(first=span.first + excited.start, end=span.end + excited.start) for span in slips]
+        spans += [
+            span._replace(first=span.first + excited.start, end=span.end + excited.start)
+            for span in slips
+        ]
         spans += [
             _FaultySpan(fault, first, end, format_count(end - first, "sample"))
             for fault, first, end in (
@@ -127,7 +144,9 @@ def screen_streams(
 
 
 def _unwrap_silently(x: np.ndarray) -> np.ndarray:
-    """Return a stream (n,) without the jumps of a position that wraps; unchanged if its direction is unknown."""
+    """Return a stream (n,) without the jumps of a position that wraps; unchanged if its direction
+    is unknown.
+    """
     with warnings.catch_warnings(), suppress(ValueError):
         warnings.simplefilter("ignore")
         return unwrap_position("", x)
@@ -142,9 +161,11 @@ def _evenly(x: np.ndarray, period: float) -> np.ndarray:
 def _find_slipped_periods(
     streams: Sequence[np.ndarray], n_inputs: int, period: float
 ) -> tuple[np.ndarray, list[_FaultySpan]]:
-    """Return the first samples of whole periods, and the spans with lost samples or with a period unlike the others.
+    """Return the first samples of whole periods, and the spans with lost samples or with a period
+    unlike the others.
 
-    The outputs are examined only if the input has lost nothing: else they share its gap, or have no reference.
+    The outputs are examined only if the input has lost nothing: else they share its gap, or have no
+    reference.
     """
     n = round(period)
     if streams[0].size < 2 * n:
@@ -156,10 +177,16 @@ def _find_slipped_periods(
     slips, differs = where.jumps, ~where.sound
     if not slips.any() and not differs.any():
         with suppress(ValueError):  # an input without lines
-            u, *others = (x[: slips.size * n].reshape(-1, n) for x in (streams[0], *streams[n_inputs:]))
+            u, *others = (
+                x[: slips.size * n].reshape(-1, n) for x in (streams[0], *streams[n_inputs:])
+            )
             for lag in (align_output(u, y, detect_lines(u[None]).excited) for y in others):
                 slips = slips + lag.jumps
-                differs = differs | lag.corrupted | ~lag.sound & (np.arange(len(u)) >= np.argmax(lag.sound))
+                differs = (
+                    differs
+                    | lag.corrupted
+                    | ~lag.sound & (np.arange(len(u)) >= np.argmax(lag.sound))
+                )
     steps = np.diff(slips, append=slips[-1])
     spans = []
     for j in np.flatnonzero(inside & (differs | (steps != 0))).tolist():
@@ -175,4 +202,7 @@ def _describe_slip(step: float, period: int) -> str:
     >>> _describe_slip(-3.0, 1)
     '3 samples lost in period 2'
     """
-    return f"{format_count(round(abs(step)), 'sample')} {'lost' if step < 0 else 'repeated'} in period {period + 1}"
+    return (
+        f"{format_count(round(abs(step)), 'sample')} {'lost' if step < 0 else 'repeated'} in period"
+        f" {period + 1}"
+    )

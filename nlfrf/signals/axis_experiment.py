@@ -1,8 +1,9 @@
 """Experiment on a running drive: a multisine at one of its ports, at rest or over a base motion.
 
-An experiment is a sequence of segments. Each holds one amplitude of the multisine and one base velocity for
-`n_discard + n_periods` periods. Amplitude and velocity reach their new value over the first quarter of a period, and
-return to zero over a quarter of a period behind the last segment. So no set point jumps.
+An experiment is a sequence of segments. Each holds one amplitude of the multisine and one base
+velocity for `n_discard + n_periods` periods. Amplitude and velocity reach their new value over the
+first quarter of a period, and return to zero over a quarter of a period behind the last segment. So
+no set point jumps.
 """
 
 from __future__ import annotations
@@ -40,7 +41,8 @@ class AxisLimits:
 
     References
     ----------
-    Beckhoff TE5960 (TwinCAT 3 motion tuning): a limit of torque and a position window around every excitation.
+    Beckhoff TE5960 (TwinCAT 3 motion tuning): a limit of torque and a position window around every
+    excitation.
 
     Examples
     --------
@@ -62,8 +64,9 @@ class AxisLimits:
 class AxisExperiment:
     """A multisine for one port of a running drive, its base motion, and its expected effect.
 
-    `robust.servo.design_experiment` and `robust.servo.design_ramp` make it, `nlfrf.save` writes it as set points to
-    play, `robust.servo.play_experiment` simulates it, and `load_trace` reads its trace.
+    `robust.servo.design_experiment` and `robust.servo.design_ramp` make it, `nlfrf.save` writes it
+    as set points to play, `robust.servo.play_experiment` simulates it, and `load_trace` reads its
+    trace.
 
     Fields
     ------
@@ -72,7 +75,8 @@ class AxisExperiment:
     port : str
         "position", "velocity" or "force": the set point to which the drive adds it.
     force_response, position_response : (F,) ndarray
-        Expected complex amplitude of force set point and position for one unit at the port, on each line.
+        Expected complex amplitude of force set point and position for one unit at the port, on each
+        line.
     gains : (S,) ndarray
         Amplitude of each segment.
     velocities : (S,) ndarray
@@ -84,9 +88,9 @@ class AxisExperiment:
     peak_force, peak_velocity, travel : float
         Expected largest values, base motion included, in these units.
     kv, kp, tn, velocity_feedforward, lag, delay, force_constant : float
-        Drive of the design: gains [1/s], [A s/m] or [A s/rad], [s]; share of the velocity of the set point; time
-        constant and delay of the current loop [s]; force constant [N/A] or [Nm/A]; nan if the design was made from a
-        record.
+        Drive of the design: gains [1/s], [A s/m] or [A s/rad], [s]; share of the velocity of the
+        set point; time constant and delay of the current loop [s]; force constant [N/A] or [Nm/A];
+        nan if the design was made from a record.
 
     Raises
     ------
@@ -95,7 +99,8 @@ class AxisExperiment:
 
     References
     ----------
-    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.6.4 and 5.2.
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.6.4 and
+    5.2.
 
     Examples
     --------
@@ -136,15 +141,24 @@ class AxisExperiment:
         for name in ("force_response", "position_response"):
             if np.shape(getattr(self, name)) != self.ms.f.shape:
                 raise ValueError(
-                    f"{name} must have one value per line ({self.ms.f.size}), got {np.shape(getattr(self, name))}"
+                    f"{name} must have one value per line ({self.ms.f.size}), got"
+                    f" {np.shape(getattr(self, name))}"
                 )
-        gains, velocities = (require_real_array(one, getattr(self, one), ndim=1) for one in ("gains", "velocities"))
+        gains, velocities = (
+            require_real_array(one, getattr(self, one), ndim=1) for one in ("gains", "velocities")
+        )
         if gains.shape != velocities.shape or not gains.size:
-            raise ValueError(f"velocities must be one per segment, {gains.size} of them, got {velocities.size}")
+            raise ValueError(
+                f"velocities must be one per segment, {gains.size} of them, got {velocities.size}"
+            )
 
     def has_gains(self, kv: float, kp: float, tn: float) -> bool:
-        """Return whether the experiment was designed for these gains [1/s], [A s/m] or [A s/rad], [s]."""
-        return bool(np.allclose((kv, kp, 1 / tn), (self.kv, self.kp, 1 / self.tn), rtol=SAME_GAIN, atol=0))
+        """Return whether the experiment was designed for these gains [1/s], [A s/m] or [A s/rad],
+        [s].
+        """
+        return bool(
+            np.allclose((kv, kp, 1 / tn), (self.kv, self.kp, 1 / self.tn), rtol=SAME_GAIN, atol=0)
+        )
 
     @property
     def drive(self) -> str:
@@ -152,10 +166,11 @@ class AxisExperiment:
         if np.isnan(self.velocity_feedforward):
             return "the same as in the first record, or not stated by an older file"
         return (
-            f"kv = {self.kv:g} 1/s, kp = {self.kp:g} A s/{self.position_unit}, tn = {self.tn:g} s, "
-            f"velocity_feedforward = {self.velocity_feedforward:g}{'' if self.velocity_feedforward else ' (none)'}; "
-            f"current loop: {self.force_constant:g} {self.force_unit}/A, lag {1e3 * self.lag:g} ms, "
-            f"delay {1e3 * self.delay:g} ms"
+            f"kv = {self.kv:g} 1/s, kp = {self.kp:g} A s/{self.position_unit}, tn = {self.tn:g} s,"
+            " velocity_feedforward ="
+            f" {self.velocity_feedforward:g}{'' if self.velocity_feedforward else ' (none)'};"
+            f" current loop: {self.force_constant:g} {self.force_unit}/A, lag {1e3 * self.lag:g}"
+            f" ms, delay {1e3 * self.delay:g} ms"
         )
 
     @property
@@ -180,7 +195,9 @@ class AxisExperiment:
 
     @property
     def force_amplitude(self) -> np.ndarray:
-        """(F,) expected amplitude of the force set point on each line, for a unit amplitude in `gains`."""
+        """(F,) expected amplitude of the force set point on each line, for a unit amplitude in
+        `gains`.
+        """
         return np.asarray(self.ms.amplitude * np.abs(self.force_response))
 
     @property
@@ -202,7 +219,9 @@ class AxisExperiment:
         return np.asarray(gain * np.tile(self.ms.u, repeats)[:, : gain.size])
 
     def set_points(self, realization: int) -> dict[str, np.ndarray]:
-        """Return the set points (n,) to play, by port: the position, and the port with the multisine."""
+        """Return the set points (n,) to play, by port: the position, and the port with the
+        multisine.
+        """
         found = {"position": self.base}
         found[self.port] = found.get(self.port, 0.0) + self.excitation[realization]
         return found
@@ -210,7 +229,11 @@ class AxisExperiment:
     @property
     def units(self) -> dict[str, str]:
         """Unit of each port."""
-        return {"force": self.force_unit, "velocity": f"{self.position_unit}/s", "position": self.position_unit}
+        return {
+            "force": self.force_unit,
+            "velocity": f"{self.position_unit}/s",
+            "position": self.position_unit,
+        }
 
     @property
     def is_ramp(self) -> bool:
@@ -219,12 +242,17 @@ class AxisExperiment:
 
     @property
     def groups(self) -> dict[str, tuple[int, ...]]:
-        """Segments of each record, by its label: one record per direction, or per level of a ramp."""
+        """Segments of each record, by its label: one record per direction, or per level of a
+        ramp.
+        """
         if self.is_ramp:
             return {f"level {s + 1}": (s,) for s in range(self.n_segments)}
         names = {-1: "backward", 0: "at rest", 1: "forward"}
         signs = np.sign(self.velocities).astype(int)
-        return {names[one]: tuple(np.flatnonzero(signs == one).tolist()) for one in dict.fromkeys(signs.tolist())}
+        return {
+            names[one]: tuple(np.flatnonzero(signs == one).tolist())
+            for one in dict.fromkeys(signs.tolist())
+        }
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -235,18 +263,22 @@ class AxisExperiment:
         ms, force, position = self.ms, self.force_unit, self.position_unit
         v = np.abs(self.velocities).max()
         motion = f"in motion at {v:g} {position}/s" if v else "at rest"
-        levels = f", {self.n_segments} levels from {self.rms * self.gains.min() / self.gains.max():.3g} {force} on"
+        levels = (
+            f", {self.n_segments} levels from {self.rms * self.gains.min() / self.gains.max():.3g}"
+            f" {force} on"
+        )
         return (
-            f"{ms.kind} multisine at the {self.port} set point, {motion}, {ms.f.size} lines from {ms.f[0]:g} to "
-            f"{ms.f[-1]:g} Hz, {self.duration:.3g} s\n"
-            f"force {self.rms:.3g} {force} rms{levels if len(self.groups) > 2 else ''}; expected peaks "
-            f"{self.peak_force:.3g} {force}, {self.peak_velocity:.3g} {position}/s, travel {self.travel:.3g} {position}"
-            f"\nassumed of the drive: {self.drive}"
+            f"{ms.kind} multisine at the {self.port} set point, {motion}, {ms.f.size} lines from"
+            f" {ms.f[0]:g} to {ms.f[-1]:g} Hz, {self.duration:.3g} s\nforce {self.rms:.3g} {force}"
+            f" rms{levels if len(self.groups) > 2 else ''}; expected peaks {self.peak_force:.3g}"
+            f" {force}, {self.peak_velocity:.3g} {position}/s, travel {self.travel:.3g}"
+            f" {position}\nassumed of the drive: {self.drive}"
         )
 
 
 def stepped_profile(levels: np.ndarray, block: int, rise: int) -> np.ndarray:
-    """Return (n,) levels (S,), held for `block` samples each and reached over `rise` samples, with a return to zero.
+    """Return (n,) levels (S,), held for `block` samples each and reached over `rise` samples, with
+    a return to zero.
 
     >>> stepped_profile(np.array([2.0, -2.0]), 4, 2).round(2)
     array([ 0.29,  1.71,  2.  ,  2.  ,  1.41, -1.41, -2.  , -2.  , -1.71, -0.29])

@@ -1,9 +1,10 @@
 """Lower crest factors at an unchanged amplitude spectrum, and their cost.
 
-The theory of the distortion level is for random phases, and the BLA belongs to their amplitude distribution. A signal
-with low peaks has another distribution; for a cubic its peaks show by how much. On 100 special-odd lines the 95 % bound
-from one record of a cubic then covers 97 % for the best of a hundred draws (crest factor 2.6), and 97 % after clipping
-to 2.0; for a fifth power 94 % and 40 %.
+The theory of the distortion level is for random phases, and the BLA belongs to their amplitude
+distribution. A signal with low peaks has another distribution; for a cubic its peaks show by how
+much. On 100 special-odd lines the 95 % bound from one record of a cubic then covers 97 % for the
+best of a hundred draws (crest factor 2.6), and 97 % after clipping to 2.0; for a fifth power 94 %
+and 40 %.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from nlfrf.signals.multisine import Multisine, Rng, require_one_input
 
 _FALSE_ALARM = 1e-5  # probability that random phases have peaks so low that a warning is given
 _RANDOM_STREAM = 1  # random stream of the draws, next to the seed
-_MAX_SHIFT = 1.4  # largest shift of the best draw, in standard deviations, for the bound of one record; over sqrt(M)
+# largest shift of the best draw, in standard deviations, for the bound of one record; over sqrt(M)
+_MAX_SHIFT = 1.4
 
 
 def reduce_crest(
@@ -34,11 +36,12 @@ def reduce_crest(
 ) -> Multisine:
     """Choose phases with low peaks for a multisine; its amplitude spectrum is unchanged.
 
-    A lower crest factor puts more power under the same actuator limit. Without a target the best of a few random draws
-    is taken, so few that the bound of `identify` still nearly holds: for a steep law, a fifth power, on some fifty
-    lines it holds for a new realisation 93 % of the time instead of 95. With a target the signal is clipped in time and
-    its amplitude spectrum restored in frequency, in turn; the clipping level falls as this succeeds. These phases are
-    no longer random, so neither the distortion level nor the BLA is that of random phases.
+    A lower crest factor puts more power under the same actuator limit. Without a target the best of
+    a few random draws is taken, so few that the bound of `identify` still nearly holds: for a steep
+    law, a fifth power, on some fifty lines it holds for a new realisation 93 % of the time instead
+    of 95. With a target the signal is clipped in time and its amplitude spectrum restored in
+    frequency, in turn; the clipping level falls as this succeeds. These phases are no longer
+    random, so neither the distortion level nor the BLA is that of random phases.
 
     Parameters
     ----------
@@ -46,8 +49,9 @@ def reduce_crest(
     target : float, optional
         Crest factor at which the optimisation stops. Only for nearly linear plants.
     n_draws : int, optional
-        Number of random draws for each realisation, of which the best is taken; without a target only. By default 7 for
-        one realisation, 3 for two, 2 for seven: the bias of a choice matters more if more realisations are averaged.
+        Number of random draws for each realisation, of which the best is taken; without a target
+        only. By default 7 for one realisation, 3 for two, 2 for seven: the bias of a choice matters
+        more if more realisations are averaged.
     n_iterations : int
         Largest number of clipping steps for each realisation, with a target.
     oversampling : int
@@ -72,8 +76,8 @@ def reduce_crest(
 
     References
     ----------
-    E. Van der Ouderaa, J. Schoukens, J. Renneboog, "Peak factor minimization using a time-frequency domain swapping
-    algorithm", IEEE Trans. Instrum. Meas. 37 (1988), 145-147.
+    E. Van der Ouderaa, J. Schoukens, J. Renneboog, "Peak factor minimization using a time-frequency
+    domain swapping algorithm", IEEE Trans. Instrum. Meas. 37 (1988), 145-147.
 
     Examples
     --------
@@ -87,43 +91,63 @@ def reduce_crest(
     n_fine = require_integer("oversampling", oversampling, least=1) * ms.n_samples
     n_iterations = require_integer("n_iterations", n_iterations, least=1)
     # not the stream of multisine(rng=same seed), whose draws would repeat the phases of ms
-    rng = random_generator("rng", rng if rng is None or isinstance(rng, np.random.Generator) else [rng, _RANDOM_STREAM])
+    rng = random_generator(
+        "rng", rng if rng is None or isinstance(rng, np.random.Generator) else [rng, _RANDOM_STREAM]
+    )
     if target is None:
         n_draws = (
-            _max_harmless_draws(ms.n_realizations) if n_draws is None else require_integer("n_draws", n_draws, least=1)
+            _max_harmless_draws(ms.n_realizations)
+            if n_draws is None
+            else require_integer("n_draws", n_draws, least=1)
         )
-        phases = [_best_draw(ms, phase, n_draws=n_draws, n_fine=n_fine, rng=rng) for phase in ms.phase]
+        phases = [
+            _best_draw(ms, phase, n_draws=n_draws, n_fine=n_fine, rng=rng) for phase in ms.phase
+        ]
     else:
-        target, starts = (
-            require_positive("target", target),
-            [_schroeder_phases(ms.amplitude)],
-        )  # for one realisation, because it is the same for all
+        # for one realisation, because it is the same for all
+        target = require_positive("target", target)
+        starts = [_schroeder_phases(ms.amplitude)]
         phases = [
             _reduce_one_realization(
-                ms, phase, starts=starts, target=target, n_iterations=n_iterations, n_fine=n_fine, rng=rng
+                ms,
+                phase,
+                starts=starts,
+                target=target,
+                n_iterations=n_iterations,
+                n_fine=n_fine,
+                rng=rng,
             )
             for phase in ms.phase
         ]
     found = replace(ms, phase=np.array(phases))
     if is_improbable(
-        expected_peaks(found.crest_factor, found.lines.excited, amplitude=found.amplitude, n_samples=found.n_samples)
+        expected_peaks(
+            found.crest_factor,
+            found.lines.excited,
+            amplitude=found.amplitude,
+            n_samples=found.n_samples,
+        )
     ):
         warnings.warn(
-            f"target asks for a crest factor of {found.crest_factor.mean():.2f}, lower than that of random phases: "
-            "neither the distortion level nor the BLA of a record is then that of random phases, and the bound of "
-            "identify will not hold; without a target the best of a few random draws is taken",
+            f"target asks for a crest factor of {found.crest_factor.mean():.2f}, lower than that of"
+            " random phases: neither the distortion level nor the BLA of a record is then that of"
+            " random phases, and the bound of identify will not hold; without a target the best of"
+            " a few random draws is taken",
             DataWarning,
             stacklevel=2,
         )
     return found
 
 
-def expected_peaks(crest: np.ndarray, lines: np.ndarray, *, amplitude: np.ndarray, n_samples: int) -> np.ndarray:
-    """Return the (M,) expected number of peaks above `crest` times the rms in a period with random phases.
+def expected_peaks(
+    crest: np.ndarray, lines: np.ndarray, *, amplitude: np.ndarray, n_samples: int
+) -> np.ndarray:
+    """Return the (M,) expected number of peaks above `crest` times the rms in a period with random
+    phases.
 
-    It is the smallest of Rice's rates of crossings and of crossings of the envelope, and of the rate of independent
-    samples; half of it if the second half of the period is minus the first. For the crest factor of random phases it
-    is, nearly, exponentially distributed with mean one.
+    It is the smallest of Rice's rates of crossings and of crossings of the envelope, and of the
+    rate of independent samples; half of it if the second half of the period is minus the first. For
+    the crest factor of random phases it is, nearly, exponentially distributed with mean one.
     """
     power, k = amplitude * amplitude, lines.astype(float)
     moment = power * k
@@ -138,15 +162,18 @@ def expected_peaks(crest: np.ndarray, lines: np.ndarray, *, amplitude: np.ndarra
 
 
 def have_low_crest(peaks: np.ndarray) -> bool:
-    """Return whether peaks are lower than usual, from their numbers (M,) expected for random phases, one on average.
+    """Return whether peaks are lower than usual, from their numbers (M,) expected for random
+    phases, one on average.
 
-    One experiment with random phases in twenty is: two standard deviations of an exponential variable.
+    One experiment with random phases in twenty is: two standard deviations of an exponential
+    variable.
     """
     return bool(np.add.reduce(peaks) >= peaks.size + 2 * peaks.size**0.5)
 
 
 def is_improbable(peaks: np.ndarray) -> bool:
-    """Return whether random phases have such low peaks with less than _FALSE_ALARM, from expected numbers (M,).
+    """Return whether random phases have such low peaks with less than _FALSE_ALARM, from expected
+    numbers (M,).
 
     >>> is_improbable(np.array([5.0])), is_improbable(np.array([50.0])), is_improbable(np.full(20, 5.0))
     (False, True, True)
@@ -157,11 +184,14 @@ def is_improbable(peaks: np.ndarray) -> bool:
     # the sum of n exponential variables is above s with probability sum_{i < n} s^i exp(-s) / i!
     terms = list(itertools.accumulate((math.log(total / i) for i in range(1, n)), initial=0.0))
     largest = max(terms)
-    return largest + math.log(sum(math.exp(term - largest) for term in terms)) - total < math.log(_FALSE_ALARM)
+    return largest + math.log(sum(math.exp(term - largest) for term in terms)) - total < math.log(
+        _FALSE_ALARM
+    )
 
 
 def _max_harmless_draws(n_realizations: int) -> int:
-    """Return the number of normal draws whose best is _MAX_SHIFT / sqrt(M) standard deviations from the mean.
+    """Return the number of normal draws whose best is _MAX_SHIFT / sqrt(M) standard deviations from
+    the mean.
 
     >>> [_max_harmless_draws(n) for n in (1, 2, 4, 7, 20)]
     [7, 3, 2, 2, 1]
@@ -170,7 +200,9 @@ def _max_harmless_draws(n_realizations: int) -> int:
     return max(1, int(0.6 / beyond))
 
 
-def _best_draw(ms: Multisine, phase: np.ndarray, *, n_draws: int, n_fine: int, rng: np.random.Generator) -> np.ndarray:
+def _best_draw(
+    ms: Multisine, phase: np.ndarray, *, n_draws: int, n_fine: int, rng: np.random.Generator
+) -> np.ndarray:
     """Return the phases with the lowest peaks of n draws, including the given ones."""
     draws = [phase, *(rng.uniform(0, 2 * np.pi, phase.size) for _ in range(n_draws - 1))]
     return min(draws, key=lambda one: _fine_crest_factor(ms, one, n_fine))
@@ -186,7 +218,9 @@ def _reduce_one_realization(
     n_fine: int,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return the best phases of one realisation: starts are its own, Schroeder's, then new random ones."""
+    """Return the best phases of one realisation: starts are its own, Schroeder's, then new random
+    ones.
+    """
     best, lowest, done, own = phase, _fine_crest_factor(ms, phase, n_fine), 0, True
     while done < n_iterations and lowest > target:
         start = phase if own else starts.pop() if starts else rng.uniform(0, 2 * np.pi, phase.size)
@@ -202,7 +236,9 @@ def _reduce_one_realization(
 def _clip_and_restore(
     ms: Multisine, phase: np.ndarray, *, n_steps: int, n_fine: int, target: float
 ) -> tuple[np.ndarray, float]:
-    """Clip in time and restore the amplitudes in frequency, n_steps times; return the best phases."""
+    """Clip in time and restore the amplitudes in frequency, n_steps times; return the best
+    phases.
+    """
     lines, half = ms.lines.excited, n_fine / 2
     best, lowest = phase, np.inf
     for i in range(n_steps):
@@ -226,7 +262,10 @@ def _fine_crest_factor(ms: Multisine, phase: np.ndarray, n_fine: int) -> float:
 
 
 def _schroeder_phases(amplitude: np.ndarray) -> np.ndarray:
-    """Return Schroeder's phases: low crest factors for flat, dense spectra (IEEE Trans. Inf. Theory 16, 1970)."""
+    """Return Schroeder's phases: low crest factors for flat, dense spectra (IEEE Trans.
+
+    Inf. Theory 16, 1970).
+    """
     share = amplitude**2 / np.sum(amplitude**2)
     before = np.cumsum(share) - share
     return np.asarray(-2 * np.pi * np.cumsum(before))

@@ -1,8 +1,9 @@
 """Harmonic grids: the excited DFT lines, and the detection lines, left out to detect distortion.
 
-A line is a DFT index: line k lies at k f0, with f0 = fs / n_samples. If only odd lines are excited, the odd part of a
-nonlinearity acts on odd lines and its even part on even lines. So odd lines without excitation detect odd distortion,
-and even lines detect even distortion (Pintelon & Schoukens, 4.3).
+A line is a DFT index: line k lies at k f0, with f0 = fs / n_samples. If only odd lines are excited,
+the odd part of a nonlinearity acts on odd lines and its even part on even lines. So odd lines
+without excitation detect odd distortion, and even lines detect even distortion (Pintelon &
+Schoukens, 4.3).
 """
 
 from __future__ import annotations
@@ -44,7 +45,8 @@ class LineGrid:
     Raises
     ------
     ValueError
-        Lines that are not whole, positive, increasing numbers, or a detection line that is also excited.
+        Lines that are not whole, positive, increasing numbers, or a detection line that is also
+        excited.
 
     Examples
     --------
@@ -96,7 +98,9 @@ def _line_numbers(name: str, lines: ArrayLike) -> np.ndarray:
         raise ValueError(f"{name} must be whole DFT line numbers, got {array[:4].tolist()}...")
     array = array.astype(np.int64)
     if array.size and array[0] < 1:
-        raise ValueError(f"{name} must be lines of at least 1 (line 0 is the mean), got {array.min()}")
+        raise ValueError(
+            f"{name} must be lines of at least 1 (line 0 is the mean), got {array.min()}"
+        )
     if np.any(np.diff(array) <= 0):
         raise ValueError(f"{name} must be increasing without repeats, got {array[:6].tolist()}...")
     return array
@@ -139,7 +143,9 @@ def recognise_kind(excited: np.ndarray) -> str:
 
 
 def _is_special_odd(excited: np.ndarray) -> bool:
-    """Return whether odd lines fall into groups of four consecutive ones, each with one line missing."""
+    """Return whether odd lines fall into groups of four consecutive ones, each with one line
+    missing.
+    """
     index = (excited - excited[0]) // 2
     if index[-1] < 8:
         return False
@@ -152,14 +158,20 @@ def _is_special_odd(excited: np.ndarray) -> bool:
 
 
 def local_mean(x: np.ndarray, n: int) -> np.ndarray:
-    """Return the mean over the n neighbours of each entry along the last axis, one-sided at the ends."""
+    """Return the mean over the n neighbours of each entry along the last axis, one-sided at the
+    ends.
+    """
     size, half = x.shape[-1], n // 2
-    total = np.empty((*x.shape[:-1], size + 2 * half + 1))  # running sums, constant beyond either end
+    total = np.empty(
+        (*x.shape[:-1], size + 2 * half + 1)
+    )  # running sums, constant beyond either end
     total[..., : half + 1] = 0.0
     end = half + 1 + size
     np.add.accumulate(x, axis=-1, out=total[..., half + 1 : end])
     total[..., end:] = total[..., end - 1 : end]
-    return np.asarray((total[..., 2 * half + 1 :] - total[..., :size]) / _neighbour_counts(size, half))
+    return np.asarray(
+        (total[..., 2 * half + 1 :] - total[..., :size]) / _neighbour_counts(size, half)
+    )
 
 
 @lru_cache(maxsize=64)
@@ -173,7 +185,8 @@ def _neighbour_counts(size: int, half: int) -> np.ndarray:
 
 
 def chance_correlation(chance: float, n: float) -> float:
-    """Return the share of power that unit vectors of n random phases have in common with probability `chance`.
+    """Return the share of power that unit vectors of n random phases have in common with
+    probability `chance`.
 
     The probability of a share above c is (1 - c)^(n - 1).
 

@@ -31,7 +31,8 @@ Rng = np.random.Generator | int | None
 
 @value
 class Multisine:
-    """One period of a multisine: realisations with random phases for one input, sets of experiments for several.
+    """One period of a multisine: realisations with random phases for one input, sets of experiments
+    for several.
 
     Fields
     ------
@@ -44,24 +45,25 @@ class Multisine:
     lines : LineGrid
         Excited and detection lines, the same for all inputs.
     amplitude : (F,) or (n_u, F) ndarray
-        Amplitude of the cosine on each excited line, in the unit of the signal. For several inputs before mixing, and
-        zero on a zippered line of another input.
+        Amplitude of the cosine on each excited line, in the unit of the signal. For several inputs
+        before mixing, and zero on a zippered line of another input.
     phase : (M, F) or (n_u, M, F) ndarray
         Phases [rad], one row per realisation, or per input and experiment, before mixing.
     hold : str
-        Signal between the samples: "zoh" for a converter that holds each sample, "band-limited" for a generator with
-        a reconstruction filter; "unknown" otherwise.
+        Signal between the samples: "zoh" for a converter that holds each sample, "band-limited" for
+        a generator with a reconstruction filter; "unknown" otherwise.
     design : str
-        For several inputs "orthogonal": n_inputs experiments make a set; or "zippered": each line drives one input, so
-        one experiment is enough.
+        For several inputs "orthogonal": n_inputs experiments make a set; or "zippered": each line
+        drives one input, so one experiment is enough.
     mixing : (n_u, n_u) ndarray, optional
-        u = mixing @ (the orthogonal signals): one row for each input of the plant. None: the identity.
+        u = mixing @ (the orthogonal signals): one row for each input of the plant. None: the
+        identity.
 
     References
     ----------
-    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.6.1 (eq. 2-47), 2.7, 3.7 and
-    5.2; T. Dobrowiecki, J. Schoukens, *Measuring a linear approximation to weakly nonlinear MIMO systems*, Automatica
-    43, 2007.
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.6.1 (eq.
+    2-47), 2.7, 3.7 and 5.2; T. Dobrowiecki, J. Schoukens, *Measuring a linear approximation to
+    weakly nonlinear MIMO systems*, Automatica 43, 2007.
 
     Examples
     --------
@@ -93,18 +95,27 @@ class Multisine:
         require_integer("n_samples", self.n_samples, least=4)
         n_lines, last = self.lines.excited.size, self.lines.excited[-1]
         if 2 * last >= self.n_samples:
-            raise ValueError(f"lines must lie below the Nyquist line {self.n_samples / 2:g}, got line {last}")
+            raise ValueError(
+                f"lines must lie below the Nyquist line {self.n_samples / 2:g}, got line {last}"
+            )
         phase = require_real_array("phase", self.phase, ndim=2 if self.is_single else 3)
         amplitude = require_real_array("amplitude", self.amplitude, ndim=phase.ndim - 1)
-        if phase.size == 0 or phase.shape[-1] != n_lines or amplitude.shape != (*phase.shape[:-2], n_lines):
+        if (
+            phase.size == 0
+            or phase.shape[-1] != n_lines
+            or amplitude.shape != (*phase.shape[:-2], n_lines)
+        ):
             raise ValueError(
-                f"amplitude and phase must have shapes ({n_lines},) and (M, {n_lines}), for several inputs "
-                f"(n_u, {n_lines}) and (n_u, M, {n_lines}), got {amplitude.shape} and {phase.shape}"
+                f"amplitude and phase must have shapes ({n_lines},) and (M, {n_lines}), for several"
+                f" inputs (n_u, {n_lines}) and (n_u, M, {n_lines}), got {amplitude.shape} and"
+                f" {phase.shape}"
             )
-        if np.any(amplitude < 0) or not (amplitude.all() if self.is_single else amplitude.any(axis=1).all()):
+        if np.any(amplitude < 0) or not (
+            amplitude.all() if self.is_single else amplitude.any(axis=1).all()
+        ):
             raise ValueError(
-                "amplitude must be positive on every excited line, zero where it drives another input, "
-                f"got {amplitude.min():g}"
+                "amplitude must be positive on every excited line, zero where it drives another"
+                f" input, got {amplitude.min():g}"
             )
         if self.mixing is not None:
             check_mixing(require_real_array("mixing", self.mixing, ndim=2), self.n_inputs)
@@ -121,12 +132,16 @@ class Multisine:
 
     @property
     def n_experiments(self) -> int:
-        """Experiments M: for one input the realisations; for several inputs n_u per set of an orthogonal design."""
+        """Experiments M: for one input the realisations; for several inputs n_u per set of an
+        orthogonal design.
+        """
         return self.phase.shape[-2]
 
     @property
     def n_realizations(self) -> int:
-        """Realisations M for one input; for several inputs the sets R of experiments, each gives the matrix."""
+        """Realisations M for one input; for several inputs the sets R of experiments, each gives
+        the matrix.
+        """
         return self.n_experiments // (self.n_inputs if self.design == "orthogonal" else 1)
 
     @property
@@ -141,7 +156,9 @@ class Multisine:
 
     @property
     def rms(self) -> ArrayField:
-        """Root mean square of one period, equal for all realisations; for several inputs (n_u,), over a set."""
+        """Root mean square of one period, equal for all realisations; for several inputs (n_u,),
+        over a set.
+        """
         power = np.sum(self.amplitude**2, axis=-1) / 2
         found = np.sqrt(power if self.mixing is None else self.mixing**2 @ power)
         return float(found) if self.is_single else found
@@ -163,7 +180,9 @@ class Multisine:
         return logical if self.mixing is None else np.tensordot(self.mixing, logical, 1)
 
     def sampled(self, n_samples: int) -> np.ndarray:
-        """Return (M, n_samples) or (n_u, M, n_samples) the same period with another number of samples."""
+        """Return (M, n_samples) or (n_u, M, n_samples) the same period with another number of
+        samples.
+        """
         spectrum = np.zeros((*self.phase.shape[:-1], n_samples // 2 + 1), dtype=complex)
         spectrum[..., self.lines.excited] = self.spectrum * (n_samples / 2)
         return np.fft.irfft(spectrum, n_samples, axis=-1)
@@ -204,10 +223,11 @@ def multisine(
     Parameters
     ----------
     kind : str
-        "special-odd" (8k+1, 8k+3): one record gives the BLA and its distortion level; detection lines underestimate it
-        by at most 4.8 dB, which is corrected. "random-odd" (one of four odd lines left out at random): detection lines
-        need no correction. "odd-odd" (4k+1): detection lines underestimate without limit around a resonance. "odd",
-        "full": no odd detection lines. "custom": the given lines.
+        "special-odd" (8k+1, 8k+3): one record gives the BLA and its distortion level; detection
+        lines underestimate it by at most 4.8 dB, which is corrected. "random-odd" (one of four odd
+        lines left out at random): detection lines need no correction. "odd-odd" (4k+1): detection
+        lines underestimate without limit around a resonance. "odd", "full": no odd detection lines.
+        "custom": the given lines.
     fs : float
         Sampling frequency [Hz].
     n_samples : int
@@ -215,7 +235,8 @@ def multisine(
     f_min, f_max : float
         Band [Hz]; lines inside it, both ends included, are used.
     rms : float, or (n_u,) ndarray
-        Root mean square of the signal, in its own unit; exact. One for all inputs, or one per input.
+        Root mean square of the signal, in its own unit; exact. One for all inputs, or one per
+        input.
     amplitude : (F,) or (n_u, F) ndarray, or callable of f [Hz], optional
         Relative amplitude spectrum, scaled to `rms`; flat when not given.
     lines : LineGrid or array of int, optional
@@ -223,22 +244,24 @@ def multisine(
     n_log : int, optional
         Keep about this number of lines, spaced logarithmically: for a band over several decades.
     n_realizations : int
-        Realisations M, with independent phases on the same grid; for several inputs the sets R of experiments.
+        Realisations M, with independent phases on the same grid; for several inputs the sets R of
+        experiments.
     n_inputs : int
         Inputs n_u of the plant.
     design : str
-        "orthogonal": n_u experiments make a set, and each excites all inputs on all lines. "zippered": one experiment,
-        in which each line drives one input; on a random-odd grid.
+        "orthogonal": n_u experiments make a set, and each excites all inputs on all lines.
+        "zippered": one experiment, in which each line drives one input; on a random-odd grid.
     mixing : (n_u, n_u) ndarray, optional
-        u = mixing @ (orthogonal signals): for logical axes, or V S^-1 from a first measurement if the plant is ill
-        conditioned. `rms` is that of the signals before mixing.
+        u = mixing @ (orthogonal signals): for logical axes, or V S^-1 from a first measurement if
+        the plant is ill conditioned. `rms` is that of the signals before mixing.
     n_draws : int
-        Number of draws of the phases for several inputs; the set with the lowest worst crest factor is kept.
+        Number of draws of the phases for several inputs; the set with the lowest worst crest factor
+        is kept.
     rng : numpy Generator, int or None
         Source of the random phases (and of the lines left out of a random-odd grid).
     hold : str
-        "zoh" if a converter holds each sample, "band-limited" if a filter reconstructs the signal; a record made with
-        this design inherits it.
+        "zoh" if a converter holds each sample, "band-limited" if a filter reconstructs the signal;
+        a record made with this design inherits it.
 
     Returns
     -------
@@ -247,8 +270,8 @@ def multisine(
     Raises
     ------
     ValueError
-        A band without lines or beyond Nyquist; an amplitude that does not fit; a number out of range; a zippered
-        special-odd grid, which cannot be calibrated.
+        A band without lines or beyond Nyquist; an amplitude that does not fit; a number out of
+        range; a zippered special-odd grid, which cannot be calibrated.
 
     References
     ----------
@@ -268,21 +291,33 @@ def multisine(
     n_realizations = require_integer("n_realizations", n_realizations, least=1)
     rng = random_generator("rng", rng)
     first, last = band_lines(
-        fs, n_samples, f_min=require_positive("f_min", f_min), f_max=require_positive("f_max", f_max)
+        fs,
+        n_samples,
+        f_min=require_positive("f_min", f_min),
+        f_max=require_positive("f_max", f_max),
     )
     grid = _grid_in_band(kind, lines, first=first, last=last, rng=rng)
     if n_log is not None:
         grid = _thin_grid(grid, require_integer("n_log", n_log, least=2))
     f = grid.excited * fs / n_samples
     if n_inputs == 1 and (design != "orthogonal" or mixing is not None or n_draws != 1):
-        raise ValueError("n_inputs must be at least 2 for a zippered design, a mixing or draws (reduce_crest), got 1")
+        raise ValueError(
+            "n_inputs must be at least 2 for a zippered design, a mixing or draws (reduce_crest),"
+            " got 1"
+        )
     shape = _relative_amplitudes(amplitude, f, n_inputs)
     require_choice("design", design, DESIGNS)
     if design == "zippered":
         if mixing is not None:
-            raise ValueError(f"mixing must be left out for a zippered design: a line drives one input, got {mixing}")
+            raise ValueError(
+                "mixing must be left out for a zippered design: a line drives one input, got"
+                f" {mixing}"
+            )
         shape = shape * assign_lines(kind, grid, n_inputs=n_inputs, rng=rng)
-    scaled = shape * (_rms_per_input(rms, n_inputs) / np.sqrt(np.sum(shape**2, axis=1) / 2))[:, np.newaxis]
+    scaled = (
+        shape
+        * (_rms_per_input(rms, n_inputs) / np.sqrt(np.sum(shape**2, axis=1) / 2))[:, np.newaxis]
+    )
     mixed = None if mixing is None else require_real_array("mixing", mixing, ndim=2)
 
     def draw() -> Multisine:
@@ -305,7 +340,12 @@ def multisine(
 
 
 def _grid_in_band(
-    kind: str, lines: LineGrid | np.ndarray | None, *, first: int, last: int, rng: np.random.Generator
+    kind: str,
+    lines: LineGrid | np.ndarray | None,
+    *,
+    first: int,
+    last: int,
+    rng: np.random.Generator,
 ) -> LineGrid:
     """Return the grid of a kind from the first to the last line of the band, or the given one."""
     if kind == "custom":
@@ -324,7 +364,8 @@ def _grid_in_band(
         return grid_lines(kind, first, last=last, rng=rng)
     except ValueError:
         raise ValueError(
-            f"f_min and f_max must hold at least one line of a {kind} grid between them, got lines {first} to {last}"
+            f"f_min and f_max must hold at least one line of a {kind} grid between them, got lines"
+            f" {first} to {last}"
         ) from None
 
 
@@ -338,12 +379,16 @@ def _thin_grid(grid: LineGrid, n_log: int) -> LineGrid:
 
 
 def band_lines(fs: float, n_samples: int, *, f_min: float, f_max: float) -> tuple[int, int]:
-    """Return the first and last line of the band f_min..f_max, with a tolerance for rounding of the frequencies."""
+    """Return the first and last line of the band f_min..f_max, with a tolerance for rounding of the
+    frequencies.
+    """
     f0 = fs / n_samples
     if f_max < f_min:
         raise ValueError(f"f_max must be at least f_min = {f_min:g} Hz, got {f_max:g} Hz")
     if f_max >= fs / 2 * (1 + 1e-9):
-        raise ValueError(f"f_max must lie below the Nyquist frequency {fs / 2:g} Hz, got {f_max:g} Hz")
+        raise ValueError(
+            f"f_max must lie below the Nyquist frequency {fs / 2:g} Hz, got {f_max:g} Hz"
+        )
     first = max(1, int(np.ceil(f_min / f0 - 1e-6)))
     last = min(int(np.floor(f_max / f0 + 1e-6)), (n_samples - 1) // 2)
     if last < first:
@@ -358,13 +403,19 @@ def _relative_amplitude(amplitude: np.ndarray | None, f: np.ndarray) -> np.ndarr
     """Return the (F,) relative amplitudes for one input at frequencies f [Hz]."""
     shape = np.ones(f.size) if amplitude is None else np.asarray(amplitude)
     if shape.dtype.kind not in "fiu":
-        raise ValueError(f"amplitude must be numbers, or a function of f that gives them, got {short_form(amplitude)}")
+        raise ValueError(
+            "amplitude must be numbers, or a function of f that gives them, got"
+            f" {short_form(amplitude)}"
+        )
     shape = shape.astype(float)
     if shape.shape != f.shape:
-        raise ValueError(f"amplitude must have one value per excited line ({f.size}), got shape {shape.shape}")
+        raise ValueError(
+            f"amplitude must have one value per excited line ({f.size}), got shape {shape.shape}"
+        )
     if not np.all(np.isfinite(shape)) or np.any(shape <= 0):
         raise ValueError(
-            f"amplitude must be finite and positive on every excited line, got {short_form(float(shape.min()))}"
+            "amplitude must be finite and positive on every excited line, got"
+            f" {short_form(float(shape.min()))}"
         )
     return shape
 
@@ -374,7 +425,9 @@ def _relative_amplitudes(amplitude: Amplitude | None, f: np.ndarray, n_inputs: i
     given = amplitude(f) if callable(amplitude) else amplitude
     if given is not None and np.ndim(given) == 2:
         if len(given) != n_inputs:
-            raise ValueError(f"amplitude must have one row per input ({n_inputs}), got {len(given)}")
+            raise ValueError(
+                f"amplitude must have one row per input ({n_inputs}), got {len(given)}"
+            )
         return np.stack([_relative_amplitude(row, f) for row in given])
     return np.tile(_relative_amplitude(given, f), (n_inputs, 1))
 
@@ -384,5 +437,9 @@ def _rms_per_input(rms: float | Sequence[float] | np.ndarray, n_inputs: int) -> 
     if np.ndim(rms) == 0:
         return np.full(n_inputs, require_positive("rms", rms))
     if np.shape(rms) != (n_inputs,):
-        raise ValueError(f"rms must be one number, or one per input ({n_inputs}), got shape {np.shape(rms)}")
-    return np.array([require_positive(f"rms[{i}]", float(one)) for i, one in enumerate(np.asarray(rms))])
+        raise ValueError(
+            f"rms must be one number, or one per input ({n_inputs}), got shape {np.shape(rms)}"
+        )
+    return np.array(
+        [require_positive(f"rms[{i}]", float(one)) for i, one in enumerate(np.asarray(rms))]
+    )

@@ -24,21 +24,32 @@ def is_matrix(thing: object) -> TypeGuard[Bla]:
 
 def is_known_on_lines(plant: object) -> bool:
     """Return whether a plant is known at its frequencies only: an FRF, or a set around one."""
-    return isinstance(plant, Bla | control.FrequencyResponseData) or bool(getattr(plant, "measured_only", False))
+    return isinstance(plant, Bla | control.FrequencyResponseData) or bool(
+        getattr(plant, "measured_only", False)
+    )
 
 
 def require_matrix(name: str, thing: object) -> None:
     if not is_matrix(thing):
-        raise ValueError(f"{name} must be an nlfrf.Bla of several inputs or outputs, got {_describe_channels(thing)}")
+        raise ValueError(
+            f"{name} must be an nlfrf.Bla of several inputs or outputs, got"
+            f" {_describe_channels(thing)}"
+        )
 
 
 def require_single(name: str, thing: object) -> None:
     if not is_single(thing):
-        raise ValueError(f"{name} must be an nlfrf.Bla of one input and output, got {_describe_channels(thing)}")
+        raise ValueError(
+            f"{name} must be an nlfrf.Bla of one input and output, got {_describe_channels(thing)}"
+        )
 
 
 def _describe_channels(thing: object) -> str:
     """Describe a value for a message; for a `Bla` by its number of channels."""
     if not isinstance(thing, Bla):
         return short_form(thing) + _HINT_FOR_FRF * hasattr(thing, "frdata")
-    return "one of one input and output" if thing.is_single else f"one of {thing.n_outputs} x {thing.n_inputs}"
+    return (
+        "one of one input and output"
+        if thing.is_single
+        else f"one of {thing.n_outputs} x {thing.n_inputs}"
+    )

@@ -1,4 +1,6 @@
-"""States of a decision as enums. Code branches on these; texts are made from them where they are printed.
+"""States of a decision as enums.
+
+Code branches on these; texts are made from them where they are printed.
 
 A sentence is for people: it may be reworded at any time, and no verdict may change with it.
 """
@@ -9,7 +11,9 @@ from enum import StrEnum
 
 
 class State(StrEnum):
-    """An enum whose members equal their text, and are shown, printed and written to files as that text."""
+    """An enum whose members equal their text, and are shown, printed and written to files as that
+    text.
+    """
 
     def __repr__(self) -> str:
         return repr(self.value)

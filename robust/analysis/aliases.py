@@ -1,11 +1,14 @@
-r"""Robust stability and performance of a continuous set under a sampled controller: the sum over all aliases.
+r"""Robust stability and performance of a continuous set under a sampled controller: the sum over
+all aliases.
 
-After hold and delay the sampled plant at omega is the sum over all aliases omega_k = omega + 2 pi k/T,
+After hold and delay the sampled plant at omega is the sum over all aliases omega_k = omega + 2 pi
+k/T,
 
     G_d = sum_k h_k G_k,    |h_k| = |sin(omega T/2)| / |omega_k T/2|,
 
-and a perturbation acts at each of them. With F = G w (multiplicative, inverse-additive) or w (additive,
-inverse-multiplicative), and S = 1/(1 + K G_d), every loop of the set is stable if, at every omega up to Nyquist,
+and a perturbation acts at each of them. With F = G w (multiplicative, inverse-additive) or w
+(additive, inverse-multiplicative), and S = 1/(1 + K G_d), every loop of the set is stable if, at
+every omega up to Nyquist,
 
     class      form               condition
     LTI        mult., additive    |K S| sum_k |h_k F_k| < 1                                       (exact)
@@ -13,16 +16,18 @@ inverse-multiplicative), and S = 1/(1 + K G_d), every loop of the set is stable 
     LTI        inverse            0 outside of sum_k {h_k G_k/(1 + F_k Delta_k)} K + 1, |F_k| < 1 for k != 0  (exact)
     operator   inverse            |M| < 1, M = diag(F_k) - g F^T, g_k = h_k G_k K S
 
-LTI: the values of Delta at different frequencies are independent, so each alias fills its own disc, and the sampled
-plant fills the sum of these discs (Dullerud & Glover 1993). Operator: a nonlinear or time-varying Delta moves energy
-from one frequency to another, so its condition uses the L2 gain of the path around it. By Cauchy-Schwarz the samples of
-F p have at most (1/T) sum_k |F_k|^2 of the energy of p, and the hold multiplies the energy of its samples by T. Both
-are attained at one frequency, so the gain of the path is exactly the square root above (Braslavsky, Middleton &
-Freudenberg 1998). If F does not fall off, neither sum is finite: the perturbation reaches the sampler unfiltered.
+LTI: the values of Delta at different frequencies are independent, so each alias fills its own disc,
+and the sampled plant fills the sum of these discs (Dullerud & Glover 1993). Operator: a nonlinear
+or time-varying Delta moves energy from one frequency to another, so its condition uses the L2 gain
+of the path around it. By Cauchy-Schwarz the samples of F p have at most (1/T) sum_k |F_k|^2 of the
+energy of p, and the hold multiplies the energy of its samples by T. Both are attained at one
+frequency, so the gain of the path is exactly the square root above (Braslavsky, Middleton &
+Freudenberg 1998). If F does not fall off, neither sum is finite: the perturbation reaches the
+sampler unfiltered.
 
-Aliases near the band are summed one by one. The next ones are summed in blocks with the largest |F| of each, the last
-ones by their power law, so no alias is left out. `robust.proofs.exact.aliases` proves the same between frequencies, in
-exact arithmetic.
+Aliases near the band are summed one by one. The next ones are summed in blocks with the largest |F|
+of each, the last ones by their power law, so no alias is left out. `robust.proofs.exact.aliases`
+proves the same between frequencies, in exact arithmetic.
 """
 
 from __future__ import annotations
@@ -40,14 +45,24 @@ from robust.lti.lti import make_response, poles, replace_infinite
 from robust.models.sets.forms import FORMS
 from robust.proofs.search.intervals import Magnitude, magnitude_of
 
-#: Number of aliases on either side that are summed one by one: minimum, and maximum if light modes lie higher.
+# : Number of aliases on either side that are summed one by one: minimum, and maximum if light modes
+# lie higher.
 _MIN_SINGLE_ALIASES, _MAX_SINGLE_ALIASES = 12, 200
-#: Further aliases are bounded in blocks: growth of the blocks, and end of the last block over the largest root.
+# : Further aliases are bounded in blocks: growth of the blocks, and end of the last block over the
+# largest root.
 _BLOCK_GROWTH, _TAIL_START_RATIO = 1.02, 1e4
-_MIN_UNCERTAINTY_FACTOR = 1e-9  # the factor on the uncertainty is searched between this and its inverse
-_DOMINANT_RATIO = 1e4  # alias over the sum of all others, above which it is computed from the sampled plant
-_MIN_ALIAS_SHARE = 0.003  # of the sum: smaller aliases are left out of the worst plant; each adds two to its order
-_LIGHT_DAMPING = 0.3  # below this damping ratio a mode has a peak that a block would spread over all its aliases
+_MIN_UNCERTAINTY_FACTOR = (
+    1e-9  # the factor on the uncertainty is searched between this and its inverse
+)
+_DOMINANT_RATIO = (
+    1e4  # alias over the sum of all others, above which it is computed from the sampled plant
+)
+_MIN_ALIAS_SHARE = (
+    0.003  # of the sum: smaller aliases are left out of the worst plant; each adds two to its order
+)
+_LIGHT_DAMPING = (
+    0.3  # below this damping ratio a mode has a peak that a block would spread over all its aliases
+)
 
 
 @value
@@ -64,7 +79,9 @@ class _AliasSums:
 
 
 #: Sums without any alias.
-_NO_ALIASES = _AliasSums(**dict.fromkeys(("F", "G", "FF", "GG", "GF", "product", "F_max"), np.zeros(1)))
+_NO_ALIASES = _AliasSums(
+    **dict.fromkeys(("F", "G", "FF", "GG", "GF", "product", "F_max"), np.zeros(1))
+)
 
 
 @value
@@ -85,12 +102,16 @@ class Aliases:
         return 2 * np.pi / self.dt
 
     @cached_property
-    def responders(self) -> tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]:
+    def responders(
+        self,
+    ) -> tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]:
         """Functions of omega that evaluate plant and weight."""
         plant, w = make_response(self.plant), make_response(self.weight)
 
         def G(omega: np.ndarray) -> np.ndarray:
-            return replace_infinite(plant(omega))  # at a pole on the axis S and K S are as small as this value is large
+            return replace_infinite(
+                plant(omega)
+            )  # at a pole on the axis S and K S are as small as this value is large
 
         return G, w
 
@@ -118,17 +139,26 @@ class Aliases:
     def tail_bounds(self) -> _AliasSums:
         """Upper bounds (1,) of the sums over all other aliases, |h_k| without |sin(omega T/2)|.
 
-        Blocks of aliases with the largest |G| and |F| of each, up to far beyond all roots; power laws above.
+        Blocks of aliases with the largest |G| and |F| of each, up to far beyond all roots; power
+        laws above.
         """
         G, F = magnitude_of(self.plant), magnitude_of(self.weight)
-        if self.F_includes_plant:  # rounding in the series would add far zeros, and F would no longer fall off
-            roots = {name: np.append(getattr(F, name), getattr(G, name)) for name in ("zeros", "poles")}
+        if (
+            self.F_includes_plant
+        ):  # rounding in the series would add far zeros, and F would no longer fall off
+            roots = {
+                name: np.append(getattr(F, name), getattr(G, name)) for name in ("zeros", "poles")
+            }
             F = Magnitude(**roots, gain=F.gain * G.gain)
         first = float(self.single_indices[-1]) + 1
         roots = np.abs(np.concatenate([G.zeros, G.poles, F.zeros, F.poles]))
         end = max(_TAIL_START_RATIO * float(roots.max(initial=0.0)) / self.spacing, 2.0 * first)
         k = np.unique(
-            np.ceil(first * _BLOCK_GROWTH ** np.arange(np.ceil(np.log(end / first) / np.log(_BLOCK_GROWTH)) + 1))
+            np.ceil(
+                first
+                * _BLOCK_GROWTH
+                ** np.arange(np.ceil(np.log(end / first) / np.log(_BLOCK_GROWTH)) + 1)
+            )
         )
         low, high = (k[:-1] - 0.5) * self.spacing, (k[1:] - 0.5) * self.spacing
         top_G, top_F = G.upper_each(low, high), F.upper_each(low, high)
@@ -137,13 +167,26 @@ class Aliases:
         far_F = c_F * last**-f
 
         def added(top: np.ndarray, c: float, power: int, hold: int) -> np.ndarray:
-            """Sum |h_k|^hold times a size that is `top` on the blocks and c omega^-power beyond, omega at most pi/T."""
+            """Sum |h_k|^hold times a size that is `top` on the blocks and c omega^-power beyond,
+            omega at most pi/T.
+            """
             total, n = 0.0, power + hold
-            for x in (-0.5, 0.5):  # each alias is at its nearest: 1/(k - x) + 1/(k + x) grows with x
-                sizes = np.diff(k) if not hold else -np.diff(zeta(hold, k + x)) if hold > 1 else np.diff(psi(k + x))
+            for x in (
+                -0.5,
+                0.5,
+            ):  # each alias is at its nearest: 1/(k - x) + 1/(k + x) grows with x
+                sizes = (
+                    np.diff(k)
+                    if not hold
+                    else -np.diff(zeta(hold, k + x))
+                    if hold > 1
+                    else np.diff(psi(k + x))
+                )
                 total += (2 / self.dt / self.spacing) ** hold * float(sizes @ top)
                 if c and n > 1:
-                    total += c * (2 / self.dt) ** hold * self.spacing**-n * float(zeta(n, k[-1] + x))
+                    total += (
+                        c * (2 / self.dt) ** hold * self.spacing**-n * float(zeta(n, k[-1] + x))
+                    )
             return np.array([np.inf if c and n <= 1 else total])
 
         over = np.divide(top_F, 1 - top_F, out=np.full(top_F.size, np.inf), where=top_F < 1)
@@ -161,9 +204,11 @@ class Aliases:
         )
 
     def sampled_radius(self, omega: np.ndarray, sampled: np.ndarray) -> np.ndarray:
-        """Return the radius (W,) of the sampled set at omega [rad/s]; inf if nothing filters it, nan if inverse.
+        """Return the radius (W,) of the sampled set at omega [rad/s]; inf if nothing filters it,
+        nan if inverse.
 
-        For an operator it is the radius of the disc with the same rs. `sampled` is the response of the sampled plant.
+        For an operator it is the radius of the disc with the same rs. `sampled` is the response of
+        the sampled plant.
         """
         if self.inverse:
             return np.full(omega.size, np.nan)
@@ -171,11 +216,15 @@ class Aliases:
         point = evaluate_aliases(self, omega, S=one, KS=one, sampled=sampled)
         return point.stability_measure(point.alias_sums())
 
-    def alias_terms(self, omega: np.ndarray, sampled: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return h_k, h_k G_k and |F_k|, (W, 1 + k) each, for the frequency itself and the aliases summed one by one.
+    def alias_terms(
+        self, omega: np.ndarray, sampled: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return h_k, h_k G_k and |F_k|, (W, 1 + k) each, for the frequency itself and the aliases
+        summed one by one.
 
-        `sampled` (W,) is the response of the sampled plant, the sum of all h_k G_k. If one alias is nearly the whole
-        sum, near a pole on the axis, it is computed from `sampled`: G_d and S then have the same rounding of the pole.
+        `sampled` (W,) is the response of the sampled plant, the sum of all h_k G_k. If one alias is
+        nearly the whole sum, near a pole on the axis, it is computed from `sampled`: G_d and S then
+        have the same rounding of the pole.
         """
         k = np.concatenate([[0], self.single_indices])
         at = omega[:, None] + self.spacing * k
@@ -187,7 +236,9 @@ class Aliases:
         row, largest = np.arange(omega.size), size.argmax(1)
         alone = np.where(np.arange(k.size) == largest[:, None], 0.0, hG)
         dominant = size[row, largest] > _DOMINANT_RATIO * np.abs(alone).sum(1)
-        hG[row[dominant], largest[dominant]] = replace_infinite(sampled[dominant]) - alone[dominant].sum(1)
+        hG[row[dominant], largest[dominant]] = replace_infinite(sampled[dominant]) - alone[
+            dominant
+        ].sum(1)
         F = np.abs(hG / hold) if self.F_includes_plant else 1.0
         return h, hG, F * np.abs(w)
 
@@ -197,14 +248,19 @@ def _multiply_or_zero(size: np.ndarray, total: np.ndarray) -> np.ndarray:
     return np.where(size == 0, 0.0, size * total)
 
 
-def _largest_singular_value_2x2(a: np.ndarray, b: np.ndarray, *, c: np.ndarray, d: np.ndarray) -> np.ndarray:
+def _largest_singular_value_2x2(
+    a: np.ndarray, b: np.ndarray, *, c: np.ndarray, d: np.ndarray
+) -> np.ndarray:
     """Return the largest singular value (I,) of [[a, b], [c, d]], all nonnegative."""
     return (np.sqrt((a + d) ** 2 + (b - c) ** 2) + np.sqrt((a - d) ** 2 + (b + c) ** 2)) / 2
 
 
 @value(copy=False)
 class AliasedLoop:
-    """A loop at frequencies omega (W,): S, K S, and h_k, h_k G_k, |F_k| (W, 1 + k) for the aliases."""
+    """A loop at frequencies omega (W,):
+
+    S, K S, and h_k, h_k G_k, |F_k| (W, 1 + k) for the aliases.
+    """
 
     aliases: Aliases
     omega: np.ndarray
@@ -225,11 +281,13 @@ class AliasedLoop:
         return np.sin(np.minimum(self.omega * self.aliases.dt / 2, np.pi / 2))
 
     def stability_measure(self, others: _AliasSums) -> np.ndarray:
-        """Return (W,) the left side of the table above, or a bound of it (LTI inverse): robustly stable if below one.
+        """Return (W,) the left side of the table above, or a bound of it (LTI inverse): robustly
+        stable if below one.
 
-        For the inverse forms 1 + K G_p is written over the denominator 1 + F Delta_0, and every alias moves it by at
-        most |h_k G_k| |F_k|/(1 - |F_k|). The matrix of an operator is split into the frequency itself and the rest; its
-        norm is at most that of the matrix of the norms of its blocks.
+        For the inverse forms 1 + K G_p is written over the denominator 1 + F Delta_0, and every
+        alias moves it by at most |h_k G_k| |F_k|/(1 - |F_k|). The matrix of an operator is split
+        into the frequency itself and the rest; its norm is at most that of the matrix of the norms
+        of its blocks.
         """
         KS, FS = np.abs(self.KS), self.F[:, 0] * np.abs(self.S)
         FKS = self.F[:, 0] * KS
@@ -245,14 +303,20 @@ class AliasedLoop:
             GKS = np.abs(self.hG[:, 0]) * KS
             return _largest_singular_value_2x2(own, GKS * F, c=FKS * G, d=others.F_max + KS * G * F)
 
-    def squared_performance_gain(self, others: _AliasSums, *, PS: np.ndarray, scaling: float) -> np.ndarray:
-        """Return the squared gain (W,) from (p, r) to (input of Delta, w_P e) for one scaling; not for inverse forms.
+    def squared_performance_gain(
+        self, others: _AliasSums, *, PS: np.ndarray, scaling: float
+    ) -> np.ndarray:
+        """Return the squared gain (W,) from (p, r) to (input of Delta, w_P e) for one scaling; not
+        for inverse forms.
 
-        PS is |w_P S|. The matrix is a column times a row, so its gain is the product of their norms.
+        PS is |w_P S|. The matrix is a column times a row, so its gain is the product of their
+        norms.
         """
         d, KS, F = scaling**2, np.abs(self.KS), self.F[:, 0]
         gain = (F * KS) ** 2 + _multiply_or_zero(KS**2, others.FF)
-        return np.asarray(gain + KS**2 * d + PS**2 + ((F * PS) ** 2 + _multiply_or_zero(PS**2, others.FF)) / d)
+        return np.asarray(
+            gain + KS**2 * d + PS**2 + ((F * PS) ** 2 + _multiply_or_zero(PS**2, others.FF)) / d
+        )
 
     def alias_sums(self, band: tuple[float, float] | None = None) -> _AliasSums:
         """Return the sums over the other aliases; only over those in a band [rad/s] if given."""
@@ -276,12 +340,13 @@ class AliasedLoop:
         )
 
     def least_return_difference(self, m: np.ndarray) -> np.ndarray:
-        """Return the least |1 + K G_p|/|1 + K G_d| (W,) over an inverse set times m (W,); negative if zero is inside.
+        """Return the least |1 + K G_p|/|1 + K G_d| (W,) over an inverse set times m (W,); negative
+        if zero is inside.
 
-        At alias k the set is a disc with the centre h_k G_k/(1 - |F_k|^2) and the radius |h_k G_k F_k|/(1 - |F_k|^2).
-        All discs except the first add up to one disc. The rest, X + v/(1 + F Delta) with v = K S h_0 G_0, is a disc, or
-        the outside of one if |F| >= 1. In both cases its distance from zero is
-        (|X + v|^2 - |F X|^2)/(|X (1 - |F|^2) + v| + |F v|).
+        At alias k the set is a disc with the centre h_k G_k/(1 - |F_k|^2) and the radius |h_k G_k
+        F_k|/(1 - |F_k|^2). All discs except the first add up to one disc. The rest, X + v/(1 + F
+        Delta) with v = K S h_0 G_0, is a disc, or the outside of one if |F| >= 1. In both cases its
+        distance from zero is (|X + v|^2 - |F X|^2)/(|X (1 - |F|^2) + v| + |F v|).
         """
         u, hG, v = (m[:, None] * self.F[:, 1:]) ** 2, self.hG[:, 1:], self.hG[:, 0] * self.KS
         beyond, size = self.aliases.tail_bounds, np.abs(self.KS)
@@ -295,37 +360,45 @@ class AliasedLoop:
             found = np.abs(1 + E) ** 2 - own * np.abs(1 + E - v) ** 2
             found /= np.abs((1 + E - v) * (1 - own) + v) + F * np.abs(v)
             inside = (u < 1).all(1) & (m * beyond.F_max < 1) | (size == 0)
-            return np.where(inside & ~np.isnan(found), found - np.where(size == 0, 0.0, rest), -np.inf)
+            return np.where(
+                inside & ~np.isnan(found), found - np.where(size == 0, 0.0, rest), -np.inf
+            )
 
     def largest_uncertainty_factor(self, least: np.ndarray) -> np.ndarray:
-        """Return the largest m (W,) with a return difference of at least `least`, by bisection of log m."""
-        low, high = (
-            np.full(least.size, np.log(_MIN_UNCERTAINTY_FACTOR)),
-            np.full(least.size, -np.log(_MIN_UNCERTAINTY_FACTOR)),
-        )
+        """Return the largest m (W,) with a return difference of at least `least`, by bisection of
+        log m.
+        """
+        low = np.full(least.size, np.log(_MIN_UNCERTAINTY_FACTOR))
+        high = np.full(least.size, -np.log(_MIN_UNCERTAINTY_FACTOR))
         for _ in range(60):
             middle = (low + high) / 2
             good = self.least_return_difference(np.exp(middle)) >= least
             low, high = np.where(good, middle, low), np.where(good, high, middle)
         return np.where(
-            self.least_return_difference(np.full(least.size, _MIN_UNCERTAINTY_FACTOR)) >= least, np.exp(low), 0.0
+            self.least_return_difference(np.full(least.size, _MIN_UNCERTAINTY_FACTOR)) >= least,
+            np.exp(low),
+            0.0,
         )
 
 
 def evaluate_aliases(
     aliases: Aliases, omega: np.ndarray, *, S: np.ndarray, KS: np.ndarray, sampled: np.ndarray
 ) -> AliasedLoop:
-    """Evaluate the aliases at omega (W,) [rad/s] from responses of the nominal loop and the sampled plant."""
+    """Evaluate the aliases at omega (W,) [rad/s] from responses of the nominal loop and the sampled
+    plant.
+    """
     h, hG, F = aliases.alias_terms(omega, sampled)
     return AliasedLoop(aliases=aliases, omega=omega, S=S, KS=KS, h=h, hG=hG, F=F)
 
 
-def fold_aliases(aliased: AliasedLoop, w_P: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+def fold_aliases(
+    aliased: AliasedLoop, w_P: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """Compute rs, max |S_p| and the performance margin (W,) of a loop, every alias included.
 
-    rs is proportional to |w|, and one if the condition of the table is just met. |S_p| is inf if the set is not stable;
-    for an operator in an inverse form it is that of the LTI members. The margin is the factor by which the uncertainty
-    may grow until |w_P| max |S_p| = 1.
+    rs is proportional to |w|, and one if the condition of the table is just met. |S_p| is inf if
+    the set is not stable; for an operator in an inverse form it is that of the LTI members. The
+    margin is the factor by which the uncertainty may grow until |w_P| max |S_p| = 1.
     """
     aliases, S = aliased.aliases, np.abs(aliased.S)
     wanted = None if w_P is None else np.abs(w_P) * S
@@ -340,18 +413,25 @@ def fold_aliases(aliased: AliasedLoop, w_P: np.ndarray | None) -> tuple[np.ndarr
             return rs, worst, growth
         here = aliased.least_return_difference(np.ones(S.size))
         worst = np.where(here > 0, S / here, np.inf)
-    return rs, worst, None if wanted is None else np.maximum(aliased.largest_uncertainty_factor(wanted), 1e-12)
+    return (
+        rs,
+        worst,
+        None if wanted is None else np.maximum(aliased.largest_uncertainty_factor(wanted), 1e-12),
+    )
 
 
 @value
 class RsBreakdown:
-    """Parts of rs at one frequency: from that frequency, from the aliases, from the measured band."""
+    """Parts of rs at one frequency: from that frequency, from the aliases, from the measured
+    band.
+    """
 
     omega: float  # the frequency [rad/s]
     total: float  # rs there
     without_aliases: float  # rs from that frequency alone
-    # At least one if a linear perturbation at that frequency alone makes the loop unstable. For an operator it is less
-    # than `without_aliases`, which counts every input that the hold passes to the perturbation.
+    # At least one if a linear perturbation at that frequency alone makes the loop unstable. For an
+    # operator it is less than `without_aliases`, which counts every input that the hold passes to
+    # the perturbation.
     single_frequency: float
     in_band: float  # rs from the measured band alone; the rest is assumed
     omega_source: float  # the frequency or alias with the largest part [rad/s]
@@ -360,16 +440,21 @@ class RsBreakdown:
 
 
 def worst_alias_phases(aliased: AliasedLoop) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies (n,) [rad/s] and phases (n,) of the Delta whose aliases all reduce |1 + L| at one frequency.
+    """Return frequencies (n,) [rad/s] and phases (n,) of the Delta whose aliases all reduce |1 + L|
+    at one frequency.
 
-    For additive and multiplicative sets: alias k moves the loop by K S h_k F_k Delta_k, which is made negative.
-    Aliases with less than `_MIN_ALIAS_SHARE` of the sum are left out.
+    For additive and multiplicative sets: alias k moves the loop by K S h_k F_k Delta_k, which is
+    made negative. Aliases with less than `_MIN_ALIAS_SHARE` of the sum are left out.
     """
     aliases = aliased.aliases
     k = np.concatenate([[0], aliases.single_indices])
     at = aliased.omega[0] + aliases.spacing * k
     w = aliases.responders[1](np.abs(at))
-    acts = aliased.KS[0] * np.where(at < 0, w.conj(), w) * (aliased.hG if aliases.F_includes_plant else aliased.h)[0]
+    acts = (
+        aliased.KS[0]
+        * np.where(at < 0, w.conj(), w)
+        * (aliased.hG if aliases.F_includes_plant else aliased.h)[0]
+    )
     keep = (np.abs(acts) > _MIN_ALIAS_SHARE * np.abs(acts).sum()) | (k == 0)
     phases = np.pi - np.angle(acts[keep])
     return np.abs(at[keep]), np.where(at[keep] < 0, -phases, phases)
@@ -383,10 +468,18 @@ def rs_breakdown(aliased: AliasedLoop, band: tuple[float, float], total: float) 
     if aliases.inverse:
         member = aliased.F[:, 0] * np.abs(1 - aliased.hG[:, 0] * aliased.KS)
     inside = band[0] <= omega <= band[1]
-    here = aliased if inside else replace(aliased, F=np.where(np.arange(aliased.F.shape[1]) > 0, aliased.F, 0.0))
+    here = (
+        aliased
+        if inside
+        else replace(aliased, F=np.where(np.arange(aliased.F.shape[1]) > 0, aliased.F, 0.0))
+    )
     measured = float(here.stability_measure(aliased.alias_sums(band))[0])
     each = aliased.F[0] * (1.0 if aliases.operator else aliased.hold[0])
-    each = each * (np.abs(aliased.hG[0]) / aliased.hold[0] if aliases.inverse and not aliases.F_includes_plant else 1.0)
+    each = each * (
+        np.abs(aliased.hG[0]) / aliased.hold[0]
+        if aliases.inverse and not aliases.F_includes_plant
+        else 1.0
+    )
     each = (each * abs(complex(aliased.KS[0])))[1:]
     source = omega
     if each.max() > own:
@@ -406,15 +499,25 @@ def rs_breakdown(aliased: AliasedLoop, band: tuple[float, float], total: float) 
 
 
 def _power_law_bound(G: Magnitude, low: float) -> tuple[float, int]:
-    """Return c and r with |G| <= c omega^-r for all omega >= low, r the relative degree; low is far above all roots."""
+    """Return c and r with |G| <= c omega^-r for all omega >= low, r the relative degree; low is far
+    above all roots.
+    """
     log = np.sum(np.log1p(np.abs(G.zeros) / low)) - np.sum(np.log1p(-np.abs(G.poles) / low))
     return float(G.gain * np.exp(log)), int(G.poles.size - G.zeros.size)
 
 
 def aliases_of_set(
-    form: str, plant: control.StateSpace, *, weight: control.StateSpace, perturbation: str, dt: float, delay: float
+    form: str,
+    plant: control.StateSpace,
+    *,
+    weight: control.StateSpace,
+    perturbation: str,
+    dt: float,
+    delay: float,
 ) -> Aliases:
-    """Return the aliases of a set around a continuous plant under a controller of sampling time dt [s]."""
+    """Return the aliases of a set around a continuous plant under a controller of sampling time dt
+    [s].
+    """
     row = FORMS[form]
     return Aliases(
         dt=dt,

@@ -1,4 +1,6 @@
-"""Bounds on |L| for shaping a loop by hand: the region that |L| must avoid at any phase (SP 7.63 to 7.66)."""
+"""Bounds on |L| for shaping a loop by hand: the region that |L| must avoid at any phase (SP 7.63 to
+7.66).
+"""
 
 from __future__ import annotations
 
@@ -12,12 +14,14 @@ from robust.models.sets.model import UncertaintyModel, require_one_channel
 
 
 def loop_bounds(model: UncertaintyModel, w_P: Weight) -> tuple[np.ndarray, np.ndarray]:
-    """Return bounds on |L| for shaping a loop by hand: at least `low`, at most `high`, on the lines of the model.
+    """Return bounds on |L| for shaping a loop by hand: at least `low`, at most `high`, on the lines
+    of the model.
 
-    Use this to draw the targets for |L| before you shape it, for instance with `design_frf`. Inside the bounds the loop
-    has robust performance at that frequency for every phase of L; outside of them some phase fails. `low` is zero and
-    `high` infinite if only the phase decides, as around the crossover. If |w_P| and the uncertainty are both above one,
-    no |L| is good enough: `low` is infinite and `high` zero.
+    Use this to draw the targets for |L| before you shape it, for instance with `design_frf`. Inside
+    the bounds the loop has robust performance at that frequency for every phase of L; outside of
+    them some phase fails. `low` is zero and `high` infinite if only the phase decides, as around
+    the crossover. If |w_P| and the uncertainty are both above one, no |L| is good enough: `low` is
+    infinite and `high` zero.
 
     Parameters
     ----------
@@ -36,8 +40,8 @@ def loop_bounds(model: UncertaintyModel, w_P: Weight) -> tuple[np.ndarray, np.nd
     Raises
     ------
     ValueError
-        A form that is not a relative deviation (coprime); a weight with several inputs or outputs; a weight that is not
-        a system.
+        A form that is not a relative deviation (coprime); a weight with several inputs or outputs;
+        a weight that is not a system.
 
     References
     ----------
@@ -53,14 +57,17 @@ def loop_bounds(model: UncertaintyModel, w_P: Weight) -> tuple[np.ndarray, np.nd
     >>> bool(np.allclose(low, (1 + 4 / np.sqrt(1 + model.omega**2)) / 0.8)), high.tolist()
     (True, [inf, inf])
     """
-    require_one_channel(model, "use loop_gains for its singular values", "to be shaped by |L|", parametric=False)
+    require_one_channel(
+        model, "use loop_gains for its singular values", "to be shaped by |L|", parametric=False
+    )
     omega = model.omega
     p = np.abs(response(state_space("w_P", w_P), omega))
     w, size = np.abs(response(model.weight, omega)), np.abs(model.at(omega))
     w = relative_radius(model.form, w, size)
     with np.errstate(divide="ignore", invalid="ignore"):
         if FORMS[model.form].inverse:
-            # |1 + w Delta| ranges from 1 - w to 1 + w: p |1 + w Delta| <= ||L| - |1 + w Delta|| is required for all
+            # |1 + w Delta| ranges from 1 - w to 1 + w: p |1 + w Delta| <= ||L| - |1 + w Delta|| is
+            # required for all
             least, most = (1 + w) * (1 + p), (1 - w) * (1 - p)
             hopeless = np.zeros(omega.size, dtype=bool)
             demand_low, demand_high = (p >= 1) | (w >= 1), np.zeros(omega.size, dtype=bool)

@@ -1,7 +1,8 @@
 """Sensitivities and robustness measures of a loop over frequency, for its whole set of plants.
 
-S_p = S (1 + a Delta)/(1 + b Delta), |Delta| <= 1, with a and b of the form of the set (`robust.models.sets.forms`):
-rs = |b|, and max |S_p| has a closed form (SP 7.5, 7.6), so no search over Delta is needed.
+S_p = S (1 + a Delta)/(1 + b Delta), |Delta| <= 1, with a and b of the form of the set
+(`robust.models.sets.forms`): rs = |b|, and max |S_p| has a closed form (SP 7.5, 7.6), so no search
+over Delta is needed.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ from robust.models.sets.forms import FORMS, perturbed_sensitivity_terms
 class Curves:
     """Responses of a loop at given frequencies, computed once; S_p = S (1 + a Delta)/(1 + b Delta).
 
-    With `folded_*`, rs, max |S_p| and `performance_margin` include every alias: continuous plants, sampled controller.
+    With `folded_*`, rs, max |S_p| and `performance_margin` include every alias: continuous plants,
+    sampled controller.
     """
 
     omega: np.ndarray  # (W,) frequencies [rad/s], for all fields below
@@ -41,13 +43,23 @@ class Curves:
 
     @property
     def rs(self) -> np.ndarray:
-        """Robust-stability measure (W,): the set is stable iff it is below one everywhere (SP 7.43)."""
-        return FORMS[self.form].rs_measure(self.w, self.b) if self.folded_rs is None else self.folded_rs
+        """Robust-stability measure (W,): the set is stable iff it is below one everywhere (SP
+        7.43).
+        """
+        return (
+            FORMS[self.form].rs_measure(self.w, self.b)
+            if self.folded_rs is None
+            else self.folded_rs
+        )
 
     @property
     def S_worst(self) -> np.ndarray:
         """Largest |S_p| (W,) over the set; inf if a plant of the set is unstable."""
-        return worst_sensitivity(self.S, self.a, self.b) if self.folded_S_worst is None else self.folded_S_worst
+        return (
+            worst_sensitivity(self.S, self.a, self.b)
+            if self.folded_S_worst is None
+            else self.folded_S_worst
+        )
 
     @property
     def np_(self) -> np.ndarray:
@@ -60,7 +72,9 @@ class Curves:
         if self.w_P is None:
             return np.full(self.omega.size, np.nan)
         worst = self.S_worst
-        return np.where(np.isinf(worst), np.inf, np.abs(self.w_P) * np.where(np.isinf(worst), 1.0, worst))
+        return np.where(
+            np.isinf(worst), np.inf, np.abs(self.w_P) * np.where(np.isinf(worst), 1.0, worst)
+        )
 
     @property
     def K_S(self) -> np.ndarray:
@@ -113,7 +127,9 @@ class Curves:
     def merge(self, others: Curves) -> Curves:
         """Merge the curves of the same loop on two grids, sorted by frequency."""
         omega, at = np.unique(np.concatenate([self.omega, others.omega]), return_index=True)
-        return self.with_responses(lambda name: np.concatenate([getattr(self, name), getattr(others, name)])[at], omega)
+        return self.with_responses(
+            lambda name: np.concatenate([getattr(self, name), getattr(others, name)])[at], omega
+        )
 
     def in_band(self, low: float, high: float) -> Curves:
         """Select the curves at the frequencies from low to high [rad/s]."""
@@ -136,7 +152,9 @@ class Curves:
             folded_rs=None if self.folded_rs is None else part("folded_rs"),
             folded_S_worst=None if self.folded_S_worst is None else part("folded_S_worst"),
             folded_performance_margin=(
-                None if self.folded_performance_margin is None else part("folded_performance_margin")
+                None
+                if self.folded_performance_margin is None
+                else part("folded_performance_margin")
             ),
         )
 
@@ -151,9 +169,13 @@ def loop_curves(
     w_P: np.ndarray | None,
     W: np.ndarray | None = None,
 ) -> Curves:
-    """Compute the curves of a loop from the responses of its parts; they are finite at poles of G and K."""
+    """Compute the curves of a loop from the responses of its parts; they are finite at poles of G
+    and K.
+    """
     W = np.ones(omega.size) if W is None or not FORMS[form].depends_on_units else W
-    S, a, b = perturbed_sensitivity_terms(form, w, G=replace_infinite(G), K=replace_infinite(K), W=W)
+    S, a, b = perturbed_sensitivity_terms(
+        form, w, G=replace_infinite(G), K=replace_infinite(K), W=W
+    )
     return Curves(omega=omega, form=form, G=G, K=K, w=w, w_P=w_P, S=S, a=a, b=b, W=W)
 
 

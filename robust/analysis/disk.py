@@ -1,7 +1,8 @@
 """Disk margins: allowed change of gain, of phase, or of both, in all channels at once.
 
-For several channels, the margin of one channel with the others unchanged can mislead: the margin for all channels at
-once can be a hundredth of it. Inputs and outputs of the plant are the channels of one loop,
+For several channels, the margin of one channel with the others unchanged can mislead: the margin
+for all channels at once can be a hundredth of it. Inputs and outputs of the plant are the channels
+of one loop,
 
     u = -K y      L = [ 0  K]      (1 + L)^-1 = [ S_I   -K S ]
     y =  G u          [-G  0]                   [ G S_I   S  ]
@@ -51,8 +52,8 @@ class DiskMargin:
     omega : float
         Frequency that limits the margin [rad/s].
     skew : float
-        Shape of the disk: 0 for the same gain up and down, 1 for the distance of L from -1 (1/max |S|), -1 for
-        1/max |T|.
+        Shape of the disk: 0 for the same gain up and down, 1 for the distance of L from -1 (1/max
+        |S|), -1 for 1/max |T|.
     gain_margin : tuple of float
         Each channel may be multiplied by any gain between these two.
     phase_margin : float
@@ -64,7 +65,8 @@ class DiskMargin:
 
     References
     ----------
-    Seiler, Packard & Gahinet, *An Introduction to Disk Margins*, IEEE Control Systems Magazine 40(5), 2020.
+    Seiler, Packard & Gahinet, *An Introduction to Disk Margins*, IEEE Control Systems Magazine
+    40(5), 2020.
 
     Examples
     --------
@@ -87,8 +89,8 @@ class DiskMargin:
         some = ", ".join(str(k + 1) for k in self.channels)
         where = f"channel {some} alone" if len(self.channels) == 1 else f"channels {some} at once"
         return (
-            f"disk margin {self.alpha:.4g} at {self.omega / 2 / np.pi:.4g} Hz: {_format_margins(self)}, "
-            f"in {where if some else 'all channels at once'}"
+            f"disk margin {self.alpha:.4g} at {self.omega / 2 / np.pi:.4g} Hz:"
+            f" {_format_margins(self)}, in {where if some else 'all channels at once'}"
         )
 
 
@@ -109,7 +111,8 @@ class LoopMargins:
 
     References
     ----------
-    Seiler, Packard & Gahinet, *An Introduction to Disk Margins*, IEEE Control Systems Magazine 40(5), 2020.
+    Seiler, Packard & Gahinet, *An Introduction to Disk Margins*, IEEE Control Systems Magazine
+    40(5), 2020.
 
     Examples
     --------
@@ -133,7 +136,9 @@ class LoopMargins:
         return self.everywhere.reason
 
     def least(self) -> str:
-        """Describe the smallest margin of a single channel, then those of all inputs, all outputs, and both."""
+        """Describe the smallest margin of a single channel, then those of all inputs, all outputs,
+        and both.
+        """
         alone = (*self.inputs, *self.outputs)
         k = int(np.argmin([margin.alpha for margin in alone]))
         name = (*self.input_names, *self.output_names)[k]
@@ -147,11 +152,20 @@ class LoopMargins:
         """One row for each margin."""
         if self.reason:
             return f"no disk margins: {self.reason}"
-        named = zip((*self.input_names, *self.output_names), (*self.inputs, *self.outputs), strict=True)
+        named = zip(
+            (*self.input_names, *self.output_names), (*self.inputs, *self.outputs), strict=True
+        )
         rows = [(f"{name} alone", margin) for name, margin in named]
-        rows += [("all inputs", self.all_inputs), ("all outputs", self.all_outputs), ("all of them", self.everywhere)]
+        rows += [
+            ("all inputs", self.all_inputs),
+            ("all outputs", self.all_outputs),
+            ("all of them", self.everywhere),
+        ]
         return format_table(
-            [(name, f"disk margin {margin.alpha:.4g}: {_format_margins(margin)}") for name, margin in rows]
+            [
+                (name, f"disk margin {margin.alpha:.4g}: {_format_margins(margin)}")
+                for name, margin in rows
+            ]
         )
 
 
@@ -161,30 +175,35 @@ def _decibels(gain: float) -> float:
 
 
 def _format_margins(margin: DiskMargin) -> str:
-    """Format the gains [dB] and the phase [deg] of a margin; "any positive gain" if only rounding bounds the gain.
+    """Format the gains [dB] and the phase [deg] of a margin; "any positive gain" if only rounding
+    bounds the gain.
 
     >>> _format_margins(disk_margin(control.ss(-1.0, 1.0, 0.1, 0.0)))
     'any positive gain, phase 90.0 deg'
     """
     low, high = margin.gain_margin
     free = low < 1e-9 and high > 1e9
-    gains = "any positive gain" if free else f"gain {_decibels(low):.2f} to {_decibels(high):+.2f} dB"
+    gains = (
+        "any positive gain" if free else f"gain {_decibels(low):.2f} to {_decibels(high):+.2f} dB"
+    )
     return f"{gains}, phase {np.degrees(margin.phase_margin):.1f} deg"
 
 
 def disk_margin(
     L: AnySystem, *, skew: float = 0.0, n_unstable: int = 0, channels: Sequence[int] | None = None
 ) -> DiskMargin:
-    """Compute the disk margin of a loop closed by unit negative feedback; for several channels by mu.
+    """Compute the disk margin of a loop closed by unit negative feedback; for several channels by
+    mu.
 
-    Use this instead of gain and phase margin: it covers changes of gain and phase at the same time. `disk_margins`
-    gives it for each input and output of a plant.
+    Use this instead of gain and phase margin: it covers changes of gain and phase at the same time.
+    `disk_margins` gives it for each input and output of a plant.
 
     Parameters
     ----------
     L : control.StateSpace, TransferFunction or FrequencyResponseData
-        Loop broken at the plant's input (K G) or output (G K), as many inputs as outputs. For an FRF the margin holds
-        on its lines only, and stability follows from the winding number of det(I + L) around zero.
+        Loop broken at the plant's input (K G) or output (G K), as many inputs as outputs. For an
+        FRF the margin holds on its lines only, and stability follows from the winding number of
+        det(I + L) around zero.
     skew : float
         Shape of the disk, see `DiskMargin`.
     n_unstable : int
@@ -195,17 +214,20 @@ def disk_margin(
     Returns
     -------
     DiskMargin
-        alpha = 1/max mu(S + (skew - 1)/2 I) over frequency, one complex block per channel. At the frequencies of the
-        grid it is never larger than the true margin, and equal to it for up to three channels.
+        alpha = 1/max mu(S + (skew - 1)/2 I) over frequency, one complex block per channel. At the
+        frequencies of the grid it is never larger than the true margin, and equal to it for up to
+        three channels.
 
     Raises
     ------
     ValueError
-        An L that is not square, channels that it does not have, a loop without a solution, an FRF that is not finite.
+        An L that is not square, channels that it does not have, a loop without a solution, an FRF
+        that is not finite.
 
     References
     ----------
-    Seiler, Packard & Gahinet, *An Introduction to Disk Margins*, IEEE Control Systems Magazine 40(5), 2020.
+    Seiler, Packard & Gahinet, *An Introduction to Disk Margins*, IEEE Control Systems Magazine
+    40(5), 2020.
 
     Examples
     --------
@@ -215,25 +237,31 @@ def disk_margin(
     >>> print(margin)
     disk margin 0.4581 at 0.3112 Hz: gain -4.05 to +4.05 dB, phase 25.8 deg, in all channels at once
     """
-    skew, n_unstable = require_real("skew", skew), require_integer("n_unstable", n_unstable, least=0)
+    skew = require_real("skew", skew)
+    n_unstable = require_integer("n_unstable", n_unstable, least=0)
     S, reason = sensitivity_if_stable(L, n_unstable)
     return _margin_of_sensitivity(
-        S, reason, skew=skew, channels=None if channels is None else _checked_channels(S.ninputs, channels)
+        S,
+        reason,
+        skew=skew,
+        channels=None if channels is None else _checked_channels(S.ninputs, channels),
     )
 
 
 def disk_margins(
     G: AnySystem | UncertaintyModel, K: Controller, *, skew: float = 0.0, n_unstable: int = 0
 ) -> LoopMargins:
-    """Compute disk margins of the loop u = K (r - y) at every plant input and output, one at a time and all at once.
+    """Compute disk margins of the loop u = K (r - y) at every plant input and output, one at a time
+    and all at once.
 
-    Use this for a loop with several channels: a large margin in each channel alone does not imply one for all at once.
+    Use this for a loop with several channels: a large margin in each channel alone does not imply
+    one for all at once.
 
     Parameters
     ----------
     G : control.StateSpace, TransferFunction, FrequencyResponseData or UncertaintyModel
-        Plant with one or several inputs and outputs; for a set its nominal. For an FRF the margins hold on its lines
-        only.
+        Plant with one or several inputs and outputs; for a set its nominal. For an FRF the margins
+        hold on its lines only.
     K : control.StateSpace, TransferFunction, float or (n_u, n_y) ndarray
         Controller, negative feedback, on the same time base.
     skew : float
@@ -249,11 +277,13 @@ def disk_margins(
     Raises
     ------
     ValueError
-        A K that does not fit G, sampling times that differ, a loop without a solution, an FRF that is not finite.
+        A K that does not fit G, sampling times that differ, a loop without a solution, an FRF that
+        is not finite.
 
     References
     ----------
-    Seiler, Packard & Gahinet, *An Introduction to Disk Margins*, IEEE Control Systems Magazine 40(5), 2020.
+    Seiler, Packard & Gahinet, *An Introduction to Disk Margins*, IEEE Control Systems Magazine
+    40(5), 2020.
 
     Examples
     --------
@@ -268,10 +298,14 @@ def disk_margins(
     K = multivariable("K", K)
     if not isinstance(G, control.FrequencyResponseData):
         G = multivariable("G", G)
-    names = (model.inputs, model.outputs) if isinstance(model, UncertaintyModel) else signal_names(G)
+    names = (
+        (model.inputs, model.outputs) if isinstance(model, UncertaintyModel) else signal_names(G)
+    )
     n_y, n_u = G.noutputs, G.ninputs
     require_shape(K, n_y, n_u)
-    S, reason = sensitivity_if_stable(_loop_broken_everywhere(G, K), require_integer("n_unstable", n_unstable, least=0))
+    S, reason = sensitivity_if_stable(
+        _loop_broken_everywhere(G, K), require_integer("n_unstable", n_unstable, least=0)
+    )
     skew = require_real("skew", skew)
 
     def of(*channels: int) -> DiskMargin:
@@ -289,7 +323,9 @@ def disk_margins(
     )
 
 
-def _loop_broken_everywhere(G: AnySystem, K: control.StateSpace) -> control.StateSpace | control.FrequencyResponseData:
+def _loop_broken_everywhere(
+    G: AnySystem, K: control.StateSpace
+) -> control.StateSpace | control.FrequencyResponseData:
     """Return [0 K; -G 0], the loop broken at all inputs and outputs of the plant."""
     n_y, n_u = G.noutputs, G.ninputs
     if isinstance(G, control.FrequencyResponseData):
@@ -298,12 +334,19 @@ def _loop_broken_everywhere(G: AnySystem, K: control.StateSpace) -> control.Stat
         dt = timebase(K)
         L = np.zeros((n_u + n_y, n_u + n_y, omega.size), dtype=complex)
         if dt and omega[-1] * dt > np.pi * (1 + 1e-9):
-            raise ValueError(f"K must have its Nyquist frequency above the lines of G, got a sampling time of {dt:g} s")
+            raise ValueError(
+                "K must have its Nyquist frequency above the lines of G, got a sampling time of"
+                f" {dt:g} s"
+            )
         L[:n_u, n_u:], L[n_u:, :n_u] = response_by_channel(K, omega), -np.asarray(G.frdata)
         return control.FrequencyResponseData(L, omega)
     if sampling_times_differ(G, K):
-        raise ValueError(f"K must have the sampling time of G, {timebase(G):g} s, got {timebase(K):g} s")
-    P = block_diagonal([K, G], timebase(K) if is_constant(G) else timebase(G))  # from (y, u) to (K y, G u)
+        raise ValueError(
+            f"K must have the sampling time of G, {timebase(G):g} s, got {timebase(K):g} s"
+        )
+    P = block_diagonal(
+        [K, G], timebase(K) if is_constant(G) else timebase(G)
+    )  # from (y, u) to (K y, G u)
     turned, signs = np.r_[n_y : n_y + n_u, :n_y], np.r_[np.ones(n_u), -np.ones(n_y)][:, None]
     return control.StateSpace(P.A, P.B[:, turned], signs * P.C, signs * P.D[:, turned], P.dt)
 
@@ -311,7 +354,9 @@ def _loop_broken_everywhere(G: AnySystem, K: control.StateSpace) -> control.Stat
 def _checked_channels(n: int, channels: Sequence[int]) -> tuple[int, ...]:
     """Return the channels, each checked to be one of n and given once."""
     if not isinstance(channels, Sequence):
-        raise ValueError(f"channels must be some of 0 to {n - 1}, each once, got {short_form(channels)}")
+        raise ValueError(
+            f"channels must be some of 0 to {n - 1}, each once, got {short_form(channels)}"
+        )
     some = tuple(require_integer("channels", k, least=0) for k in channels)
     if not some or max(some) >= n or len(set(some)) < len(some):
         raise ValueError(f"channels must be some of 0 to {n - 1}, each once, got {list(channels)}")
@@ -319,22 +364,35 @@ def _checked_channels(n: int, channels: Sequence[int]) -> tuple[int, ...]:
 
 
 def _margin_of_sensitivity(
-    S: control.StateSpace | control.FrequencyResponseData, reason: str, *, skew: float, channels: Sequence[int] | None
+    S: control.StateSpace | control.FrequencyResponseData,
+    reason: str,
+    *,
+    skew: float,
+    channels: Sequence[int] | None,
 ) -> DiskMargin:
     """Compute the margin of some channels of a sensitivity; nan with `reason` if there is none."""
     if reason:
         return DiskMargin(
-            alpha=np.nan, omega=np.nan, skew=skew, gain_margin=(np.nan, np.nan), phase_margin=np.nan, reason=reason
+            alpha=np.nan,
+            omega=np.nan,
+            skew=skew,
+            gain_margin=(np.nan, np.nan),
+            phase_margin=np.nan,
+            reason=reason,
         )
     some = range(S.ninputs) if channels is None else channels
     omega, alpha = smallest_margin(S, np.ix_(some, some), skew)
-    if np.isinf(alpha):  # a loop that is a number allows every gain except one; a loop that is zero allows every gain
+    if np.isinf(
+        alpha
+        # a loop that is a number allows every gain except one; a loop that is zero allows every gain
+    ):
         edge = (skew - 1) / (skew + 1) if skew != -1 else -np.inf
         low, up, high = (edge, edge, -np.inf) if np.isfinite(edge) else (edge, np.inf, np.inf)
     else:
         low, high = (2 - (1 - skew) * alpha) / (2 + (1 + skew) * alpha), 2 - (1 + skew) * alpha
         up = (2 + (1 - skew) * alpha) / high if high else np.inf
-    # the disk meets the unit circle at the phase where its rim does; the rim passes through the two gains
+    # the disk meets the unit circle at the phase where its rim does; the rim passes through the two
+    # gains
     cosine = (1 + low * up) / (low + up) if np.isfinite(up) else low
     return DiskMargin(
         alpha=alpha,
@@ -348,9 +406,13 @@ def _margin_of_sensitivity(
 
 
 def smallest_margin(
-    S: control.StateSpace | control.FrequencyResponseData, block: tuple[np.ndarray, ...], skew: float
+    S: control.StateSpace | control.FrequencyResponseData,
+    block: tuple[np.ndarray, ...],
+    skew: float,
 ) -> tuple[float, float]:
-    """Return the frequency at which a block of the sensitivity limits the margin, and the margin there."""
+    """Return the frequency at which a block of the sensitivity limits the margin, and the margin
+    there.
+    """
     shift = (skew - 1) / 2 * np.eye(block[0].size)
     blocks = [(1, 1)] * block[0].size
     if isinstance(S, control.FrequencyResponseData):
@@ -367,14 +429,19 @@ def smallest_margin(
 def sensitivity_if_stable(
     L: AnySystem, n_unstable: int
 ) -> tuple[control.StateSpace | control.FrequencyResponseData, str]:
-    """Return (1 + L)^-1, scaled by `_balancing_scales`, and the reason why there is no margin, empty if stable."""
+    """Return (1 + L)^-1, scaled by `_balancing_scales`, and the reason why there is no margin,
+    empty if stable.
+    """
     if not isinstance(L, control.FrequencyResponseData):
         L = multivariable("L", L)
         _require_square_loop(L.noutputs, L.ninputs)
-        one, unit = np.eye(L.ninputs), _balancing_scales(response_by_channel(L, structure_grid(L)[1:]))
+        one = np.eye(L.ninputs)
+        unit = _balancing_scales(response_by_channel(L, structure_grid(L)[1:]))
         B, C, D = L.B * unit, L.C / unit[:, None], L.D * unit / unit[:, None]
         # e = r - L e, closed through one
-        P = control.StateSpace(L.A, np.hstack([0 * B, B]), np.vstack([-C] * 2), np.block([[one, -D]] * 2), L.dt)
+        P = control.StateSpace(
+            L.A, np.hstack([0 * B, B]), np.vstack([-C] * 2), np.block([[one, -D]] * 2), L.dt
+        )
         S = lower_lft(P, control.StateSpace([], [], [], one, L.dt))
         nominal = decide_stability(S)
         return S, "" if nominal.stable else f"the loop is {nominal}"
@@ -387,14 +454,26 @@ def sensitivity_if_stable(
     turns, clear = winding_of_matrix(omega, difference, n_unstable)
     S = control.FrequencyResponseData(np.moveaxis(np.linalg.inv(difference), 0, 2), omega)
     if not clear:
-        return S, "the lines do not show whether the loop is stable: they are too far apart, or do not reach far enough"
+        return (
+            S,
+            (
+                "the lines do not show whether the loop is stable: they are too far apart, or do"
+                " not reach far enough"
+            ),
+        )
     if turns != n_unstable:
-        return S, f"unstable: det(I + L) winds {turns} times about zero, stability needs {n_unstable}"
+        return (
+            S,
+            f"unstable: det(I + L) winds {turns} times about zero, stability needs {n_unstable}",
+        )
     return S, ""
 
 
-def winding_of_matrix(omega: np.ndarray, difference: np.ndarray, n_unstable: int) -> tuple[int, bool]:
-    """Return the winding number of det(I + L) around zero, from I + L (W, n, n), and whether the lines resolve it.
+def winding_of_matrix(
+    omega: np.ndarray, difference: np.ndarray, n_unstable: int
+) -> tuple[int, bool]:
+    """Return the winding number of det(I + L) around zero, from I + L (W, n, n), and whether the
+    lines resolve it.
 
     n_unstable : unstable poles of the open loop, which determine the phase below the first line.
     """
@@ -406,18 +485,24 @@ def winding_of_matrix(omega: np.ndarray, difference: np.ndarray, n_unstable: int
 def _balancing_scales(L: np.ndarray) -> np.ndarray:
     """Return powers of two (n,) that scale the channels of a loop (n, n, W) to comparable size.
 
-    Margins do not depend on units, but a matrix with 1e6 N/m and 1e-6 m/N would look singular. If a channel is not
-    reached at all, the smallest gain of the loop replaces its zero gain.
+    Margins do not depend on units, but a matrix with 1e6 N/m and 1e-6 m/N would look singular. If a
+    channel is not reached at all, the smallest gain of the loop replaces its zero gain.
     """
     with np.errstate(invalid="ignore"):
         size = np.abs(np.where(np.isfinite(L), L, np.nan))
-        size = np.nan_to_num(np.exp(np.nanmean(np.log(np.maximum(size, np.finfo(float).tiny)), axis=2)))
+        size = np.nan_to_num(
+            np.exp(np.nanmean(np.log(np.maximum(size, np.finfo(float).tiny)), axis=2))
+        )
     some = size[size > 1e-200]
     if not some.size:
         return np.ones(len(size))
-    return np.asarray(matrix_balance(np.maximum(size, some.min()), permute=False, separate=True)[1][0])
+    return np.asarray(
+        matrix_balance(np.maximum(size, some.min()), permute=False, separate=True)[1][0]
+    )
 
 
 def _require_square_loop(n_out: int, n_in: int) -> None:
     if n_out != n_in:
-        raise ValueError(f"L must have as many inputs as outputs, got {n_in} inputs and {n_out} outputs")
+        raise ValueError(
+            f"L must have as many inputs as outputs, got {n_in} inputs and {n_out} outputs"
+        )

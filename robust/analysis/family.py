@@ -33,8 +33,8 @@ class LoopFamily:
     nominal : (W,) complex ndarray
         Sensitivity with the nominal plant; for several channels its largest singular value.
     worst : (W,) ndarray
-        Largest |S_p| over the whole set; for several channels an upper bound, with its largest value proved at all
-        frequencies.
+        Largest |S_p| over the whole set; for several channels an upper bound, with its largest
+        value proved at all frequencies.
     band : (2,) ndarray or None
         First and last measured frequency [rad/s].
 
@@ -71,7 +71,8 @@ def sample_loops(
 ) -> LoopFamily:
     """Close the loop around n random plants of the set.
 
-    Use this to see the spread of the loops that a verdict covers, for instance with `robust.plot.plot_family`.
+    Use this to see the spread of the loops that a verdict covers, for instance with
+    `robust.plot.plot_family`.
 
     Parameters
     ----------
@@ -116,7 +117,9 @@ def sample_loops(
     nominal = loop.curves(omega)
     return LoopFamily(
         omega=omega,
-        S=np.array([perturbed_sensitivity(*pair, loop, omega) for pair in zip(plants, seen, strict=True)]),
+        S=np.array(
+            [perturbed_sensitivity(*pair, loop, omega) for pair in zip(plants, seen, strict=True)]
+        ),
         stable=np.array([is_stable_with(*pair, loop) for pair in zip(plants, seen, strict=True)]),
         nominal=nominal.S,
         worst=nominal.worst_performance,
@@ -125,7 +128,12 @@ def sample_loops(
 
 
 def _sample_matrix_loops(
-    model: UncertaintyModel, K: Controller, *, n: int, delay: float, rng: np.random.Generator | int | None
+    model: UncertaintyModel,
+    K: Controller,
+    *,
+    n: int,
+    delay: float,
+    rng: np.random.Generator | int | None,
 ) -> LoopFamily:
     """Close the loop around n random plants with several channels."""
     K, band = multivariable("K", K), model.omega[[0, -1]]
@@ -136,7 +144,12 @@ def _sample_matrix_loops(
     for plant in (model.nominal, *model.sample(n, rng)):
         loops.append(control.StateSpace(*closed_loop(plant, K, ("e",), ("r",)), plant.dt))
     S = np.array(
-        [np.linalg.norm(np.moveaxis(response_by_channel(loop, found.omega), 2, 0), 2, axis=(1, 2)) for loop in loops]
+        [
+            np.linalg.norm(
+                np.moveaxis(response_by_channel(loop, found.omega), 2, 0), 2, axis=(1, 2)
+            )
+            for loop in loops
+        ]
     )
     return LoopFamily(
         omega=found.omega,

@@ -1,4 +1,6 @@
-"""The result of a judge for a loop and its set: curves, margins, proofs, and the verdict that follows from them."""
+"""The result of a judge for a loop and its set: curves, margins, proofs, and the verdict that
+follows from them.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,10 @@ class Effort:
     certify: bool = True  # prove the result at all frequencies
     proof: ProofMethod = "exact"  # method for one channel
     solver: str | None = None  # of cvxpy, for proofs by P and a scaling; None: the default solvers
-    gap: float | None = None  # relative distance of proof and counter-example; None: 5 %, only if the verdict is open
+    gap: float | None = (
+        # relative distance of proof and counter-example; None: 5 %, only if the verdict is open
+        None
+    )
 
 
 @value
@@ -35,10 +40,12 @@ class ReportCurves:
     omega : (W,) ndarray
         Frequencies [rad/s].
     rs, np_, rp : (W,) ndarray
-        Robust stability (below 1), nominal performance |w_P S|, robust performance |w_P| max |S_p|. nan if the
-        nominal loop is unstable, without a set, or without w_P. By mu: rs and rp are upper bounds of mu, np_ is nan.
+        Robust stability (below 1), nominal performance |w_P S|, robust performance |w_P| max |S_p|.
+        nan if the nominal loop is unstable, without a set, or without w_P. By mu: rs and rp are
+        upper bounds of mu, np_ is nan.
     S, T : (W,) complex ndarray or None
-        Sensitivity and complementary sensitivity of the nominal loop; for one channel only, as all fields below.
+        Sensitivity and complementary sensitivity of the nominal loop; for one channel only, as all
+        fields below.
     G, K : (W,) complex ndarray or None
         Responses of plant and controller, hold and delay included.
     radius : (W,) ndarray or None
@@ -80,27 +87,31 @@ class ReportCurves:
 
 @value
 class Margins:
-    """Margins of a loop, each with the frequency [rad/s] that limits it; nan for a margin that does not exist.
+    """Margins of a loop, each with the frequency [rad/s] that limits it; nan for a margin that does
+    not exist.
 
     Fields
     ------
     rs, rp : float
-        Largest factor on the uncertainty for which the loop is robustly stable (rs), or meets rp <= 1 (rp, 0 if
+        Largest factor on the uncertainty for which the loop is robustly stable (rs), or meets rp <=
+        1 (rp, 0 if
         |w_P S| >= 1 for the nominal plant); nan for an unstable loop. By mu: the factor up to which the upper bound
-        stays at one (rp: factor on the perturbations and the performance together), or the factor that was proved on
-        the parts of the box of real parameters.
+        stays at one (rp: factor on the perturbations and the performance together), or the factor
+        that was proved on the parts of the box of real parameters.
     broken : float
-        By mu: factor at which the perturbation that was found makes the loop singular; inf if none was found.
+        By mu: factor at which the perturbation that was found makes the loop singular; inf if none
+        was found.
     worst : dict or None
-        By mu: that perturbation for each block, scaled to broken = 1: a number in [-1, 1] for a real block, the size
-        for a complex block.
+        By mu: that perturbation for each block, scaled to broken = 1: a number in [-1, 1] for a
+        real block, the size for a complex block.
     disk : float
         Symmetric disk margin alpha = 1/max |S - 1/2|, for one channel.
     S_worst : float
-        Largest |S| over the set; for several channels a bound of its largest singular value. inf if a plant of the set
-        is unstable, nan without a set.
+        Largest |S| over the set; for several channels a bound of its largest singular value. inf if
+        a plant of the set is unstable, nan without a set.
     S_worst_lines : int
-        For several channels: 0 if that bound is proved at all frequencies, else the number of frequencies checked.
+        For several channels: 0 if that bound is proved at all frequencies, else the number of
+        frequencies checked.
     omega_rs, omega_rp, omega_disk, omega_S_worst : float
         Limiting frequencies [rad/s].
 
@@ -155,8 +166,8 @@ class Proofs:
     Fields
     ------
     certificates : tuple of Certificate
-        Stability first, then performance if there is a demand and stability holds. The last one for a sampled set with
-        several channels proves that it contains the continuous set.
+        Stability first, then performance if there is a demand and stability holds. The last one for
+        a sampled set with several channels proves that it contains the continuous set.
     robustly_stable, robust_performance : bool
         True only if proved for the whole set, whatever the class of the set.
     violated : bool
@@ -181,7 +192,8 @@ class Given:
     Fields
     ------
     perturbation : str
-        Class of the set: "LTI", "statistical" or "operator". Empty for an `UncertainSystem`: each block has its own.
+        Class of the set: "LTI", "statistical" or "operator". Empty for an `UncertainSystem`: each
+        block has its own.
     demand : control.StateSpace or None
         Performance weight.
     delay : float
@@ -228,9 +240,11 @@ class Findings:
 
 
 def decide_verdict(nominal: Stability, proofs: Proofs, *, statistical: bool) -> Verdict:
-    """Return the verdict: by the nominal loop, then by a plant of the set that breaks it, then by the proofs.
+    """Return the verdict: by the nominal loop, then by a plant of the set that breaks it, then by
+    the proofs.
 
-    A set that contains the plant with some probability only makes "robust" into "statistically robust".
+    A set that contains the plant with some probability only makes "robust" into "statistically
+    robust".
 
     >>> decide_verdict(Stability.STABLE, Proofs(robustly_stable=True), statistical=True)
     'statistically robust'

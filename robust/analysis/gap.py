@@ -1,7 +1,8 @@
 """The nu-gap between two plants, and the coprime margin of a loop (Vinnicombe 2001).
 
-Both use normalised coprime factors: the gap is the norm of M2 N1 - N2 M1 if the winding condition holds, else one.
-In state space no frequency grid is needed: hinf_norm encloses the peak, zeros decide the winding condition.
+Both use normalised coprime factors: the gap is the norm of M2 N1 - N2 M1 if the winding condition
+holds, else one. In state space no frequency grid is needed: hinf_norm encloses the peak, zeros
+decide the winding condition.
 """
 
 from __future__ import annotations
@@ -19,23 +20,27 @@ from robust.models.sets.model import UncertaintyModel
 
 
 def nu_gap(G1: Controller | UncertaintyModel, G2: Controller | UncertaintyModel) -> float:
-    """Compute Vinnicombe's nu-gap between two plants, from 0 (equal) to 1 (too far apart for any guarantee).
+    """Compute Vinnicombe's nu-gap between two plants, from 0 (equal) to 1 (too far apart for any
+    guarantee).
 
-    Use this to judge whether one controller suits two plants. A controller whose coprime margin (`ncf_margin`) exceeds
-    the gap stabilises both; its margin with the other plant is at least sin(arcsin(margin) - arcsin(gap)). Two plants
-    may differ much in open loop and still have a small gap. Shape both with the same weights first: the gap depends on
-    the units of input and output.
+    Use this to judge whether one controller suits two plants. A controller whose coprime margin
+    (`ncf_margin`) exceeds the gap stabilises both; its margin with the other plant is at least
+    sin(arcsin(margin) - arcsin(gap)). Two plants may differ much in open loop and still have a
+    small gap. Shape both with the same weights first: the gap depends on the units of input and
+    output.
 
     Parameters
     ----------
     G1, G2 : control.StateSpace, TransferFunction, float, UncertaintyModel
-        Plants with one or several inputs and outputs, both continuous or both with the same sampling time.
+        Plants with one or several inputs and outputs, both continuous or both with the same
+        sampling time.
 
     Returns
     -------
     float
-        sup |G1 - G2| / sqrt((1 + |G1|^2)(1 + |G2|^2)) over frequency if the winding condition holds, else 1. For
-        several channels the largest singular value of (1 + G2 G2~)^-1/2 (G1 - G2) (1 + G1~ G1)^-1/2.
+        sup |G1 - G2| / sqrt((1 + |G1|^2)(1 + |G2|^2)) over frequency if the winding condition
+        holds, else 1. For several channels the largest singular value of (1 + G2 G2~)^-1/2 (G1 -
+        G2) (1 + G1~ G1)^-1/2.
 
     Raises
     ------
@@ -44,11 +49,13 @@ def nu_gap(G1: Controller | UncertaintyModel, G2: Controller | UncertaintyModel)
 
     References
     ----------
-    Vinnicombe, *Uncertainty and Feedback* (2001), 3; Zhou & Doyle, *Essentials of Robust Control*, 17.2 to 17.4.
+    Vinnicombe, *Uncertainty and Feedback* (2001), 3; Zhou & Doyle, *Essentials of Robust Control*,
+    17.2 to 17.4.
 
     Examples
     --------
-    A stable and an unstable plant for which a fast controller gives nearly the same loop (Zhou & Doyle, 17.2).
+    A stable and an unstable plant for which a fast controller gives nearly the same loop (Zhou &
+    Doyle, 17.2).
 
     >>> stable, unstable = control.tf([100], [2, 1]), control.tf([100], [2, -1])
     >>> round(nu_gap(stable, unstable), 4), round(nu_gap(stable, control.tf([100], [1, 2, 1])), 4)
@@ -57,17 +64,23 @@ def nu_gap(G1: Controller | UncertaintyModel, G2: Controller | UncertaintyModel)
     first, second = _nominal_plant("G1", G1), _nominal_plant("G2", G2)
     steps = {name: timebase(G) for name, G in (("G1", first), ("G2", second)) if not is_constant(G)}
     if len(set(steps.values())) > 1:
-        raise ValueError(f"G2 must have the sampling time of G1, {steps['G1']:g} s, got {steps['G2']:g} s")
+        raise ValueError(
+            f"G2 must have the sampling time of G1, {steps['G1']:g} s, got {steps['G2']:g} s"
+        )
     n_y, n_u = first.noutputs, first.ninputs
     if (second.noutputs, second.ninputs) != (n_y, n_u):
         raise ValueError(
-            f"G2 must have {n_y} outputs and {n_u} inputs, as G1, got {second.noutputs} and {second.ninputs}"
+            f"G2 must have {n_y} outputs and {n_u} inputs, as G1, got {second.noutputs} and"
+            f" {second.ninputs}"
         )
     (right_1, _), (right_2, _) = coprime_factors("G1", first), coprime_factors("G2", second)
     # the left factors of G2 times the right ones of G1: M2 N1 - N2 M1
     turned = np.block([[np.zeros((n_u, n_y)), -np.eye(n_u)], [np.eye(n_y), np.zeros((n_y, n_u))]])
-    distance, _ = hinf_norm(_cascade_through(right_1, turned, _left_coprime_factors(second, right_2)))
-    # [N2; M2]~ [N1; M1] needs as many unstable zeros as the first factor has poles, all of them unstable
+    distance, _ = hinf_norm(
+        _cascade_through(right_1, turned, _left_coprime_factors(second, right_2))
+    )
+    # [N2; M2]~ [N1; M1] needs as many unstable zeros as the first factor has poles, all of them
+    # unstable
     A, B, C, D = _transpose_system(right_2)
     inside = zeros(_cascade_through(right_1, np.eye(n_y + n_u), (-A, -B, C, D)))
     if int(np.sum(inside.real > 0)) != len(A):
@@ -76,9 +89,11 @@ def nu_gap(G1: Controller | UncertaintyModel, G2: Controller | UncertaintyModel)
 
 
 def ncf_margin(G: Controller | UncertaintyModel, K: Controller) -> float:
-    """Compute the coprime margin of a loop: the nu-gap by which the plant may change at least; 0 if unstable.
+    """Compute the coprime margin of a loop: the nu-gap by which the plant may change at least; 0 if
+    unstable.
 
-    Use this as one number for the robustness of a loop, mostly after `ncfsyn`, which maximises it for a shaped plant.
+    Use this as one number for the robustness of a loop, mostly after `ncfsyn`, which maximises it
+    for a shaped plant.
 
     Parameters
     ----------
@@ -110,9 +125,13 @@ def ncf_margin(G: Controller | UncertaintyModel, K: Controller) -> float:
     """
     plant, K = _nominal_plant("G", G), multivariable("K", K)
     if sampling_times_differ(plant, K):
-        raise ValueError(f"K must have the sampling time of G, {timebase(plant):g} s, got {timebase(K):g} s")
+        raise ValueError(
+            f"K must have the sampling time of G, {timebase(plant):g} s, got {timebase(K):g} s"
+        )
     dt = timebase(K) if is_constant(plant) else timebase(plant)
-    norm = hinf_norm(control.StateSpace(*closed_loop(plant, K, ("u", "y"), ("p_out", "p_in")), dt))[0]
+    norm = hinf_norm(control.StateSpace(*closed_loop(plant, K, ("u", "y"), ("p_out", "p_in")), dt))[
+        0
+    ]
     return 1 / norm
 
 
@@ -124,7 +143,9 @@ def _nominal_plant(name: str, G: Controller | UncertaintyModel) -> control.State
 def _left_coprime_factors(G: control.StateSpace, right: Matrices) -> Matrices:
     """Return [N M] of G = M^-1 N: the transposed right factors of the transposed plant."""
     if (G.ninputs, G.noutputs) != (1, 1):
-        right, _ = coprime_factors("G2", control.StateSpace(*_transpose_system((G.A, G.B, G.C, G.D)), G.dt))
+        right, _ = coprime_factors(
+            "G2", control.StateSpace(*_transpose_system((G.A, G.B, G.C, G.D)), G.dt)
+        )
     return _transpose_system(right)
 
 

@@ -1,4 +1,6 @@
-"""Judge a loop with one channel: curves in closed form, every alias of a sampled loop, proofs in exact arithmetic."""
+"""Judge a loop with one channel: curves in closed form, every alias of a sampled loop, proofs in
+exact arithmetic.
+"""
 
 from __future__ import annotations
 
@@ -42,15 +44,30 @@ def judge_exact(loop: Loop, effort: Effort) -> Findings:
         )
     curves = loop.curves(extend_grid(omega, loop.omega_max))
     margins = find_margins(loop, curves, loop.band)
-    at_peak = np.nan if loop.w_P is None else loop.peak(lambda at: loop.curves(at).rp, curves.omega, loop.band).omega
-    places = np.array([margins.omega_rs, margins.omega_rp, margins.omega_disk, margins.omega_S_worst, at_peak])
+    at_peak = (
+        np.nan
+        if loop.w_P is None
+        else loop.peak(lambda at: loop.curves(at).rp, curves.omega, loop.band).omega
+    )
+    places = np.array(
+        [margins.omega_rs, margins.omega_rp, margins.omega_disk, margins.omega_S_worst, at_peak]
+    )
     curves = curves.merge(loop.curves(places[~np.isnan(places)])).in_band(omega[0], omega[-1])
-    proofs, folding = prove_set_by(loop, curves, margins.largest_rs, effort), _rs_breakdown_at_peak(loop, margins)
-    if folding is not None and folding.total >= 1:  # the part of the aliases is a bound, so it disproves nothing alone
+    proofs = prove_set_by(loop, curves, margins.largest_rs, effort)
+    folding = _rs_breakdown_at_peak(loop, margins)
+    if (
+        folding is not None and folding.total >= 1
+    ):  # the part of the aliases is a bound, so it disproves nothing alone
         proofs = replace(proofs, violated=folding.single_frequency >= 1)
     proved, not_proved = proof_sentences(loop, proofs)
-    T = np.nan if np.isnan(margins.omega_rs) else float(abs(1 - loop.curves(np.array([margins.omega_rs])).S[0]))
-    advice = advise_on_margin(loop.model, margins.omega_rs, weight=loop.responders["w"], folding=folding, T=T)
+    T = (
+        np.nan
+        if np.isnan(margins.omega_rs)
+        else float(abs(1 - loop.curves(np.array([margins.omega_rs])).S[0]))
+    )
+    advice = advise_on_margin(
+        loop.model, margins.omega_rs, weight=loop.responders["w"], folding=folding, T=T
+    )
     return Findings(
         verdict=decide_verdict(nominal.state, proofs, statistical=statistical),
         nominally_stable=True,
@@ -68,7 +85,11 @@ def judge_exact(loop: Loop, effort: Effort) -> Findings:
 
 
 def _rs_breakdown_at_peak(loop: Loop, margins: Margins) -> RsBreakdown | None:
-    """Split the largest rs for continuous plants under a sampled controller; None for any other loop."""
+    """Split the largest rs for continuous plants under a sampled controller; None for any other
+    loop.
+    """
     if loop.aliases is None:
         return None
-    return rs_breakdown(loop.with_aliases(loop.curves(margins.omega_rs)), loop.band, margins.largest_rs)
+    return rs_breakdown(
+        loop.with_aliases(loop.curves(margins.omega_rs)), loop.band, margins.largest_rs
+    )

@@ -1,4 +1,6 @@
-"""Judge a loop whose plant is known as an FRF: on its lines only, with stability by the winding number of 1 + L."""
+"""Judge a loop whose plant is known as an FRF: on its lines only, with stability by the winding
+number of 1 + L.
+"""
 
 from __future__ import annotations
 
@@ -13,16 +15,36 @@ from robust._base.states import Stability
 from robust._base.types import Controller, Weight
 from robust.analysis.curves import Curves, loop_curves, margins_on_lines
 from robust.analysis.disk import LoopMargins, disk_margins, winding_of_matrix
-from robust.analysis.findings import Effort, Findings, Given, Margins, Proofs, ReportCurves, decide_verdict
+from robust.analysis.findings import (
+    Effort,
+    Findings,
+    Given,
+    Margins,
+    Proofs,
+    ReportCurves,
+    decide_verdict,
+)
 from robust.analysis.text import LINES_ADVICE, LINES_NOT_PROVED, LINES_PROVED, explain_lines
 from robust.lti.connections import require_shape
 from robust.lti.grids import controller_mode_lines, interpolate_frf, peak_of
 from robust.lti.low_frequency import read_below
-from robust.lti.lti import common_sampling_time, require_sampling_time, response, response_by_channel, timebase
+from robust.lti.lti import (
+    common_sampling_time,
+    require_sampling_time,
+    response,
+    response_by_channel,
+    timebase,
+)
 from robust.lti.realisation import multivariable, repeat_over_channels, state_space
 from robust.lti.stability import describe_unresolved, unstable_poles, winding_number
 from robust.models.sets.forms import plant_numerator
-from robust.models.sets.measured import FrfSource, frf_sampling_time, hold_and_delay_factor, origin_of, parts_on_lines
+from robust.models.sets.measured import (
+    FrfSource,
+    frf_sampling_time,
+    hold_and_delay_factor,
+    origin_of,
+    parts_on_lines,
+)
 
 
 @value
@@ -50,7 +72,9 @@ class LoopOnLines:
     def given(self) -> Given:
         """Input of the check: class, demand, delay, band and unit."""
         unit, band = getattr(origin_of(self.source), "unit", ""), self.omega[[0, -1]]
-        return Given(perturbation=self.perturbation, demand=self.w_P, delay=self.delay, band=band, unit=unit)
+        return Given(
+            perturbation=self.perturbation, demand=self.w_P, delay=self.delay, band=band, unit=unit
+        )
 
     def with_hold_and_delay(self, omega: np.ndarray, G: np.ndarray) -> np.ndarray:
         """Return the plant (W,) with hold and delay."""
@@ -58,11 +82,17 @@ class LoopOnLines:
 
     @cached_property
     def curves(self) -> Curves:
-        """Curves on the lines, and between them around the modes of the controller, which is known there."""
+        """Curves on the lines, and between them around the modes of the controller, which is known
+        there.
+        """
         at = np.union1d(self.omega, controller_mode_lines(self.K, (self.omega[0], self.omega[-1])))
-        measured, w, W = (interpolate_frf(at, self.omega, part) for part in (self.G, self.w, self.W))
+        measured, w, W = (
+            interpolate_frf(at, self.omega, part) for part in (self.G, self.w, self.W)
+        )
         G = self.with_hold_and_delay(at, measured)
-        W = W * measured / G  # the set is around the measured plant: hold and delay belong to the controller
+        W = (
+            W * measured / G
+        )  # the set is around the measured plant: hold and delay belong to the controller
         w_P = None if self.w_P is None else response(self.w_P, at)
         return loop_curves(self.form, at, G=G, K=response(self.K, at), w=w, w_P=w_P, W=W)
 
@@ -77,7 +107,9 @@ def assemble_on_lines(
     _require_usable_frf(omega, G, K, sampled_frf)
     w_P = None if w_P is None else state_space("w_P", w_P)
     if w_P is not None and timebase(w_P):  # a continuous weight is allowed for a sampled loop
-        require_sampling_time("w_P", w_P, reference="the loop", wanted=sampled_frf or common_sampling_time(K))
+        require_sampling_time(
+            "w_P", w_P, reference="the loop", wanted=sampled_frf or common_sampling_time(K)
+        )
     return LoopOnLines(
         source=model,
         K=K,
@@ -119,7 +151,12 @@ class MatrixLoopOnLines:
 
 
 def assemble_matrix_on_lines(
-    G: control.FrequencyResponseData, K: Controller, *, w_P: Weight | None, delay: float, n_unstable: int
+    G: control.FrequencyResponseData,
+    K: Controller,
+    *,
+    w_P: Weight | None,
+    delay: float,
+    n_unstable: int,
 ) -> MatrixLoopOnLines:
     """Assemble an FRF with several channels and a controller; refuse parts that do not fit."""
     K, omega = multivariable("K", K), np.asarray(G.omega, dtype=float)
@@ -128,7 +165,9 @@ def assemble_matrix_on_lines(
     _require_usable_frf(omega, np.asarray(G.frdata), K, frf_sampling_time(G) or None)
     seen = np.asarray(G.frdata) * hold_and_delay_factor(G, omega, dt=timebase(K), delay=delay)
     return MatrixLoopOnLines(
-        G=control.FrequencyResponseData(seen, omega, inputs=G.input_labels, outputs=G.output_labels),
+        G=control.FrequencyResponseData(
+            seen, omega, inputs=G.input_labels, outputs=G.output_labels
+        ),
         K=K,
         w_P=None if w_P is None else repeat_over_channels("w_P", w_P, G.noutputs),
         delay=delay,
@@ -137,13 +176,17 @@ def assemble_matrix_on_lines(
 
 
 def judge_matrix_lines(loop: MatrixLoopOnLines, _: Effort) -> Findings:
-    """Return the findings for several channels on the lines of their FRF; none of them is a proof."""
+    """Return the findings for several channels on the lines of their FRF; none of them is a
+    proof.
+    """
     omega, one = np.asarray(loop.G.omega), np.eye(loop.G.noutputs)
     L = np.einsum("jkw,klw->wjl", np.asarray(loop.G.frdata), response_by_channel(loop.K, omega))
     turns, clear = winding_of_matrix(omega, one + L, loop.wanted)
     nominal, nothing = _stability_on_lines(turns, clear, loop.wanted), np.full(omega.size, np.nan)
     if nominal is Stability.UNDECIDED:
-        reason = describe_unresolved(omega, np.linalg.det(one + L), np.linalg.norm(L, 2, axis=(1, 2)))
+        reason = describe_unresolved(
+            omega, np.linalg.det(one + L), np.linalg.norm(L, 2, axis=(1, 2))
+        )
     else:
         reason = explain_lines(nominal, turns, wanted=loop.wanted, peak=np.nan, has_set=False)
     margins, np_ = Margins(), nothing
@@ -165,22 +208,33 @@ def judge_matrix_lines(loop: MatrixLoopOnLines, _: Effort) -> Findings:
         advice=LINES_ADVICE,
         proved=LINES_PROVED,
         not_proved=LINES_NOT_PROVED,
-        context=f"{omega.size} lines, {format_hertz(omega[0])} to {format_hertz(omega[-1])}; controller "
-        f"{loop.K.nstates} states",
+        context=(
+            f"{omega.size} lines, {format_hertz(omega[0])} to {format_hertz(omega[-1])}; controller"
+            f" {loop.K.nstates} states"
+        ),
     )
 
 
-def _require_usable_frf(omega: np.ndarray, G: np.ndarray, K: control.StateSpace, sampled_frf: float | None) -> None:
-    """Refuse an FRF that is not finite, and a controller with another clock or too slow for the lines."""
+def _require_usable_frf(
+    omega: np.ndarray, G: np.ndarray, K: control.StateSpace, sampled_frf: float | None
+) -> None:
+    """Refuse an FRF that is not finite, and a controller with another clock or too slow for the
+    lines.
+    """
     dt = timebase(K)
     if not np.all(omega > 0):
-        raise ValueError(f"model must have an FRF on positive frequencies, got a line at {omega.min():g} rad/s")
+        raise ValueError(
+            f"model must have an FRF on positive frequencies, got a line at {omega.min():g} rad/s"
+        )
     if not np.isfinite(G).all():
         where = format_hertz(omega[np.argmax(~np.isfinite(G).reshape(-1, omega.size).all(axis=0))])
-        raise ValueError(f"model must have a finite FRF on every line, got {G[~np.isfinite(G)][0]} at {where}")
+        raise ValueError(
+            f"model must have a finite FRF on every line, got {G[~np.isfinite(G)][0]} at {where}"
+        )
     if dt and omega[-1] * dt >= np.pi:
         raise ValueError(
-            f"K must be sampled fast enough for the lines up to {format_hertz(omega[-1])}, got dt = {dt:g} s"
+            f"K must be sampled fast enough for the lines up to {format_hertz(omega[-1])}, got dt ="
+            f" {dt:g} s"
         )
     require_sampling_time("K", K, reference="the FRF", wanted=sampled_frf)
 
@@ -204,12 +258,15 @@ def judge_lines(loop: LoopOnLines, effort: Effort) -> Findings:
     has_set = bool(np.isfinite(loop.curves.w).all())
     stable = nominal is Stability.STABLE
     margins = margins_on_lines(loop.curves) if stable else Margins()
-    proofs, hold = Proofs(violated=has_set and margins.largest_rs >= 1), dt and not frf_sampling_time(loop.source)
+    proofs = Proofs(violated=has_set and margins.largest_rs >= 1)
+    hold = dt and not frf_sampling_time(loop.source)
     if nominal is Stability.UNDECIDED:
         L = G * response(K, omega)
         reason = describe_unresolved(omega, 1 + L, np.abs(L))
     else:
-        reason = explain_lines(nominal, encirclements, wanted=wanted, peak=margins.largest_rs, has_set=has_set)
+        reason = explain_lines(
+            nominal, encirclements, wanted=wanted, peak=margins.largest_rs, has_set=has_set
+        )
     return Findings(
         verdict=decide_verdict(nominal, proofs, statistical=False),
         nominally_stable=stable,
@@ -221,6 +278,8 @@ def judge_lines(loop: LoopOnLines, effort: Effort) -> Findings:
         advice=LINES_ADVICE,
         proved=LINES_PROVED,
         not_proved=LINES_NOT_PROVED,
-        context=f"{omega.size} lines, {format_hertz(omega[0])} to {format_hertz(omega[-1])}"
-        f"{' with zero-order hold' if hold else ''}; controller {K.nstates} states",
+        context=(
+            f"{omega.size} lines, {format_hertz(omega[0])} to {format_hertz(omega[-1])}"
+            f"{' with zero-order hold' if hold else ''}; controller {K.nstates} states"
+        ),
     )

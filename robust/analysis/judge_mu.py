@@ -1,7 +1,9 @@
-"""Judge a loop by the structured singular value: nominal stability, bounds of mu, certificates (SP 8.9, 8.10).
+"""Judge a loop by the structured singular value: nominal stability, bounds of mu, certificates (SP
+8.9, 8.10).
 
-The upper bound of mu over a grid decides whether a proof is tried; the lower bound gives a counter-example. Only
-`robust.mu.certify` and `certify_with_one_scaling`, which hold between the frequencies, make a proof.
+The upper bound of mu over a grid decides whether a proof is tried; the lower bound gives a
+counter-example. Only `robust.mu.certify` and `certify_with_one_scaling`, which hold between the
+frequencies, make a proof.
 """
 
 from __future__ import annotations
@@ -37,36 +39,55 @@ from robust.proofs.search.certificate import Certificate
 from robust.proofs.search.scaled_kyp import certify_with_one_scaling
 from robust.proofs.search.stability import decide_stability
 
-_DEFAULT_GAP = 0.05  # relative distance of proof and counter-example at which the search for an open verdict stops
-_MAX_PARAMETER_RATIO = 100.0  # largest real parameters searched, over the smallest complex ones that break the loop
+# relative distance of proof and counter-example at which the search for an open verdict stops
+_DEFAULT_GAP = 0.05
+_MAX_PARAMETER_RATIO = (
+    100.0  # largest real parameters searched, over the smallest complex ones that break the loop
+)
 
 
 def judge_mu(loop: LoopOfChannels, effort: Effort) -> Findings:
-    """Return the findings by mu for the form with the strongest result, with the largest |S| over the set."""
+    """Return the findings by mu for the form with the strongest result, with the largest |S| over
+    the set.
+    """
     found = {form: judge_system(system, effort) for form, system in loop.systems.items()}
     form = _best_form(found)
     taken = replace(found[form], form=form)
     if len(found) > 1:
-        taken = replace(taken, reason=f"{taken.reason}; of the forms {' and '.join(found)}, {form} gives most")
+        taken = replace(
+            taken, reason=f"{taken.reason}; of the forms {' and '.join(found)}, {form} gives most"
+        )
     if taken.nominally_stable:
         system = loop.sensitivity(form)
         S = set_gain(system.N, system.structure, curve=False, certify=effort.certify)
-        margins = replace(taken.margins, S_worst=S.peak.value, omega_S_worst=S.peak.omega, S_worst_lines=S.n_lines)
+        margins = replace(
+            taken.margins, S_worst=S.peak.value, omega_S_worst=S.peak.omega, S_worst_lines=S.n_lines
+        )
         taken = replace(taken, margins=margins)
-    return _add_aliases(taken, loop.systems[form], folded) if (folded := loop.folded(form)) else taken
+    return (
+        _add_aliases(taken, loop.systems[form], folded) if (folded := loop.folded(form)) else taken
+    )
 
 
 def _add_aliases(found: Findings, system: UncertainSystem, folded: SampledSet) -> Findings:
-    """Add the proof that the sampled set contains the continuous one, if stability is proved for the sampled set."""
+    """Add the proof that the sampled set contains the continuous one, if stability is proved for
+    the sampled set.
+    """
     proofs, proved = found.proofs, False
     if proofs.robustly_stable:
         certificate = folded.certify_aliases()
-        proofs, proved = replace(proofs, certificates=(*proofs.certificates, certificate)), certificate.holds
+        proofs = replace(proofs, certificates=(*proofs.certificates, certificate))
+        proved = certificate.holds
     found = replace(found, folding=folded.describe(proved=proved), proofs=proofs)
     if not proved:
         return replace(found, not_proved=f"{ALIASES_NOT_PROVED}; {found.not_proved}")
     sentences = structure_proof_sentences(system, proofs, folded=True)
-    return replace(found, reason=found.reason.replace(SAMPLES_ONLY, ""), proved=sentences[0], not_proved=sentences[1])
+    return replace(
+        found,
+        reason=found.reason.replace(SAMPLES_ONLY, ""),
+        proved=sentences[0],
+        not_proved=sentences[1],
+    )
 
 
 def _best_form(found: dict[str, Findings]) -> str:
@@ -98,7 +119,8 @@ def judge_system(system: UncertainSystem, effort: Effort) -> Findings:
     certificates: tuple[Certificate, ...] = ()
     if effort.certify and curves.peak < 1 and not broken <= 1:
         certificates = _prove_stability_and_performance(system, curves, effort.solver)
-    still_open, cut = effort.certify and broken > 1 and not any(one.holds for one in certificates), None
+    still_open = effort.certify and broken > 1 and not any(one.holds for one in certificates)
+    cut = None
     if still_open or effort.gap:
         cut = _subdivide_parameters(system, _DEFAULT_GAP if effort.gap is None else effort.gap)
     if cut is not None:
@@ -115,10 +137,17 @@ def judge_system(system: UncertainSystem, effort: Effort) -> Findings:
     return Findings(
         verdict=decide_verdict(nominal.state, proofs, statistical=statistical),
         nominally_stable=True,
-        curves=ReportCurves(omega=curves.omega, rs=curves.mu, rp=curves.mu_rp, np_=np.full(curves.omega.size, np.nan)),
+        curves=ReportCurves(
+            omega=curves.omega,
+            rs=curves.mu,
+            rp=curves.mu_rp,
+            np_=np.full(curves.omega.size, np.nan),
+        ),
         margins=Margins(
             rs=max(1 / curves.peak if curves.peak > 0 else np.inf, cut.proved if cut else 0.0),
-            omega_rs=cut.omega if cut is not None and cut.proved * curves.peak > 1 else curves.omega_peak,
+            omega_rs=(
+                cut.omega if cut is not None and cut.proved * curves.peak > 1 else curves.omega_peak
+            ),
             rp=1 / curves.peak_rp if curves.peak_rp > 0 else np.nan,
             omega_rp=float(curves.omega[curves.mu_rp.argmax()]) if system.inputs else np.nan,
             broken=broken,
@@ -139,7 +168,9 @@ def judge_system(system: UncertainSystem, effort: Effort) -> Findings:
 
 
 def _bound_curves(system: UncertainSystem, omega: np.ndarray) -> tuple[MuCurves, Crossing | None]:
-    """Compute both bounds on one grid that contains the peaks of each, and the real parameters that break the loop."""
+    """Compute both bounds on one grid that contains the peaks of each, and the real parameters that
+    break the loop.
+    """
     first, known = refine_grid(system.loop, system.structure, omega=omega)
     parameters = _find_parameter_crossing(system, first, peak=float(known.max()))
     omega = first if parameters is None else np.union1d(first, parameters.omega)
@@ -149,7 +180,9 @@ def _bound_curves(system: UncertainSystem, omega: np.ndarray) -> tuple[MuCurves,
         omega = np.union1d(omega, seen)
         rp = _complete_bounds(system.N, system.with_performance, omega=omega, known=(seen, rp_seen))
     mu = _complete_bounds(system.loop, system.structure, omega=omega, known=(first, known))
-    if parameters is not None:  # the crossing is exact; the bound may miss it by the last digits of the frequency
+    if (
+        parameters is not None
+    ):  # the crossing is exact; the bound may miss it by the last digits of the frequency
         mu = np.where(omega == parameters.omega, np.maximum(mu, 1 / parameters.size), mu)
     return MuCurves(omega=omega, mu=mu, mu_rp=rp), parameters
 
@@ -174,8 +207,12 @@ def _complete_bounds(
 def _prove_stability_and_performance(
     system: UncertainSystem, curves: MuCurves, solver: str | None
 ) -> tuple[Certificate, ...]:
-    """Prove stability, and performance if stability is proved and the grid does not contradict it."""
-    stability = _prove_bound(system, system.loop, blocks=system.structure, subject="robust stability", solver=solver)
+    """Prove stability, and performance if stability is proved and the grid does not
+    contradict it.
+    """
+    stability = _prove_bound(
+        system, system.loop, blocks=system.structure, subject="robust stability", solver=solver
+    )
     if not (stability.holds and curves.peak_rp < 1):
         return (stability,)
     performance = _prove_bound(
@@ -189,9 +226,11 @@ def _prove_stability_and_performance(
 
 
 def _subdivide_parameters(system: UncertainSystem, gap: float) -> ParameterMargin | None:
-    """Subdivide the box of real parameters until proof and counter-example meet; None without real parameters.
+    """Subdivide the box of real parameters until proof and counter-example meet; None without real
+    parameters.
 
-    The scalings on each part change with frequency, so the result does not hold for nonlinear perturbations.
+    The scalings on each part change with frequency, so the result does not hold for nonlinear
+    perturbations.
     """
     kinds = {"real" if b.kind == "real" else b.perturbation for b in system.blocks.values()}
     if "real" not in kinds or "operator" in kinds:
@@ -217,8 +256,12 @@ def _apply_parameter_margin(
     return broken, worst, certificates
 
 
-def _find_parameter_crossing(system: UncertainSystem, omega: np.ndarray, *, peak: float) -> Crossing | None:
-    """Find real parameters that break the loop: they do so at frequencies between the lines of a grid."""
+def _find_parameter_crossing(
+    system: UncertainSystem, omega: np.ndarray, *, peak: float
+) -> Crossing | None:
+    """Find real parameters that break the loop: they do so at frequencies between the lines of a
+    grid.
+    """
     blocks = system.structure
     if not any(block.kind == "real" for block in system.blocks.values()):
         return None
@@ -239,15 +282,23 @@ def _find_parameter_crossing(system: UncertainSystem, omega: np.ndarray, *, peak
 def _find_worst_perturbation(
     system: UncertainSystem, curves: MuCurves, parameters: Crossing | None
 ) -> tuple[float, dict[str, float] | None]:
-    """Find the smallest factor, among frequencies with large mu, at which a perturbation makes the loop singular."""
+    """Find the smallest factor, among frequencies with large mu, at which a perturbation makes the
+    loop singular.
+    """
     omega, mu = curves.omega, curves.mu
-    candidates = np.unique(np.concatenate([np.argsort(-mu)[:4], np.linspace(0, omega.size - 1, 6).astype(int)]))
-    responses = np.moveaxis(response_by_channel(system.loop, omega[candidates]), 2, 0)  # (10, rows, cols)
+    candidates = np.unique(
+        np.concatenate([np.argsort(-mu)[:4], np.linspace(0, omega.size - 1, 6).astype(int)])
+    )
+    responses = np.moveaxis(
+        response_by_channel(system.loop, omega[candidates]), 2, 0
+    )  # (10, rows, cols)
     cut = block_structure("blocks", system.structure)
     found = search_perturbation(responses, cut, n_starts=2, rng=np.random.default_rng(0))
     k = int(found.value.argmax())
     assert found.delta is not None  # a lower bound comes with its perturbation
-    size, delta = (1 / float(found.value[k]), found.delta[:, :, k]) if found.value[k] > 0 else (np.inf, None)
+    size, delta = (
+        (1 / float(found.value[k]), found.delta[:, :, k]) if found.value[k] > 0 else (np.inf, None)
+    )
     if parameters is not None and parameters.size < size:
         size, delta = parameters.size, parameters.delta
     if delta is None:
@@ -265,13 +316,20 @@ def _prove_bound(
 ) -> Certificate:
     """Prove mu < 1 at every frequency, with one constant scaling if a block may be nonlinear.
 
-    A repeated operator counts as a full block: only a scalar scaling commutes with a nonlinear operator.
+    A repeated operator counts as a full block: only a scalar scaling commutes with a nonlinear
+    operator.
     """
-    operators = [block.kind != "real" and block.perturbation == "operator" for block in system.blocks.values()]
+    operators = [
+        block.kind != "real" and block.perturbation == "operator"
+        for block in system.blocks.values()
+    ]
     one_full_block = len(blocks) == 1 and len(blocks[0]) == 2
     if one_full_block or not any(operators):
         return replace(certify(N, blocks, 1.0, solver=solver), subject=subject)
     given = blocks_with_kinds(blocks)
-    cut = [(*block[:2], "full") if operator else block for block, operator in zip(given, operators, strict=False)]
+    cut = [
+        (*block[:2], "full") if operator else block
+        for block, operator in zip(given, operators, strict=False)
+    ]
     cut += given[len(operators) :]  # performance
     return certify_with_one_scaling(N, cut, solver=solver, subject=subject)

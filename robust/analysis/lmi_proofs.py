@@ -1,7 +1,7 @@
 """Prove robust stability and performance for one channel by a linear matrix inequality.
 
-The loop with its perturbation pulled out is one state space, assembled in floating point. cvxpy proposes P and a
-scaling, which are verified over the rationals (`robust.proofs.exact.scaled_kyp`).
+The loop with its perturbation pulled out is one state space, assembled in floating point. cvxpy
+proposes P and a scaling, which are verified over the rationals (`robust.proofs.exact.scaled_kyp`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ from robust.proofs.search.scaled_kyp import certify_with_one_scaling
 
 
 def prove_set_by(loop: Loop, curves: Curves, peak: float, effort: Effort) -> Proofs:
-    """Return the proofs by the chosen method; for "both", a claim counts as proved if either method proves it."""
+    """Return the proofs by the chosen method; for "both", a claim counts as proved if either method
+    proves it.
+    """
     exact = prove_set(loop, curves, peak, certify=effort.certify and effort.proof != "lmi")
     if effort.proof == "exact" or not effort.certify or exact.violated or peak >= 1:
         return exact
@@ -36,10 +38,13 @@ def prove_set_by(loop: Loop, curves: Curves, peak: float, effort: Effort) -> Pro
 
 
 def _certificates_by_lmi(loop: Loop, solver: str | None) -> tuple[Certificate, ...]:
-    """Return the certificate of stability, and that of performance if there is a demand and stability holds."""
+    """Return the certificate of stability, and that of performance if there is a demand and
+    stability holds.
+    """
     if reason := loop.reason_against_system:
         return (failed_certificate(STABILITY, 1.0, reason),)
-    N, prove = loop.perturbation_loop, partial(certify_with_one_scaling, solver=solver or "CLARABEL")
+    N = loop.perturbation_loop
+    prove = partial(certify_with_one_scaling, solver=solver or "CLARABEL")
     inner = control.StateSpace(N.A, N.B[:, :1], N.C[:1], N.D[:1, :1], N.dt)
     stability = prove(inner, [(1, 1, "full")], subject=STABILITY)
     if loop.w_P is None or not stability.holds:

@@ -1,7 +1,9 @@
-"""The loop as it runs: plant, controller, hold and delay on one time base; its stability, curves and peaks.
+"""The loop as it runs: plant, controller, hold and delay on one time base; its stability, curves
+and peaks.
 
-Curves are evaluated from the plant without its delay and the factor exp(-j omega delay). This is exact, while a Padé
-approximation or a delay line would add its own modes. Poles are those of the state space with the delay.
+Curves are evaluated from the plant without its delay and the factor exp(-j omega delay). This is
+exact, while a Padé approximation or a delay line would add its own modes. Poles are those of the
+state space with the delay.
 """
 
 from __future__ import annotations
@@ -17,7 +19,13 @@ from nlfrf._base.arguments import require_nonnegative
 from nlfrf._base.values import value
 from robust._base.states import Stability
 from robust._base.types import Controller, Weight
-from robust.analysis.aliases import AliasedLoop, Aliases, aliases_of_set, evaluate_aliases, fold_aliases
+from robust.analysis.aliases import (
+    AliasedLoop,
+    Aliases,
+    aliases_of_set,
+    evaluate_aliases,
+    fold_aliases,
+)
 from robust.analysis.curves import Curves, loop_curves
 from robust.analysis.findings import Given, Margins, reciprocal
 from robust.lti.connections import closed_loop, in_series
@@ -35,7 +43,8 @@ from robust.proofs.search.intervals import poles_are_uncertain, trusted_responde
 from robust.proofs.search.stability import MAX_EXACT_STATES, is_near_boundary
 
 _CONTINUOUS_CONTROLLER = (
-    "got a continuous controller: robust.lti.discretize(K, {0:g}), or robust design --sample-time {0:g}"
+    "got a continuous controller: robust.lti.discretize(K, {0:g}), or robust design --sample-time"
+    " {0:g}"
 )
 _MAX_STATES = 600  # for a plant with its delay line
 
@@ -50,10 +59,12 @@ class Loop:
     K: control.StateSpace  # controller on the time base dt
     dt: float  # sampling time of the loop [s]; 0 for a continuous loop
     w_P: control.StateSpace | None  # performance weight, on its own time base
-    pade_delay: float  # delay [s] that G contains as a Padé approximation made here; continuous loops only
+    pade_delay: (
+        float  # delay [s] that G contains as a Padé approximation made here; continuous loops only
+    )
     continuous_plant: control.StateSpace | None  # continuous nominal from which G was sampled
-    # G without its delay (without the whole samples of it in a sampled loop), and that delay [s]. The response is
-    # computed from these two, so curves and margins are those of the exact delay.
+    # G without its delay (without the whole samples of it in a sampled loop), and that delay [s].
+    # The response is computed from these two, so curves and margins are those of the exact delay.
     undelayed_plant: control.StateSpace
     plant_delay: float
     # plant before hold and delay, and that delay [s], for exact arithmetic
@@ -97,7 +108,15 @@ class Loop:
 
     def with_plant(self, G: control.StateSpace) -> Loop:
         """Return the same loop around another plant, which includes hold and delay."""
-        return replace(self, G=G, undelayed_plant=G, plant_delay=0.0, given_plant=G, delay=0.0, continuous_plant=None)
+        return replace(
+            self,
+            G=G,
+            undelayed_plant=G,
+            plant_delay=0.0,
+            given_plant=G,
+            delay=0.0,
+            continuous_plant=None,
+        )
 
     def closed_loop(self, outputs: tuple[str, ...], inputs: tuple[str, ...]) -> control.StateSpace:
         """Return a closed-loop transfer function of the nominal loop."""
@@ -106,7 +125,13 @@ class Loop:
     @cached_property
     def responders(self) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
         """Functions of omega that evaluate each part of the loop, by name."""
-        parts = {"G": self.undelayed_plant, "K": self.K, "w": self.weight, "w_P": self.w_P, "W": self.shaping}
+        parts = {
+            "G": self.undelayed_plant,
+            "K": self.K,
+            "w": self.weight,
+            "w_P": self.w_P,
+            "W": self.shaping,
+        }
         return {name: trusted_responder(part) for name, part in parts.items() if part is not None}
 
     @cached_property
@@ -123,7 +148,8 @@ class Loop:
     def modes(self) -> np.ndarray:
         """Poles of the nominal loop, in many digits if rounding may exceed the damping of one.
 
-        Grids are dense around these poles; a grid that misses a light mode by its width would miss its peak.
+        Grids are dense around these poles; a grid that misses a light mode by its width would miss
+        its peak.
         """
         poles, moved = self.poles
         if poles.size > MAX_EXACT_STATES or not poles_are_uncertain(poles, moved, bool(self.dt)):
@@ -145,16 +171,24 @@ class Loop:
         w_P = None if self.w_P is None else of["w_P"](omega)
         G, K, w = self.plant_response(omega), of["K"](omega), of["w"](omega)
         # the set is around the plant without its delay; the delay counts to the controller
-        W = of["W"](omega) * np.exp(1j * omega * self.plant_delay) if FORMS[self.form].depends_on_units else None
+        W = (
+            of["W"](omega) * np.exp(1j * omega * self.plant_delay)
+            if FORMS[self.form].depends_on_units
+            else None
+        )
         found = loop_curves(self.form, omega, G=G, K=K, w=w, w_P=w_P, W=W)
         if self.aliases is None:
             return found
         rs, S_worst, margin = fold_aliases(self.with_aliases(found), w_P)
-        return replace(found, folded_rs=rs, folded_S_worst=S_worst, folded_performance_margin=margin)
+        return replace(
+            found, folded_rs=rs, folded_S_worst=S_worst, folded_performance_margin=margin
+        )
 
     @cached_property
     def aliases(self) -> Aliases | None:
-        """Aliases of a set of continuous plants under a sampled controller; None for any other loop."""
+        """Aliases of a set of continuous plants under a sampled controller; None for any other
+        loop.
+        """
         if self.continuous_plant is None:
             return None
         return aliases_of_set(
@@ -169,15 +203,22 @@ class Loop:
     def with_aliases(self, curves: Curves) -> AliasedLoop:
         """Evaluate every alias at the frequencies of the curves."""
         assert self.aliases is not None
-        return evaluate_aliases(self.aliases, curves.omega, S=curves.S, KS=curves.K_S, sampled=curves.G)
+        return evaluate_aliases(
+            self.aliases, curves.omega, S=curves.S, KS=curves.K_S, sampled=curves.G
+        )
 
     @property
     def reason_against_system(self) -> str:
-        """Reason why the loop is not a state space with a perturbation pulled out; empty if it is one."""
+        """Reason why the loop is not a state space with a perturbation pulled out; empty if it is
+        one.
+        """
         if FORMS[self.form].depends_on_units:
             return f"no inequality is set up for the {self.form} form; exact arithmetic proves it"
         if self.continuous_plant is not None:
-            return "no inequality covers the aliases of a continuous plant; exact arithmetic proves them"
+            return (
+                "no inequality covers the aliases of a continuous plant; exact arithmetic proves"
+                " them"
+            )
         if self.pade_delay:
             return "the delay of a continuous loop is not a state space; exact arithmetic proves it"
         for name, weight in (("weight", self.weight), ("w_P", self.w_P)):
@@ -187,7 +228,8 @@ class Loop:
 
     @property
     def perturbation_loop(self) -> control.StateSpace:
-        """Loop from (perturbation, r) to (input of the perturbation, w_P e), with weights; r and e only with w_P.
+        """Loop from (perturbation, r) to (input of the perturbation, w_P e), with weights; r and e
+        only with w_P.
 
         The form weights b = w R S, so the factors of R give the channels.
         """
@@ -204,14 +246,23 @@ class Loop:
         """Return a frequency grid [rad/s]: the lines, a log grid, every resonance of the loop."""
         parts = [system for system in (self.G, self.K, self.weight, self.w_P) if system is not None]
         folded = np.zeros(0) if self.aliases is None else self.aliases.folded_modes
-        return loop_grid(lines, self.modes, systems=parts, dt=self.dt, delay=self.plant_delay, folded=folded)
+        return loop_grid(
+            lines, self.modes, systems=parts, dt=self.dt, delay=self.plant_delay, folded=folded
+        )
 
-    def peak(self, curve: Callable[[np.ndarray], np.ndarray], omega: np.ndarray, band: tuple[float, float]) -> Peak:
+    def peak(
+        self,
+        curve: Callable[[np.ndarray], np.ndarray],
+        omega: np.ndarray,
+        band: tuple[float, float],
+    ) -> Peak:
         """Find the largest value of a curve of this loop and its frequency (`find_peak`)."""
         return find_peak(curve, omega, band=band, top=self.omega_max)
 
 
-def assemble_loop(model: UncertaintyModel, K: Controller, *, w_P: Weight | None, delay: float) -> Loop:
+def assemble_loop(
+    model: UncertaintyModel, K: Controller, *, w_P: Weight | None, delay: float
+) -> Loop:
     """Put plant and controller on one time base; refuse parts that do not fit."""
     K = state_space("K", K)
     delay = require_nonnegative("delay", delay)
@@ -222,7 +273,8 @@ def assemble_loop(model: UncertaintyModel, K: Controller, *, w_P: Weight | None,
         raise ValueError(
             f"delay must leave at most {_MAX_STATES} states in the loop, got {delay:g} s"
             + (f" with {dt:g} s each sample" if dt else "")
-            + f" around {G.nstates + K.nstates} states. A longer sampling time shortens the delay line."
+            + f" around {G.nstates + K.nstates} states. A longer sampling time shortens the delay"
+            " line."
         )
     pade_delay, unsampled = 0.0, None
     if dt_G:
@@ -237,9 +289,9 @@ def assemble_loop(model: UncertaintyModel, K: Controller, *, w_P: Weight | None,
     elif dt_K:
         if FORMS[model.form].depends_on_units:
             raise ValueError(
-                f"K must have the sampling time of the nominal model for the {model.form} form, whose set is not that "
-                f"of the sampled plant, got {dt_K:g} s and a continuous nominal. Use sampled(nominal, dt) as the "
-                "nominal"
+                f"K must have the sampling time of the nominal model for the {model.form} form,"
+                f" whose set is not that of the sampled plant, got {dt_K:g} s and a continuous"
+                " nominal. Use sampled(nominal, dt) as the nominal"
             )
         dt, unsampled = dt_K, G
         shift = np.floor(delay / dt + 1e-9) * dt
@@ -272,14 +324,20 @@ def assemble_loop(model: UncertaintyModel, K: Controller, *, w_P: Weight | None,
 def decide_nominal_stability(loop: Loop) -> StabilityResult:
     """Decide whether every pole of the nominal loop, hidden modes included, is strictly stable.
 
-    Floating point decides far from the boundary, exact arithmetic near it, unless the loop is too large.
+    Floating point decides far from the boundary, exact arithmetic near it, unless the loop is too
+    large.
     """
     apparent = decide_in_floating_point(loop)
     if not is_near_boundary(loop.sensitivity_loop, loop.poles):
         return apparent
-    if loop.given_plant.nstates + loop.K.nstates + (loop.delay / loop.dt if loop.dt else 0) > MAX_EXACT_STATES:
+    if (
+        loop.given_plant.nstates + loop.K.nstates + (loop.delay / loop.dt if loop.dt else 0)
+        > MAX_EXACT_STATES
+    ):
         return apparent
-    exact = decide_loop_stability(to_matrices(loop.given_plant), to_matrices(loop.K), delay=loop.delay)
+    exact = decide_loop_stability(
+        to_matrices(loop.given_plant), to_matrices(loop.K), delay=loop.delay
+    )
     if exact.holds:
         return StabilityResult(state=Stability.STABLE)
     if not exact.violated or apparent.unstable:
@@ -297,14 +355,20 @@ def decide_in_floating_point(loop: Loop) -> StabilityResult:
     excess = np.abs(poles) - 1 if loop.dt else poles.real
     unstable = excess > moved
     if unstable.any() and not waiting:
-        return StabilityResult(state=Stability.UNSTABLE, pole=complex(poles[int(np.argmax(excess))]), of_loop=True)
+        return StabilityResult(
+            state=Stability.UNSTABLE, pole=complex(poles[int(np.argmax(excess))]), of_loop=True
+        )
     if np.any(excess[~unstable] >= -moved[~unstable]):
         worst = int(np.argmax(np.where(unstable, -np.inf, excess + moved)))
         pole = complex(poles[worst])
-        return StabilityResult(state=Stability.UNDECIDED, pole=pole, of_loop=True, without_delay=waiting)
+        return StabilityResult(
+            state=Stability.UNDECIDED, pole=pole, of_loop=True, without_delay=waiting
+        )
     if not waiting:
         return StabilityResult(state=Stability.STABLE)
-    total = unstable.sum() + delay_pole_count(in_series(loop.K, loop.undelayed_plant), loop.pade_delay)
+    total = unstable.sum() + delay_pole_count(
+        in_series(loop.K, loop.undelayed_plant), loop.pade_delay
+    )
     if np.isnan(total):
         return StabilityResult(state=Stability.UNDECIDED, of_loop=True)
     if not total:
@@ -313,7 +377,9 @@ def decide_in_floating_point(loop: Loop) -> StabilityResult:
 
 
 def find_margins(loop: Loop, curves: Curves, band: tuple[float, float]) -> Margins:
-    """Find the margins over all frequencies: the largest values of the curves on a grid, refined."""
+    """Find the margins over all frequencies: the largest values of the curves on a grid,
+    refined.
+    """
     names = ["rs", "half_disk", *([] if loop.w_P is None else ["np_"])]
 
     def stacked(of: Curves, names: list[str]) -> np.ndarray:
@@ -321,7 +387,10 @@ def find_margins(loop: Loop, curves: Curves, band: tuple[float, float]) -> Margi
 
     def along(names: list[str]) -> list[Peak]:
         return refine_peaks(
-            lambda at: stacked(loop.curves(at), names), curves.omega, values=stacked(curves, names), band=band
+            lambda at: stacked(loop.curves(at), names),
+            curves.omega,
+            values=stacked(curves, names),
+            band=band,
         )
 
     (rs, omega_rs), (half, omega_disk), *performance = along(names)
@@ -355,11 +424,19 @@ def perturbed_sensitivity(
     plant: control.StateSpace, seen: control.StateSpace, loop: Loop, omega: np.ndarray
 ) -> np.ndarray:
     """Return S (W,) with another plant; in a continuous loop with the exact delay."""
-    around = replace(loop.with_plant(plant), plant_delay=loop.pade_delay) if loop.pade_delay else loop.with_plant(seen)
+    around = (
+        replace(loop.with_plant(plant), plant_delay=loop.pade_delay)
+        if loop.pade_delay
+        else loop.with_plant(seen)
+    )
     return around.curves(omega).S
 
 
 def is_stable_with(plant: control.StateSpace, seen: control.StateSpace, loop: Loop) -> bool:
-    """Return whether the loop is stable with another plant; `seen` is that plant with hold and delay."""
-    other = replace(loop, G=seen, undelayed_plant=plant if loop.pade_delay else seen, given_plant=plant)
+    """Return whether the loop is stable with another plant; `seen` is that plant with hold and
+    delay.
+    """
+    other = replace(
+        loop, G=seen, undelayed_plant=plant if loop.pade_delay else seen, given_plant=plant
+    )
     return decide_nominal_stability(other).stable

@@ -1,14 +1,16 @@
-"""The level at which a loop moves the machine, compared with the levels at which the machine was measured.
+"""The level at which a loop moves the machine, compared with the levels at which the machine was
+measured.
 
     r --->(+)- e ->[ K ]--(+)--- u -->[ G ]--(+)--> y        from r and n:  u = K S r,  y = G K S r
           -^               ^d                 |              from d:        u = S d,    y = G S d
            +------------------------(+)<------+
                                      ^n
 
-A best linear approximation holds at its level: at a larger level a machine with friction slides more, at a smaller one
-it sticks. u is the whole plant input, as in the record; y is the plant output, without the noise of its sensor.
-Spectra are multiplied by the closed-loop gains of the nominal plant, and by the largest gain of any plant of the set at
-each frequency. The second gives an upper bound for every plant of the set; no plant need attain it at all frequencies.
+A best linear approximation holds at its level: at a larger level a machine with friction slides
+more, at a smaller one it sticks. u is the whole plant input, as in the record; y is the plant
+output, without the noise of its sensor. Spectra are multiplied by the closed-loop gains of the
+nominal plant, and by the largest gain of any plant of the set at each frequency. The second gives
+an upper bound for every plant of the set; no plant need attain it at all frequencies.
 """
 
 from __future__ import annotations
@@ -76,8 +78,14 @@ class NoiseSignal:
     def __post_init__(self) -> None:
         require_nonnegative("rms", self.rms)
         require_nonnegative("omega_min", self.omega_min)
-        if not np.isnan(_require_real_or_nan("omega_max", self.omega_max)) and self.omega_max <= self.omega_min:
-            raise ValueError(f"omega_max must lie above omega_min, {self.omega_min:g} rad/s, got {self.omega_max:g}")
+        if (
+            not np.isnan(_require_real_or_nan("omega_max", self.omega_max))
+            and self.omega_max <= self.omega_min
+        ):
+            raise ValueError(
+                f"omega_max must lie above omega_min, {self.omega_min:g} rad/s, got"
+                f" {self.omega_max:g}"
+            )
 
 
 @value(kw_only=False)
@@ -153,17 +161,24 @@ class LoopSignals:
 
 def _require_real_or_nan(name: str, number: object) -> float:
     """Return a real number, or nan for a missing one."""
-    return float("nan") if isinstance(number, float) and np.isnan(number) else require_real(name, number)
+    return (
+        float("nan")
+        if isinstance(number, float) and np.isnan(number)
+        else require_real(name, number)
+    )
 
 
-#: Factor by which a level may lie outside the measured ones and still count as one of them, because one record has one
-#: level. A convention: between 0.1 and 2.5 N a factor of 1.5 moves the resonance of the built-in rig by 1 to 6 %.
+# : Factor by which a level may lie outside the measured ones and still count as one of them,
+# because one record has one : level. A convention: between 0.1 and 2.5 N a factor of 1.5 moves the
+# resonance of the built-in rig by 1 to 6 %.
 _LEVEL_TOLERANCE = 1.5
-#: Rms of the sinusoid with the swing of a step: friction over a swing depends on its amplitude (describing functions).
+# : Rms of the sinusoid with the swing of a step: friction over a swing depends on its amplitude
+# (describing functions).
 _RMS_OF_SWING = 1 / np.sqrt(8)
 #: Share of the power in the measured band above which the report does not mention the rest.
 _MIN_SHARE_IN_BAND = 0.5
-#: Gauss-Legendre nodes of a panel, and panels between two frequencies of a grid that is dense around every mode.
+# : Gauss-Legendre nodes of a panel, and panels between two frequencies of a grid that is dense
+# around every mode.
 _PANEL_NODES, _PANELS = 7, 4
 _WIDE = 200  # further frequencies, over nine decades below the upper end of a noise
 
@@ -178,8 +193,8 @@ class LevelState(enum.Enum):
 
     References
     ----------
-    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 3.4: a BLA holds for one class
-    of excitations.
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 3.4: a BLA
+    holds for one class of excitations.
 
     Examples
     --------
@@ -198,9 +213,13 @@ class _SignalLevel:
     """Effect of one signal of a loop on the plant; means are left out."""
 
     name: str  # "reference", "disturbance" or "noise"
-    u: float  # rms of the plant input in the nominal loop [unit of u]; for a step: of the sinusoid with its swing
+    # rms of the plant input in the nominal loop [unit of u]; for a step: of the sinusoid with its
+    # swing
+    u: float
     y: float  # the same for the plant output [unit of y]
-    u_worst: float = float("nan")  # upper bound of u over the set; inf with an unstable plant, nan for a step
+    u_worst: float = float(
+        "nan"
+    )  # upper bound of u over the set; inf with an unstable plant, nan for a step
     y_worst: float = float("nan")
     u_in_band: float = float("nan")  # share of the power of u in the measured band; nan for a step
     y_in_band: float = float("nan")
@@ -213,11 +232,14 @@ class LoopLevel:
     Fields
     ------
     signals : tuple of SignalLevel
-        Level by each signal alone: name, rms of u and y, their bounds over the set, share of power in the band.
+        Level by each signal alone: name, rms of u and y, their bounds over the set, share of power
+        in the band.
     u, y : float
-        Rms by all signals together at plant input and output [unit of u, unit of y], as if independent.
+        Rms by all signals together at plant input and output [unit of u, unit of y], as if
+        independent.
     u_worst, y_worst : float
-        Upper bounds of u and y over the set; inf if the set contains an unstable loop, nan with a step.
+        Upper bounds of u and y over the set; inf if the set contains an unstable loop, nan with a
+        step.
     u_measured, y_measured : (2,) ndarray
         Lowest and highest rms of the records behind the set; nan if unknown.
     u_state, y_state : LevelState
@@ -257,31 +279,44 @@ class LoopLevel:
         return self.u_state is LevelState.INSIDE and self.y_state is LevelState.INSIDE
 
     def share_in_band(self, name: str) -> float:
-        """Return the share of the power of "u" or "y" in the measured band; nan with a step, or without power."""
+        """Return the share of the power of "u" or "y" in the measured band; nan with a step, or
+        without power.
+        """
         power = np.array([getattr(one, name) for one in self.signals])
         power = (power / max(power.max(), 1e-300)) ** 2
         share = np.array([getattr(one, f"{name}_in_band") for one in self.signals])
         total = power.sum()
-        return float(np.sum(power[power > 0] * share[power > 0]) / total) if total > 0 else float("nan")
+        return (
+            float(np.sum(power[power > 0] * share[power > 0]) / total)
+            if total > 0
+            else float("nan")
+        )
 
     def __str__(self) -> str:
         top, _, bottom = self.unit.rpartition("/")
-        parts = [_describe_rms(self, name, unit.removeprefix("1")) for name, unit in (("u", bottom), ("y", top))]
+        parts = [
+            _describe_rms(self, name, unit.removeprefix("1"))
+            for name, unit in (("u", bottom), ("y", top))
+        ]
         return f"{'; '.join(parts)}. {_describe_consequence(self.u_state, self.y_state)}"
 
 
-_HOLDS = "The set was measured at this level, but not at the lower levels that the loop passes as it comes to rest."
+_HOLDS = (
+    "The set was measured at this level, but not at the lower levels that the loop passes as it"
+    " comes to rest."
+)
 _LEAVES = (
-    "The set was not measured at this level, so its verdict does not hold there. Measure at that level too, and give "
-    "all levels to uncertainty."
+    "The set was not measured at this level, so its verdict does not hold there. Measure at that"
+    " level too, and give all levels to uncertainty."
 )
 _DISAGREES = (
-    "Input and output disagree, because the loop has another spectrum than the record: the set was not measured at "
-    "this level. Measure with the spectrum of the loop, or at levels that include both."
+    "Input and output disagree, because the loop has another spectrum than the record: the set was"
+    " not measured at this level. Measure with the spectrum of the loop, or at levels that include"
+    " both."
 )
 _NOT_KNOWN = (
-    "The measured levels are unknown, so they are not compared. Make the model again from its records, or give the "
-    "records as bla."
+    "The measured levels are unknown, so they are not compared. Make the model again from its"
+    " records, or give the records as bla."
 )
 
 
@@ -308,7 +343,10 @@ def _describe_rms(level: LoopLevel, name: str, unit: str) -> str:
         text += f", {far}{state.value} {measured}"
     share = level.share_in_band(name)
     if share < _MIN_SHARE_IN_BAND:
-        text += f", {100 * (1 - share):.0f} % of its power outside the measured band, where the plant is assumed"
+        text += (
+            f", {100 * (1 - share):.0f} % of its power outside the measured band, where the plant"
+            " is assumed"
+        )
     return text
 
 
@@ -320,19 +358,21 @@ def predict_level(
     delay: float = 0.0,
     bla: Bla | Sequence[Bla] | None = None,
 ) -> LoopLevel:
-    """Predict the rms at plant input and output in closed loop, and whether the machine was measured at that level.
+    """Predict the rms at plant input and output in closed loop, and whether the machine was
+    measured at that level.
 
-    Use this before you trust a design for a machine with friction or another nonlinearity. Outside the measured levels
-    the machine has another best linear approximation, so neither the prediction nor a verdict on the set holds there.
-    The prediction is that of the linear loop. Its bound over the set excludes the aliases of the set in a sampled loop.
+    Use this before you trust a design for a machine with friction or another nonlinearity. Outside
+    the measured levels the machine has another best linear approximation, so neither the prediction
+    nor a verdict on the set holds there. The prediction is that of the linear loop. Its bound over
+    the set excludes the aliases of the set in a sampled loop.
 
     Parameters
     ----------
     model : UncertaintyModel
         The plant, with a parametric nominal.
     K : control.StateSpace, TransferFunction or float
-        Controller, negative feedback u = K (r - y). A sampled K acts on a continuous nominal through its hold; the rms
-        is then that at the sampling instants.
+        Controller, negative feedback u = K (r - y). A sampled K acts on a continuous nominal
+        through its hold; the rms is then that at the sampling instants.
     signals : LoopSignals
         Signals that act on the loop.
     delay : float
@@ -347,17 +387,18 @@ def predict_level(
     Raises
     ------
     ValueError
-        A plant that is known on its lines only; a loop that is not stable; noise without an upper frequency in a
-        continuous loop, or with one above the Nyquist frequency of a sampled loop.
+        A plant that is known on its lines only; a loop that is not stable; noise without an upper
+        frequency in a continuous loop, or with one above the Nyquist frequency of a sampled loop.
 
     References
     ----------
-    SP 2.2.1 and 7.4; K. J. Åström, *Introduction to Stochastic Control Theory*, 1970, chapter 5 (the power of filtered
-    noise).
+    SP 2.2.1 and 7.4; K. J. Åström, *Introduction to Stochastic Control Theory*, 1970, chapter 5
+    (the power of filtered noise).
 
     Examples
     --------
-    Noise with density one from 0 to 100 rad/s at the input of 1/(s + 1) with K = 1: |G S|^2 = 1/(w^2 + 4).
+    Noise with density one from 0 to 100 rad/s at the input of 1/(s + 1) with K = 1: |G S|^2 =
+    1/(w^2 + 4).
 
     >>> from robust.analysis import LoopSignals, NoiseSignal
     >>> lag, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
@@ -371,12 +412,22 @@ def predict_level(
     loop = assemble_loop(model, K, w_P=None, delay=delay)
     nominal = decide_nominal_stability(loop)
     if not nominal.stable:
-        raise ValueError(f"K must stabilise the nominal plant for its loop to have a level, got one that is {nominal}")
+        raise ValueError(
+            "K must stabilise the nominal plant for its loop to have a level, got one that is"
+            f" {nominal}"
+        )
     found = tuple(
-        _step_level(name, signal, loop) if isinstance(signal, StepSignal) else _noise_level(name, signal, loop)
+        (
+            _step_level(name, signal, loop)
+            if isinstance(signal, StepSignal)
+            else _noise_level(name, signal, loop)
+        )
         for name, signal in signals.named().items()
     )
-    totals = {part: hypot(*(getattr(one, part) for one in found)) for part in ("u", "y", "u_worst", "y_worst")}
+    totals = {
+        part: hypot(*(getattr(one, part) for one in found))
+        for part in ("u", "y", "u_worst", "y_worst")
+    }
     measured = _measured_levels(model, bla)
     return LoopLevel(
         signals=found,
@@ -395,7 +446,9 @@ def require_one_channel_loop(model: object) -> None:
 
 
 def _measured_levels(model: UncertaintyModel, bla: Bla | Sequence[Bla] | None) -> np.ndarray:
-    """Return the lowest and highest rms of u, and of y, (2, 2), over the records; nan if one is unknown."""
+    """Return the lowest and highest rms of u, and of y, (2, 2), over the records; nan if one is
+    unknown.
+    """
     if bla is None:
         levels = [(one.rms_u, one.rms_y) for one in model.records]
     else:
@@ -418,9 +471,13 @@ def find_state(rms: float, low: float, high: float) -> LevelState:
 
 
 def _step_level(name: str, signal: StepSignal, loop: Loop) -> _SignalLevel:
-    """Return the effect of a step on plant input and output of the nominal loop, as the sinusoid with its swing."""
+    """Return the effect of a step on plant input and output of the nominal loop, as the sinusoid
+    with its swing.
+    """
     system, rms = _loop_to_plant_signals(loop, name), np.full(2, np.nan)
-    if is_stable(system):  # else the approximation of the delay is unstable, though the loop itself is stable
+    if is_stable(
+        system
+    ):  # else the approximation of the delay is unstable, though the loop itself is stable
         _, out = simulate_step(system)
         swing = np.maximum(out.max(axis=1), 0.0) - np.minimum(out.min(axis=1), 0.0)
         rms = np.abs(float(signal.height)) * swing * _RMS_OF_SWING
@@ -428,11 +485,17 @@ def _step_level(name: str, signal: StepSignal, loop: Loop) -> _SignalLevel:
 
 
 def _noise_level(name: str, signal: NoiseSignal, loop: Loop) -> _SignalLevel:
-    """Return the effect of noise in a band on plant input and output: density times squared gains, integrated."""
+    """Return the effect of noise in a band on plant input and output: density times squared gains,
+    integrated.
+    """
     low, high = _noise_band(name, signal, loop.dt)
-    grid = np.concatenate([loop.grid(loop.model.omega), loop.band, np.geomspace(1e-9 * high, high, _WIDE)])
+    grid = np.concatenate(
+        [loop.grid(loop.model.omega), loop.band, np.geomspace(1e-9 * high, high, _WIDE)]
+    )
     grid = np.concatenate([[low], np.unique(grid[(grid > low) & (grid < high)]), [high]])
-    edges = np.interp(np.arange(_PANELS * (grid.size - 1) + 1) / _PANELS, np.arange(grid.size), grid)
+    edges = np.interp(
+        np.arange(_PANELS * (grid.size - 1) + 1) / _PANELS, np.arange(grid.size), grid
+    )
     nodes, weights = np.polynomial.legendre.leggauss(_PANEL_NODES)
     middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
     at = middle[:, None] + half[:, None] * nodes
@@ -444,32 +507,42 @@ def _noise_level(name: str, signal: NoiseSignal, loop: Loop) -> _SignalLevel:
         share = np.where(total > 0, inside / total, np.nan)
     u, y, u_worst, y_worst = (float(signal.rms) * np.sqrt(total)).tolist()
     return _SignalLevel(
-        name=name, u=u, y=y, u_worst=u_worst, y_worst=y_worst, u_in_band=float(share[0]), y_in_band=float(share[1])
+        name=name,
+        u=u,
+        y=y,
+        u_worst=u_worst,
+        y_worst=y_worst,
+        u_in_band=float(share[0]),
+        y_in_band=float(share[1]),
     )
 
 
 def _noise_band(name: str, signal: NoiseSignal, dt: float) -> tuple[float, float]:
-    """Return the band [rad/s] of a noise in a loop; an open end becomes Nyquist, an end above Nyquist is refused."""
+    """Return the band [rad/s] of a noise in a loop; an open end becomes Nyquist, an end above
+    Nyquist is refused.
+    """
     high = float(signal.omega_max)
     if np.isnan(high):
         if not dt:
             raise ValueError(
-                f"{name} must end at a frequency (omega_max) in a continuous loop, got none: its rms would be infinite"
+                f"{name} must end at a frequency (omega_max) in a continuous loop, got none: its"
+                " rms would be infinite"
             )
         high = np.pi / dt
     if dt and max(high * dt, signal.omega_min * dt * (1 + 1e-6)) > np.pi * (1 + 1e-9):
         raise ValueError(
-            f"{name} must lie below the Nyquist frequency of the controller, {np.pi / dt:g} rad/s, got a band up to "
-            f"{max(high, signal.omega_min):g} rad/s"
+            f"{name} must lie below the Nyquist frequency of the controller, {np.pi / dt:g} rad/s,"
+            f" got a band up to {max(high, signal.omega_min):g} rad/s"
         )
     return float(signal.omega_min), high
 
 
 def _squared_gains(curves: Curves, form: str, name: str) -> np.ndarray:
-    """Return (4, W) |.|^2 from a signal to u and y, nominal and largest over the set, each at its own worst plant.
+    """Return (4, W) |.|^2 from a signal to u and y, nominal and largest over the set, each at its
+    own worst plant.
 
-    S_p = S (1 + a D)/(1 + b D) and G_p = (G + g D)/(1 + a D) give G_p S_p = S (G + g D)/(1 + b D), which
-    `worst_sensitivity` bounds exactly, like S_p.
+    S_p = S (1 + a D)/(1 + b D) and G_p = (G + g D)/(1 + a D) give G_p S_p = S (G + g D)/(1 + b D),
+    which `worst_sensitivity` bounds exactly, like S_p.
     """
     G, S, a, b = replace_infinite(curves.G), curves.S, curves.a, curves.b
     g = plant_numerator(form, curves.w, G=G, W=curves.W) / curves.W
@@ -488,10 +561,12 @@ def _squared_gains(curves: Curves, form: str, name: str) -> np.ndarray:
 
 
 def encoder_noise(loop: Loop) -> float:
-    """Return the rms of u over the step of an encoder that rounds y [unit of u over y]; nan for a continuous loop.
+    """Return the rms of u over the step of an encoder that rounds y [unit of u over y]; nan for a
+    continuous loop.
 
-    While y moves over many steps, rounding is white noise of rms step / sqrt(12) (Widrow & Kollár, *Quantization
-    Noise*, 2008), filtered by K S. The Gramian of a sampled loop is that of its bilinear image.
+    While y moves over many steps, rounding is white noise of rms step / sqrt(12) (Widrow & Kollár,
+    *Quantization Noise*, 2008), filtered by K S. The Gramian of a sampled loop is that of its
+    bilinear image.
     """
     if not loop.dt:
         return float("nan")
@@ -500,13 +575,17 @@ def encoder_noise(loop: Loop) -> float:
     if A.size and not np.linalg.eigvals(A).real.max() < 0:
         return float("nan")  # no steady state within rounding
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # a pole near the stability boundary: X is large
+        warnings.simplefilter(
+            "ignore", RuntimeWarning
+        )  # a pole near the stability boundary: X is large
         X = solve_continuous_lyapunov(A, -B @ B.T) if A.size else np.zeros((0, 0))
     return float(np.sqrt((system.C @ X @ system.C.T + system.D @ system.D.T)[0, 0] / 12))
 
 
 def describe_encoder_noise(gain: float, unit: str) -> str:
-    """Describe the rms of u over the step of an encoder; unit of the plant, y over u. Empty if unknown.
+    """Describe the rms of u over the step of an encoder; unit of the plant, y over u.
+
+    Empty if unknown.
 
     >>> describe_encoder_noise(4.0e4, "m/N")
     'a step of 1 um adds 0.04 N rms to u, while y moves over many steps'
@@ -514,14 +593,22 @@ def describe_encoder_noise(gain: float, unit: str) -> str:
     if not np.isfinite(gain):
         return ""
     top, _, bottom = unit.rpartition("/")
-    size, step = (1e-6, f"u{top}") if top in ("m", "rad") else (1.0, top if top not in ("", "1") else "unit of y")
+    size, step = (
+        (1e-6, f"u{top}")
+        if top in ("m", "rad")
+        else (1.0, top if top not in ("", "1") else "unit of y")
+    )
     rms = " ".join([f"{gain * size:.3g}", *bottom.split()]).removesuffix(" 1")
     return f"a step of 1 {step} adds {rms} rms to u, while y moves over many steps"
 
 
 def _loop_to_plant_signals(loop: Loop, name: str) -> control.StateSpace:
-    """Return the nominal loop from a signal to plant input and output, up to a sign, which an rms does not contain."""
+    """Return the nominal loop from a signal to plant input and output, up to a sign, which an rms
+    does not contain.
+    """
     if name != "disturbance":
         return loop.closed_loop(("u", "y"), ("r",))
     closed = loop.closed_loop(("u", "y"), ("p_in",))
-    return control.StateSpace(closed.A, closed.B, closed.C, closed.D + np.array([[1.0], [0.0]]), closed.dt)
+    return control.StateSpace(
+        closed.A, closed.B, closed.C, closed.D + np.array([[1.0], [0.0]]), closed.dt
+    )

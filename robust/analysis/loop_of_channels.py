@@ -1,4 +1,6 @@
-"""A set and a controller with several channels, with the perturbations pulled out for each form of the set."""
+"""A set and a controller with several channels, with the perturbations pulled out for each form of
+the set.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,9 @@ class LoopOfChannels:
 
     @cached_property
     def forms(self) -> dict[str, tuple[UncertaintyModel, SampledSet | None]]:
-        """Each form of the set on the time base of the controller, and the sampled set that contains its aliases."""
+        """Each form of the set on the time base of the controller, and the sampled set that
+        contains its aliases.
+        """
         forms = [one for one in (self.model, self.model.alternative_form) if one is not None]
         return {one.form: set_on_controller_time_base(one, self.K, self.delay) for one in forms}
 
@@ -62,12 +66,17 @@ class LoopOfChannels:
 
 
 def performance_loop(model: UncertaintyModel, K: Controller, w_P: Weight | None) -> UncertainSystem:
-    """Return the loop with several channels and performance S or w_P S; refuse one whose nominal is not stable."""
+    """Return the loop with several channels and performance S or w_P S; refuse one whose nominal is
+    not stable.
+    """
     one = control.StateSpace([], [], [], [[1.0]], model.nominal.dt)
     system = model.loop(K, w_P=one if w_P is None else w_P)
     nominal = decide_stability(system.N)
     if not nominal.stable:
-        raise ValueError(f"K must stabilise the nominal plant for a worst case to exist, got a loop that is {nominal}")
+        raise ValueError(
+            "K must stabilise the nominal plant for a worst case to exist, got a loop that is"
+            f" {nominal}"
+        )
     return system
 
 
@@ -77,8 +86,8 @@ class _SetGain:
 
     omega: np.ndarray  # frequencies [rad/s]
     gain: np.ndarray
-    # 0 if the largest bound is proved at all frequencies, and attained within 0.1 % at its own; else the number of
-    # frequencies checked
+    # 0 if the largest bound is proved at all frequencies, and attained within 0.1 % at its own;
+    # else the number of frequencies checked
     n_lines: int = 0
 
     @property
@@ -87,7 +96,9 @@ class _SetGain:
         return peak_of(self.omega, self.gain)
 
 
-def set_gain(N: control.StateSpace, blocks: Blocks, *, curve: bool = True, certify: bool = True) -> _SetGain:
+def set_gain(
+    N: control.StateSpace, blocks: Blocks, *, curve: bool = True, certify: bool = True
+) -> _SetGain:
     """Bound the largest gain over a set.
 
     curve : compute the bound on a grid too, not only at the frequency of its largest value.
@@ -96,9 +107,13 @@ def set_gain(N: control.StateSpace, blocks: Blocks, *, curve: bool = True, certi
     found = bound_set_gain(N, blocks) if certify else None
     if found is None or not found.is_proved:
         omega = np.union1d(structure_grid(N)[1:], [] if found is None else [found.omega])
-        return _SetGain(omega=omega, gain=gain_bound(response_by_channel(N, omega), blocks), n_lines=omega.size)
+        return _SetGain(
+            omega=omega, gain=gain_bound(response_by_channel(N, omega), blocks), n_lines=omega.size
+        )
     omega = np.array([found.omega])
     if curve:
         omega = np.union1d(structure_grid(N)[1:], omega)
     gain = gain_bound(response_by_channel(N, omega), blocks)
-    return _SetGain(omega=omega, gain=np.where(omega == found.omega, found.upper, np.minimum(gain, found.upper)))
+    return _SetGain(
+        omega=omega, gain=np.where(omega == found.omega, found.upper, np.minimum(gain, found.upper))
+    )

@@ -1,7 +1,8 @@
 """Prove robust stability and robust performance of a loop at every frequency, in exact arithmetic.
 
-The claims are polynomial inequalities in omega (`robust.proofs.exact`); this module sets them up. For operators it also
-searches the one scaling for all frequencies; the search itself needs no proof.
+The claims are polynomial inequalities in omega (`robust.proofs.exact`); this module sets them up.
+For operators it also searches the one scaling for all frequencies; the search itself needs no
+proof.
 """
 
 from __future__ import annotations
@@ -22,7 +23,14 @@ from robust.lti.lti import replace_infinite
 from robust.lti.realisation import state_space
 from robust.models.sets.forms import FORMS
 from robust.models.sets.model import UncertaintyModel
-from robust.proofs.exact.claim import ALIASED, OPERATOR_PERFORMANCE, PERFORMANCE, STABILITY, LoopClaim, to_matrices
+from robust.proofs.exact.claim import (
+    ALIASED,
+    OPERATOR_PERFORMANCE,
+    PERFORMANCE,
+    STABILITY,
+    LoopClaim,
+    to_matrices,
+)
 from robust.proofs.exact.conditions import Terms, claim_inequalities
 from robust.proofs.exact.loops import NOMINAL, WEIGHTS, verify_loop
 from robust.proofs.exact.verification import Verification
@@ -58,7 +66,8 @@ _TIME_CAP_PER_CLAIM = 3.0  # processor time for each of several claims [s]
 
 
 def prove_set(loop: Loop, curves: Curves, peak: float, *, certify: bool) -> Proofs:
-    """Prove stability and performance of the set in exact arithmetic; `peak` is the largest rs found.
+    """Prove stability and performance of the set in exact arithmetic; `peak` is the largest rs
+    found.
 
     With aliases the condition is only sufficient, so a failure is no disproof.
     """
@@ -73,8 +82,13 @@ def prove_set(loop: Loop, curves: Curves, peak: float, *, certify: bool) -> Proo
             names.append(OPERATOR_PERFORMANCE if operator else PERFORMANCE)
             scaling = _best_operator_scaling(loop, claim, curves) if operator else 1.0
     names = [ALIASED[name] for name in names] if aliased else names
-    claims = [replace(claim, claims=(name,), scaling=scaling if k else 1.0) for k, name in enumerate(names)]
-    found = verify_loop(replace(claims[-1], claims=tuple(names)), time_cap=_TIME_CAP_PER_CLAIM * len(names))
+    claims = [
+        replace(claim, claims=(name,), scaling=scaling if k else 1.0)
+        for k, name in enumerate(names)
+    ]
+    found = verify_loop(
+        replace(claims[-1], claims=tuple(names)), time_cap=_TIME_CAP_PER_CLAIM * len(names)
+    )
     certificates = [
         _certificate_of_claim(found, *each, loop.omega_max)
         for each in zip((STABILITY, PERFORMANCE), claims, strict=False)
@@ -83,7 +97,9 @@ def prove_set(loop: Loop, curves: Curves, peak: float, *, certify: bool) -> Proo
         certificates.append(failed_certificate(PERFORMANCE, 1.0, hopeless))
     stable, violated = certificates[0].holds, certificates[0].violated
     if not stable or loop.w_P is None:
-        return Proofs(certificates=tuple(certificates[:1]), violated=violated, robustly_stable=stable)
+        return Proofs(
+            certificates=tuple(certificates[:1]), violated=violated, robustly_stable=stable
+        )
     return Proofs(
         certificates=tuple(certificates),
         violated=False,
@@ -93,7 +109,9 @@ def prove_set(loop: Loop, curves: Curves, peak: float, *, certify: bool) -> Proo
 
 
 def has_worst_gain_below(loop: Loop, level: float) -> bool:
-    """Return whether |w_P S| (|S| without w_P) is proved to stay below a level for every plant of the set."""
+    """Return whether |w_P S| (|S| without w_P) is proved to stay below a level for every plant of
+    the set.
+    """
     demand = state_space("w_P", 1.0) if loop.w_P is None else loop.w_P
     demand = type(demand)(demand.A, demand.B, demand.C / level, demand.D / level, demand.dt)
     claim = stability_claim(loop.model, loop.controller, w_P=demand, delay=loop.delay)
@@ -106,16 +124,22 @@ def has_worst_gain_below(loop: Loop, level: float) -> bool:
 def _reason_to_skip_performance(curves: Curves, claim: LoopClaim) -> str:
     """Return why no proof of performance with every alias is tried; empty if it is tried.
 
-    With aliases, exact arithmetic has upper bounds only. If they fail, it would split the axis around that frequency
-    without end.
+    With aliases, exact arithmetic has upper bounds only. If they fail, it would split the axis
+    around that frequency without end.
     """
     if claim.perturbation == "operator":
-        return "not attempted for operators in an inverse form under a sampled controller" if claim.inverse else ""
+        return (
+            "not attempted for operators in an inverse form under a sampled controller"
+            if claim.inverse
+            else ""
+        )
     worst = peak_of(curves.omega, curves.rp)
     return f"rp reaches {worst}" if worst.value >= 1 else ""
 
 
-def _certificate_of_claim(found: Verification, subject: str, claim: LoopClaim, top: float) -> Certificate:
+def _certificate_of_claim(
+    found: Verification, subject: str, claim: LoopClaim, top: float
+) -> Certificate:
     """Return the certificate of a claim; it contains the claim if it holds."""
     (name,) = claim.claims
     if name in found.proved:
@@ -129,31 +153,49 @@ def _certificate_of_claim(found: Verification, subject: str, claim: LoopClaim, t
             claim=claim,
             again=verify_loop,
         )
-    # nothing else was checked if stability of the nominal loop is open: the first failure is the cause
-    reason = dict(found.failed).get(name, "") if set(found.proved) >= {NOMINAL, WEIGHTS} else ": ".join(found.failed[0])
+    # nothing else was checked if stability of the nominal loop is open: the first failure is the
+    # cause
+    reason = (
+        dict(found.failed).get(name, "")
+        if set(found.proved) >= {NOMINAL, WEIGHTS}
+        else ": ".join(found.failed[0])
+    )
     return failed_certificate(
-        subject, 1.0, reason, outcome=Outcome.VIOLATED if name in found.violated else Outcome.UNDECIDED
+        subject,
+        1.0,
+        reason,
+        outcome=Outcome.VIOLATED if name in found.violated else Outcome.UNDECIDED,
     )
 
 
 def _best_operator_scaling(loop: Loop, claim: LoopClaim, curves: Curves) -> float:
-    """Find the scaling, the same for all frequencies, with the least gain of an operator's loop (convex in its log)."""
+    """Find the scaling, the same for all frequencies, with the least gain of an operator's loop
+    (convex in its log).
+    """
     if loop.aliases is not None:
         point, PS = loop.with_aliases(curves), np.abs(curves.w_P * curves.S)
         others = point.alias_sums()
 
         def largest(log: float) -> float:
-            return float(point.squared_performance_gain(others, PS=PS, scaling=float(np.exp(log))).max())
+            return float(
+                point.squared_performance_gain(others, PS=PS, scaling=float(np.exp(log))).max()
+            )
     else:
         terms = _terms_of_curves(curves)
 
         def largest(log: float) -> float:
             left = claim_inequalities(
-                OPERATOR_PERFORMANCE, claim.reads, inverse=claim.inverse, t=terms, scaling=np.exp(2 * log)
+                OPERATOR_PERFORMANCE,
+                claim.reads,
+                inverse=claim.inverse,
+                t=terms,
+                scaling=np.exp(2 * log),
             )
             return -float(np.nanmin(left[-1] / terms.closed))
 
-    logs = np.linspace(-30.0, 30.0, 31)  # wide, because the units of plant and weights may differ by decades
+    logs = np.linspace(
+        -30.0, 30.0, 31
+    )  # wide, because the units of plant and weights may differ by decades
     k = int(np.clip(np.argmin([largest(log) for log in logs]), 1, logs.size - 2))
     return float(np.exp(minimize_scalar(largest, bracket=tuple(logs[k - 1 : k + 2])).x))
 

@@ -1,4 +1,6 @@
-"""Crossover, phase and gain margin and bandwidth from the loop gain; singular values of a loop; step responses."""
+"""Crossover, phase and gain margin and bandwidth from the loop gain; singular values of a loop;
+step responses.
+"""
 
 from __future__ import annotations
 
@@ -34,27 +36,35 @@ from robust.pages.section import Fact
 _BETWEEN = 8  # subdivisions between two frequencies of the grid of a system
 #: Phase margin [deg] below which a loop is close to instability (SP 2.4.3).
 USUAL_PHASE_MARGIN = 30.0
-_REAL_TOLERANCE = 1e-6  # |Im L| over |L| below which the last point, just below Nyquist, counts as real
+_REAL_TOLERANCE = (
+    1e-6  # |Im L| over |L| below which the last point, just below Nyquist, counts as real
+)
 
 
 @value
 class ClassicalMargins:
-    """Crossover, phase margin, gain margin and bandwidth of a loop gain; meaningful for a stable loop only.
+    """Crossover, phase margin, gain margin and bandwidth of a loop gain; meaningful for a stable
+    loop only.
 
     Fields
     ------
     crossovers : tuple of float
         Every frequency with |L| = 1 [rad/s], increasing.
     phase_margin, omega_phase : float
-        Smallest |180 deg + arg L| over all frequencies with |L| = 1 [rad], and its frequency [rad/s].
+        Smallest |180 deg + arg L| over all frequencies with |L| = 1 [rad], and its frequency
+        [rad/s].
     delay_margin : float
-        Smallest additional delay that puts L on -1, over all frequencies with |L| = 1 [s]; inf without crossover.
+        Smallest additional delay that puts L on -1, over all frequencies with |L| = 1 [s]; inf
+        without crossover.
     gain_margin, omega_gain : float
-        Smallest factor above one on the loop gain that puts L on -1, inf if there is none; its frequency [rad/s].
+        Smallest factor above one on the loop gain that puts L on -1, inf if there is none; its
+        frequency [rad/s].
     gain_reduction, omega_reduction : float
-        Largest factor below one on the loop gain that puts L on -1, 0 if there is none; its frequency [rad/s].
+        Largest factor below one on the loop gain that puts L on -1, 0 if there is none; its
+        frequency [rad/s].
     bandwidth : float
-        Lowest frequency at which |S| rises to 1/sqrt(2) [rad/s]; nan if |S| starts above it or never reaches it.
+        Lowest frequency at which |S| rises to 1/sqrt(2) [rad/s]; nan if |S| starts above it or
+        never reaches it.
 
     References
     ----------
@@ -88,7 +98,9 @@ class ClassicalMargins:
     @property
     def facts(self) -> tuple[Fact, ...]:
         """Crossover, margins and bandwidth, each with its meaning."""
-        high, low = (20 * np.log10(gain or np.nan) for gain in (self.gain_margin, self.gain_reduction))
+        high, low = (
+            20 * np.log10(gain or np.nan) for gain in (self.gain_margin, self.gain_reduction)
+        )
         return (
             Fact(
                 "crossovers" if len(self.crossovers) > 1 else "crossover",
@@ -101,23 +113,38 @@ class ClassicalMargins:
                 f"customary are {USUAL_PHASE_MARGIN:g} deg or more",
             ),
             Fact("gain margin", Peak(high, self.omega_gain), "dB", "allowed rise of the gain"),
-            Fact("lower gain margin", Peak(low, self.omega_reduction), "dB", "allowed fall of the gain"),
-            Fact("bandwidth of S", self.bandwidth / (2 * np.pi), "Hz", "disturbances below it are reduced"),
+            Fact(
+                "lower gain margin",
+                Peak(low, self.omega_reduction),
+                "dB",
+                "allowed fall of the gain",
+            ),
+            Fact(
+                "bandwidth of S",
+                self.bandwidth / (2 * np.pi),
+                "Hz",
+                "disturbances below it are reduced",
+            ),
         )
 
     def __str__(self) -> str:
         return ", ".join(str(fact) for fact in self.facts if fact.amount)
 
 
-def classical_margins(omega: np.ndarray | AnySystem, L: np.ndarray | None = None) -> ClassicalMargins:
-    """Return the classical margins of a loop gain, from a system or from its values on a dense grid.
+def classical_margins(
+    omega: np.ndarray | AnySystem, L: np.ndarray | None = None
+) -> ClassicalMargins:
+    """Return the classical margins of a loop gain, from a system or from its values on a dense
+    grid.
 
-    Use this for a quick comparison with other tools. A report by `check` contains these margins too (`classical`).
+    Use this for a quick comparison with other tools. A report by `check` contains these margins too
+    (`classical`).
 
     Parameters
     ----------
     omega : (W,) ndarray, or control system
-        Frequencies [rad/s], increasing; or the loop gain L = G K as a system, for which the frequencies are chosen.
+        Frequencies [rad/s], increasing; or the loop gain L = G K as a system, for which the
+        frequencies are chosen.
     L : (W,) complex ndarray, optional
         Loop gain at these frequencies; values that are not finite are ignored.
 
@@ -159,7 +186,9 @@ def classical_margins(omega: np.ndarray | AnySystem, L: np.ndarray | None = None
         k = int(np.argmin(margin))
         found |= {"phase_margin": margin[k], "omega_phase": np.exp(at[k])}
         found["delay_margin"] = ((off + np.pi) % (2 * np.pi) / np.exp(at)).min()
-    turns = np.arange(np.ceil((phase.min() / np.pi - 1) / 2), np.floor((phase.max() / np.pi - 1) / 2) + 1)
+    turns = np.arange(
+        np.ceil((phase.min() / np.pi - 1) / 2), np.floor((phase.max() / np.pi - 1) / 2) + 1
+    )
     real = [_zero_crossings(x, phase - (2 * n + 1) * np.pi) for n in turns]
     if abs(L[-1].imag) < _REAL_TOLERANCE * abs(L[-1]) and L[-1].real < 0:
         real.append(x[-1:])
@@ -168,7 +197,10 @@ def classical_margins(omega: np.ndarray | AnySystem, L: np.ndarray | None = None
     for name, side in (("gain", factor > 1), ("reduction", factor < 1)):
         if side.any():
             k = np.flatnonzero(side)[np.argmin(np.abs(np.log(factor[side])))]
-            found |= {"gain_margin" if name == "gain" else "gain_reduction": factor[k], f"omega_{name}": np.exp(at[k])}
+            found |= {
+                "gain_margin" if name == "gain" else "gain_reduction": factor[k],
+                f"omega_{name}": np.exp(at[k]),
+            }
     S = np.log(np.abs(1 / (1 + L))) + np.log(2) / 2
     reached = _zero_crossings(x, S)
     if S[0] < 0 and reached.size:
@@ -178,14 +210,18 @@ def classical_margins(omega: np.ndarray | AnySystem, L: np.ndarray | None = None
 
 
 def _loop_gain_of(L: object) -> tuple[np.ndarray, np.ndarray]:
-    """Return the response of a system with one channel, on a grid dense around its poles and those of its loop."""
+    """Return the response of a system with one channel, on a grid dense around its poles and those
+    of its loop.
+    """
     if isinstance(L, control.FrequencyResponseData):
         return _check_loop_gain(np.asarray(L.omega), np.squeeze(np.asarray(L.frdata)))
     system = state_space("L", L)
     dt, one = timebase(system), control.StateSpace([], [], [], [[1.0]], None)
     closed = control.StateSpace(*closed_loop(system, one, ("e",), ("r",)), dt)
     grid = np.log(np.union1d(structure_grid(system)[1:], structure_grid(closed)[1:]))
-    omega = np.exp(np.interp(np.arange(0, grid.size - 1 + 1e-9, 1 / _BETWEEN), np.arange(grid.size), grid))
+    omega = np.exp(
+        np.interp(np.arange(0, grid.size - 1 + 1e-9, 1 / _BETWEEN), np.arange(grid.size), grid)
+    )
     omega = np.unique(np.minimum(omega, np.pi / dt * (1 - 1e-9))) if dt else omega
     return omega, response(system, omega)
 
@@ -194,7 +230,9 @@ def _check_loop_gain(omega: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, np.n
     """Return frequencies and loop gain as arrays of one size; refuse others."""
     omega, L = require_real_array("omega", omega, ndim=1), np.asarray(L)
     if L.shape != omega.shape or L.dtype.kind not in "iufc":
-        raise ValueError(f"L must be one number a frequency, ({omega.size},), got {L.dtype} of shape {L.shape}")
+        raise ValueError(
+            f"L must be one number a frequency, ({omega.size},), got {L.dtype} of shape {L.shape}"
+        )
     if omega.size and not (omega[0] > 0 and np.all(np.diff(omega) > 0)):
         raise ValueError("omega must be positive and increase")
     return omega, L
@@ -206,12 +244,14 @@ def _zero_crossings(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.asarray(x[k] + (x[k + 1] - x[k]) * y[k] / (y[k] - y[k + 1]))
 
 
-# ---- Principal gains of a loop with several inputs and outputs: singular values of L, S, T and K S over frequency.
+# ---- Principal gains of a loop with several inputs and outputs: singular values of L, S, T and K S
+# over frequency.
 
 
 @value
 class LoopGains:
-    """Singular values of the transfer functions of a nominal loop, largest first: gains in its directions.
+    """Singular values of the transfer functions of a nominal loop, largest first: gains in its
+    directions.
 
     Fields
     ------
@@ -250,7 +290,8 @@ class LoopGains:
 def loop_gains(G: Controller, K: Controller, *, omega: np.ndarray | None = None) -> LoopGains:
     """Return singular values of the nominal loop u = K (r - y) over frequency.
 
-    Use this for a loop with several channels, where the gain depends on the direction of the signal.
+    Use this for a loop with several channels, where the gain depends on the direction of the
+    signal.
 
     Parameters
     ----------
@@ -286,14 +327,20 @@ def loop_gains(G: Controller, K: Controller, *, omega: np.ndarray | None = None)
     n_y, n_u = G.noutputs, G.ninputs
     if (K.ninputs, K.noutputs) != (n_y, n_u):
         raise ValueError(
-            f"K must have {n_y} inputs and {n_u} outputs, one for each output and input of the plant, "
-            f"got {K.ninputs} and {K.noutputs}"
+            f"K must have {n_y} inputs and {n_u} outputs, one for each output and input of the"
+            f" plant, got {K.ninputs} and {K.noutputs}"
         )
     if G.nstates and K.nstates and timebase(K) != timebase(G):
-        raise ValueError(f"K must have the sampling time of G, {timebase(G):g} s, got {timebase(K):g} s")
+        raise ValueError(
+            f"K must have the sampling time of G, {timebase(G):g} s, got {timebase(K):g} s"
+        )
     one = np.eye(n_y)
     e = control.StateSpace(
-        G.A, np.hstack([np.zeros((G.nstates, n_y)), G.B]), np.vstack([-G.C] * 2), np.block([[one, -G.D]] * 2), G.dt
+        G.A,
+        np.hstack([np.zeros((G.nstates, n_y)), G.B]),
+        np.vstack([-G.C] * 2),
+        np.block([[one, -G.D]] * 2),
+        G.dt,
     )
     closed = lower_lft(e, K)  # the sensitivity, with all states
     lines = np.zeros(0) if omega is None else require_real_array("omega", omega, ndim=1)
@@ -312,7 +359,8 @@ def loop_gains(G: Controller, K: Controller, *, omega: np.ndarray | None = None)
     )
 
 
-# ---- A step of the reference through a loop: overshoot, rise and settling time, output of the actuator.
+# ---- A step of the reference through a loop: overshoot, rise and settling time, output of the
+# actuator.
 
 _SETTLING_BAND = 0.02  # of the final value
 _MAX_SAMPLES = 60_000  # samples of a sampled loop
@@ -341,7 +389,8 @@ class StepResponse:
     reference : int
         For several outputs: the output whose reference steps, from 0.
     worst : StepResponse or None
-        For a set: the response with its plant of largest |S|; None if a plant of the set makes the loop unstable.
+        For a set: the response with its plant of largest |S|; None if a plant of the set makes the
+        loop unstable.
 
     References
     ----------
@@ -406,16 +455,28 @@ def step_of_plant(
     A, B, C, D = closed_loop(G, K, ("y", "u"), ("r",))
     loop = control.StateSpace(A, B[:, [j]], C, D[:, [j]], dt)
     if not is_stable(loop):
-        raise ValueError("K must stabilise the plant for a step response to exist, got a loop that is not stable")
+        raise ValueError(
+            "K must stabilise the plant for a step response to exist, got a loop that is not stable"
+        )
     final = float(evaluate_transfer(A, B, C, D, np.array([1.0 if dt else 0.0]))[0, j, j].real)
-    t, out = simulate_step(loop, None if duration is None else require_positive("duration", duration))
+    t, out = simulate_step(
+        loop, None if duration is None else require_positive("duration", duration)
+    )
     step = measure_step(t, out[j], u=out[n_y], final=final, cut=duration is None)
     kept = step.t.size
-    return step if out.shape[0] == 2 else replace(step, y=out[:n_y, :kept], u=out[n_y:, :kept], reference=j)
+    return (
+        step
+        if out.shape[0] == 2
+        else replace(step, y=out[:n_y, :kept], u=out[n_y:, :kept], reference=j)
+    )
 
 
-def simulate_step(system: control.StateSpace, duration: float | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Simulate a unit step of a stable system with one input until it has settled: times [s] and (outputs, n)."""
+def simulate_step(
+    system: control.StateSpace, duration: float | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Simulate a unit step of a stable system with one input until it has settled: times [s] and
+    (outputs, n).
+    """
     A, B, C, D, dt = system.A, system.B, system.C, system.D, timebase(system)
     s = to_s_plane(np.linalg.eigvals(A), dt) if A.size else np.zeros(0, complex)
     slow, fast = np.min(-s.real, initial=np.inf), np.max(np.abs(s), initial=0.0)
@@ -424,14 +485,18 @@ def simulate_step(system: control.StateSpace, duration: float | None = None) -> 
         t = np.arange(int(np.clip(np.ceil(horizon / dt) + 1, 2, _MAX_SAMPLES))) * dt
         x = _propagate_states(A, B, np.zeros(A.shape[0]), t.size)
     else:
-        t, x = _simulate_in_growing_steps(system, step=1 / (_STEPS_PER_RADIAN * fast) if fast else 1.0, horizon=horizon)
+        t, x = _simulate_in_growing_steps(
+            system, step=1 / (_STEPS_PER_RADIAN * fast) if fast else 1.0, horizon=horizon
+        )
     return t, C @ x + D
 
 
 def _simulate_in_growing_steps(
     system: control.StateSpace, *, step: float, horizon: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Simulate a step of a continuous loop exactly, in growing steps that resolve a fast rise and a slow tail."""
+    """Simulate a step of a continuous loop exactly, in growing steps that resolve a fast rise and a
+    slow tail.
+    """
     t, x = [np.zeros(1)], [np.zeros((system.nstates, 1))]
     while t[-1][-1] < horizon:
         n = int(np.clip(np.ceil((horizon - t[-1][-1]) / step), 1, _STEPS_PER_SIZE)) + 1
@@ -443,7 +508,9 @@ def _simulate_in_growing_steps(
 
 
 def _propagate_states(A: np.ndarray, B: np.ndarray, x: np.ndarray, n: int) -> np.ndarray:
-    """Return the states (states, n) of x+ = A x + B from x on, by doubling: x after m steps is A^m x + constant."""
+    """Return the states (states, n) of x+ = A x + B from x on, by doubling: x after m steps is A^m
+    x + constant.
+    """
     found, constant_part = x[:, None], B
     while found.shape[1] < n:
         found = np.hstack([found, A @ found + constant_part])
@@ -451,13 +518,21 @@ def _propagate_states(A: np.ndarray, B: np.ndarray, x: np.ndarray, n: int) -> np
     return found[:, :n]
 
 
-def measure_step(t: np.ndarray, y: np.ndarray, *, u: np.ndarray, final: float, cut: bool) -> StepResponse:
-    """Measure overshoot, rise and settling time of a simulated step; `cut` removes the end, long after settling."""
+def measure_step(
+    t: np.ndarray, y: np.ndarray, *, u: np.ndarray, final: float, cut: bool
+) -> StepResponse:
+    """Measure overshoot, rise and settling time of a simulated step; `cut` removes the end, long
+    after settling.
+    """
     size = abs(final)
     relative = y / final if size else np.full(y.size, np.nan)
     out = np.flatnonzero(np.abs(relative - 1) > _SETTLING_BAND)
     last = int(out[-1]) if out.size else -1
-    settled = t[last] + (t[last + 1] - t[last]) if 0 <= last < t.size - 1 else (0.0 if last < 0 else np.nan)
+    settled = (
+        t[last] + (t[last + 1] - t[last])
+        if 0 <= last < t.size - 1
+        else (0.0 if last < 0 else np.nan)
+    )
     above = [np.flatnonzero(relative >= level) for level in (0.1, 0.9)]
     rise = t[above[1][0]] - t[above[0][0]] if above[1].size else np.nan
     keep = min(t.size, max(int(1.5 * (last + 2)), 40)) if cut else t.size

@@ -1,4 +1,6 @@
-"""``RobustnessReport``: the verdict on a controller, as fields for programs and as one screen of text."""
+"""``RobustnessReport``: the verdict on a controller, as fields for programs and as one screen of
+text.
+"""
 
 from __future__ import annotations
 
@@ -28,19 +30,23 @@ from robust.models.sets.forms import FORMS, loop_discs
 from robust.pages.section import Fact
 from robust.pages.text import format_facts
 
-#: Relative change of the gain that is tried against thin margins, and the least relative decrease of |S| that counts.
+# : Relative change of the gain that is tried against thin margins, and the least relative decrease
+# of |S| that counts.
 _GAIN_STEP, _LEAST_GAIN = 0.1, 0.02
-#: A design that limits |S| on its own grid exceeds the limit by less than this between the grid frequencies.
+# : A design that limits |S| on its own grid exceeds the limit by less than this between the grid
+# frequencies.
 _ROUNDING = 0.01
 
 
 @value
 class RobustnessReport(Findings):
-    """Verdict on one controller and one model, with its margins and proofs, for any number of channels.
+    """Verdict on one controller and one model, with its margins and proofs, for any number of
+    channels.
 
-    `check` and `check_structure` return this report; `print(report)` shows it on one screen. One channel with one
-    uncertainty is judged by closed forms and exact arithmetic. Several channels, and the several uncertainties of an
-    `UncertainSystem`, are judged by the structured singular value (mu). "One channel" and "mu" below name these two.
+    `check` and `check_structure` return this report; `print(report)` shows it on one screen. One
+    channel with one uncertainty is judged by closed forms and exact arithmetic. Several channels,
+    and the several uncertainties of an `UncertainSystem`, are judged by the structured singular
+    value (mu). "One channel" and "mu" below name these two.
 
     Fields
     ------
@@ -49,14 +55,15 @@ class RobustnessReport(Findings):
     nominally_stable : bool
         True only if the nominal loop is shown to be stable.
     curves : ReportCurves
-        Over frequency: `omega`, `rs`, `np_`, `rp`; for one channel also `S`, `T`, `G`, `K`, `L`, `radius`.
+        Over frequency: `omega`, `rs`, `np_`, `rp`; for one channel also `S`, `T`, `G`, `K`, `L`,
+        `radius`.
     margins : Margins
         `rs`, `rp`, `disk`, `S_worst`, each with its frequency (`omega_rs` and so on).
     proofs : Proofs
         `robustly_stable`, `robust_performance`, and their `certificates`.
     form : str
-        Form of the uncertainty. For several channels: the form with the strongest result. Empty for an
-        `UncertainSystem`.
+        Form of the uncertainty. For several channels: the form with the strongest result. Empty for
+        an `UncertainSystem`.
     reason, advice : str
         Reason of the verdict; what limits the margin, with what to measure or change next.
     proved, not_proved : str
@@ -64,25 +71,29 @@ class RobustnessReport(Findings):
     context : str
         The loop in one line.
     folding : str
-        For continuous plants under a sampled controller: the parts of the largest rs, at its frequency and at the
-        aliases.
+        For continuous plants under a sampled controller: the parts of the largest rs, at its
+        frequency and at the aliases.
     given : Given
         Input of the check: class and form of the set, demand, delay, measured band and unit.
     channels : LoopMargins or None
-        For several channels: disk margins of the nominal loop, one channel at a time and all at once.
+        For several channels: disk margins of the nominal loop, one channel at a time and all at
+        once.
     level : LoopLevel or None
-        Level at which the loop moves the machine, if `signals` were given and the nominal loop is stable.
+        Level at which the loop moves the machine, if `signals` were given and the nominal loop is
+        stable.
     encoder_noise : float
-        Rms of u over the step of an encoder that rounds y [unit of u over y], for the nominal loop and a y that moves
-        over many steps: white noise of rms step / sqrt(12) through K S. nan for a continuous loop and for several
-        channels.
+        Rms of u over the step of an encoder that rounds y [unit of u over y], for the nominal loop
+        and a y that moves over many steps: white noise of rms step / sqrt(12) through K S. nan for
+        a continuous loop and for several channels.
     peak : float
-        Limit of |S| over the set, above which thin margins are reported: the peak that the demand allows, 2 without a
-        demand.
+        Limit of |S| over the set, above which thin margins are reported: the peak that the demand
+        allows, 2 without a demand.
     confidence : tuple of str
-        Probability that the set contains one line, and all lines, of another realisation; empty if none is claimed.
+        Probability that the set contains one line, and all lines, of another realisation; empty if
+        none is claimed.
     warnings : tuple of str
-        Warnings about the records, the model and the loop; verdict and probability are subject to them.
+        Warnings about the records, the model and the loop; verdict and probability are subject to
+        them.
 
     References
     ----------
@@ -122,19 +133,25 @@ class RobustnessReport(Findings):
         """(W,) centre and (W,) radius of the disc that L fills over the set."""
         curves, shaping = self.curves, 1.0 if self.curves.shaping is None else self.curves.shaping
         centre, radius = loop_discs(self.form, curves.radius, G=curves.G, K=curves.K, W=shaping)
-        if self.folding and not FORMS[self.form].inverse:  # with every alias, L + K sum_k h_k F_k Delta_k
+        if (
+            self.folding and not FORMS[self.form].inverse
+        ):  # with every alias, L + K sum_k h_k F_k Delta_k
             radius = curves.rs * np.abs(1 + centre)
         return centre, radius
 
     @property
     def classical(self) -> ClassicalMargins:
-        """Crossover, phase margin, gain margin and bandwidth of the nominal loop; nan for an unstable loop."""
+        """Crossover, phase margin, gain margin and bandwidth of the nominal loop; nan for an
+        unstable loop.
+        """
         seen = self.nominally_stable and self.is_single
         return classical_margins(self.curves.omega, self.curves.L) if seen else ClassicalMargins()
 
     @property
     def better_gain(self) -> str:
-        """Direction of the gain, "higher" or "lower", that lowers max |S| over the set; empty if neither does."""
+        """Direction of the gain, "higher" or "lower", that lowers max |S| over the set; empty if
+        neither does.
+        """
         if self.curves.G is None or self.curves.K is None:
             return ""
         L = self.curves.G * self.curves.K
@@ -148,7 +165,9 @@ class RobustnessReport(Findings):
 
     @property
     def thin_margins(self) -> str:
-        """Reason why a loop that is stable with the whole set is close to instability; empty if |S| stays small."""
+        """Reason why a loop that is stable with the whole set is close to instability; empty if |S|
+        stays small.
+        """
         if not (self.proofs.robustly_stable and self.margins.S_worst > self.peak * (1 + _ROUNDING)):
             return ""
         phase = self.classical.phase_margin if self.is_single else None
@@ -160,29 +179,41 @@ class RobustnessReport(Findings):
         thin, better = self.thin_margins, self.better_gain
         if not (thin and self.is_single):
             return thin
-        cure = f"a {better} gain" if better else "more phase there; neither a higher nor a lower gain helps"
+        cure = (
+            f"a {better} gain"
+            if better
+            else "more phase there; neither a higher nor a lower gain helps"
+        )
         return f"{thin}. To lower |S|: {cure}"
 
     @property
     def performance(self) -> Demand | None:
-        """State of the demand over the whole set; None without a demand, and for an unstable nominal loop."""
+        """State of the demand over the whole set; None without a demand, and for an unstable
+        nominal loop.
+        """
         if not (self.nominally_stable and np.isfinite(self.margins.rp)):
             return None
         if self.proofs.robust_performance:
             return Demand.MET
-        missed = self.is_single and np.max(self.curves.rp) > 1  # mu is an upper bound: above one it shows no violation
+        missed = (
+            self.is_single and np.max(self.curves.rp) > 1
+        )  # mu is an upper bound: above one it shows no violation
         return Demand.NOT_MET if missed else Demand.NOT_PROVED
 
     @property
     def missed_performance(self) -> str:
-        """Addition to the verdict if the loop is robustly stable and misses the demand; else empty."""
+        """Addition to the verdict if the loop is robustly stable and misses the demand; else
+        empty.
+        """
         missed = self.verdict.is_robust and self.performance not in (None, Demand.MET)
         return f", performance {self.performance}" if missed else ""
 
     @property
     def headline(self) -> str:
         """The verdict, followed by a missed demand and by thin margins, if any."""
-        return f"{self.verdict}{self.missed_performance}{', thin margins' * bool(self.thin_margins)}"
+        return (
+            f"{self.verdict}{self.missed_performance}{', thin margins' * bool(self.thin_margins)}"
+        )
 
     @property
     def meaning(self) -> str:
@@ -192,7 +223,9 @@ class RobustnessReport(Findings):
 
     @property
     def conditions(self) -> tuple[str, ...]:
-        """Conditions of the verdict, one a line: the confidence of the set, or a missing class of perturbation."""
+        """Conditions of the verdict, one a line: the confidence of the set, or a missing class of
+        perturbation.
+        """
         if self.verdict is Verdict.STATISTICALLY_ROBUST and not self.confidence:
             return (CLAIM_HINT,)
         return self.confidence if self.nominally_stable else ()
@@ -207,7 +240,11 @@ class RobustnessReport(Findings):
         """The verdict with its meaning, its conditions and its warnings."""
         verdict = Fact("verdict", f"{self.headline.upper()}: {self.meaning}")
         conditions = [Fact("condition", text) for text in self.conditions]
-        return [verdict, *conditions, *(Fact("warning", text) for text in (*self.warnings, self.warning_of_margins))]
+        return [
+            verdict,
+            *conditions,
+            *(Fact("warning", text) for text in (*self.warnings, self.warning_of_margins)),
+        ]
 
     @property
     def findings(self) -> list[Fact]:
@@ -217,7 +254,11 @@ class RobustnessReport(Findings):
             largest = Peak(margins.largest_rs, margins.omega_rs)
             facts += [
                 Fact("stability", "the model has no uncertainty" if np.isnan(margins.rs) else ""),
-                Fact("max rs" if self.is_single else "max mu", largest, meaning=format_margin_factor(margins.rs)),
+                Fact(
+                    "max rs" if self.is_single else "max mu",
+                    largest,
+                    meaning=format_margin_factor(margins.rs),
+                ),
                 worst_sensitivity_fact(margins, single=self.is_single),
                 Fact("aliases", self.folding),
                 Fact("worst found", describe_broken(margins)),
@@ -237,7 +278,14 @@ class RobustnessReport(Findings):
         return [
             *(Fact("certificate", describe_certificate(one)) for one in self.proofs.certificates),
             disk_margin_fact(self.margins),
-            Fact("margins", self.channels.least() if self.channels is not None and not self.channels.reason else ""),
+            Fact(
+                "margins",
+                (
+                    self.channels.least()
+                    if self.channels is not None and not self.channels.reason
+                    else ""
+                ),
+            ),
             *(self.classical.facts if self.nominally_stable and self.is_single else ()),
             Fact("encoder", describe_encoder_noise(self.encoder_noise, self.given.unit)),
             Fact("loop", self.context),

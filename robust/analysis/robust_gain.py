@@ -12,12 +12,15 @@ from robust.mu.skewed import skewed_margin
 from robust.proofs.search.certificate import Certificate
 from robust.proofs.search.stability import decide_stability
 
-_GAP = 0.05  # relative distance of the proved and the found factor at which the subdivision of the parameter box stops
+# relative distance of the proved and the found factor at which the subdivision of the parameter box
+# stops
+_GAP = 0.05
 
 
 @value
 class _RobustGain:
-    """Bounds of the factor on all perturbations at which the gain of a system reaches a level (skewed mu, SP 8.10.3).
+    """Bounds of the factor on all perturbations at which the gain of a system reaches a level
+    (skewed mu, SP 8.10.3).
 
     >>> lag = control.ss([[-5.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["pole", "d"], outputs="y")
     >>> from robust.models import Block, interconnection
@@ -27,9 +30,13 @@ class _RobustGain:
     """
 
     level: float  # the gain
-    proved: float  # the gain stays below the level up to this factor, at every frequency; 0 if nothing is proved
-    broken: float  # at this factor a perturbation brings the gain to the level or makes the loop unstable; inf: none
-    # that perturbation: value of each real block, largest singular value of the others, over the size of the block
+    # the gain stays below the level up to this factor, at every frequency; 0 if nothing is proved
+    proved: float
+    # at this factor a perturbation brings the gain to the level or makes the loop unstable; inf:
+    # none
+    broken: float
+    # that perturbation: value of each real block, largest singular value of the others, over the
+    # size of the block
     worst: dict[str, float]
     omega: float  # frequency at which the gain reaches the level [rad/s]
     delta: np.ndarray  # (drives, reads) the same perturbation as one matrix
@@ -37,31 +44,39 @@ class _RobustGain:
     reason: str  # why broken is more than 5 % above proved; else empty
 
     def __str__(self) -> str:
-        text = f"the gain stays below {self.level:.4g} up to {self.proved:.4g} times the uncertainty"
+        text = (
+            f"the gain stays below {self.level:.4g} up to {self.proved:.4g} times the uncertainty"
+        )
         if self.worst:
             worst = ", ".join(f"{name} {number:.4g}" for name, number in self.worst.items())
-            text += f", and reaches it at {self.broken:.4g} times: {worst} at {format_hertz(self.omega)}"
+            text += (
+                f", and reaches it at {self.broken:.4g} times: {worst} at"
+                f" {format_hertz(self.omega)}"
+            )
         return "; ".join(filter(None, (text, self.reason)))
 
 
 def robgain(system: UncertainSystem, level: float) -> _RobustGain:
     """Find the factor on the uncertainty at which the gain from inputs to outputs reaches a level.
 
-    Use this for the reserve of a design: a factor of 2 means that twice the uncertainty still meets the level.
+    Use this for the reserve of a design: a factor of 2 means that twice the uncertainty still meets
+    the level.
 
     Parameters
     ----------
     system : UncertainSystem
-        A system with a performance channel: from `interconnection`, or from `UncertaintyModel.loop` with a weight.
+        A system with a performance channel: from `interconnection`, or from `UncertaintyModel.loop`
+        with a weight.
     level : float
         Upper limit of the gain.
 
     Returns
     -------
     RobustGain
-        `proved` and `broken`: factors on the sizes of all blocks together. Up to `proved` the gain is proved to stay
-        below the level at every frequency, with the methods of `check_structure`. At `broken` the perturbation `worst`
-        brings the gain to the level at `omega`. Both are 0 if the gain without perturbations reaches the level.
+        `proved` and `broken`: factors on the sizes of all blocks together. Up to `proved` the gain
+        is proved to stay below the level at every frequency, with the methods of `check_structure`.
+        At `broken` the perturbation `worst` brings the gain to the level at `omega`. Both are 0 if
+        the gain without perturbations reaches the level.
 
     Raises
     ------
@@ -85,9 +100,14 @@ def robgain(system: UncertainSystem, level: float) -> _RobustGain:
     ({'damping': -0.5}, True)
     """
     if not isinstance(system, UncertainSystem):
-        raise ValueError(f"system must be an UncertainSystem, from interconnection(), got {short_form(system)}")
+        raise ValueError(
+            f"system must be an UncertainSystem, from interconnection(), got {short_form(system)}"
+        )
     if not system.inputs:
-        raise ValueError("system must have inputs and outputs for its gain, got none: give them to interconnection()")
+        raise ValueError(
+            "system must have inputs and outputs for its gain, got none: give them to"
+            " interconnection()"
+        )
     level = require_positive("level", level)
     nominal, N = decide_stability(system.N), system.N
     rows = system.loop.noutputs
@@ -105,7 +125,9 @@ def robgain(system: UncertainSystem, level: float) -> _RobustGain:
         level=level,
         proved=0.0 if unstable else found.level,
         broken=0.0 if unstable else found.broken,
-        worst=system.perturbation_by_name(delta) if np.isfinite(found.broken) and not unstable else {},
+        worst=(
+            system.perturbation_by_name(delta) if np.isfinite(found.broken) and not unstable else {}
+        ),
         omega=found.omega,
         delta=delta,
         certificates=() if unstable else found.certificates,

@@ -1,4 +1,5 @@
-"""The controller check: stability of the nominal loop, then the effect of the whole set, then the proofs.
+"""The controller check: stability of the nominal loop, then the effect of the whole set, then the
+proofs.
 
                       w Delta
                     +---------+           multiplicative: reads u, acts at p_in    G (1 + w Delta)
@@ -9,7 +10,8 @@
           -^                                 |
            +---------------------------------+    u = K (r - y),  S = 1/(1 + G K),  T = 1 - S
 
-A sampled controller is checked in a sampled loop: hold and computation delay are first included in G.
+A sampled controller is checked in a sampled loop: hold and computation delay are first included in
+G.
 """
 
 from __future__ import annotations
@@ -37,7 +39,12 @@ from robust.analysis.judge_lines import (
 )
 from robust.analysis.judge_mu import judge_mu, judge_system
 from robust.analysis.loop import Loop, assemble_loop
-from robust.analysis.loop_level import LoopSignals, encoder_noise, predict_level, require_one_channel_loop
+from robust.analysis.loop_level import (
+    LoopSignals,
+    encoder_noise,
+    predict_level,
+    require_one_channel_loop,
+)
 from robust.analysis.loop_of_channels import LoopOfChannels
 from robust.analysis.report import RobustnessReport
 from robust.analysis.text import USUAL_PEAK, describe_confidence
@@ -70,53 +77,61 @@ def check(
 ) -> RobustnessReport:
     """Check a controller against a model with uncertainty, and prove what can be proved.
 
-    Use this after every design, and for a controller that you have already. The report contains the verdict, the
-    margins over the whole set, and the proofs. `check_structure` takes several uncertainties at once.
+    Use this after every design, and for a controller that you have already. The report contains the
+    verdict, the margins over the whole set, and the proofs. `check_structure` takes several
+    uncertainties at once.
 
     Parameters
     ----------
     model : UncertaintyModel, nlfrf.Bla or control.FrequencyResponseData
-        The plant. An FRF (alone, as a Bla with its bound, or as the nominal of a model) is known on its lines only;
-        the result then holds on these lines only. An FRF with several channels has no set around it.
+        The plant. An FRF (alone, as a Bla with its bound, or as the nominal of a model) is known on
+        its lines only; the result then holds on these lines only. An FRF with several channels has
+        no set around it.
     K : control.StateSpace, TransferFunction or float
-        Controller, negative feedback u = K (r - y). A discrete K on a continuous nominal is the normal case: the
-        nominal is discretised with zero-order hold and delay, and the set acts at every alias. So the aliases of
-        frequencies above Nyquist are part of verdict, margin and certificate. For several channels they are part of
-        the sampled set that is checked; its weights cover them on a grid.
+        Controller, negative feedback u = K (r - y). A discrete K on a continuous nominal is the
+        normal case: the nominal is discretised with zero-order hold and delay, and the set acts at
+        every alias. So the aliases of frequencies above Nyquist are part of verdict, margin and
+        certificate. For several channels they are part of the sampled set that is checked; its
+        weights cover them on a grid.
     w_P : control.StateSpace or TransferFunction, optional
-        Performance weight: the demand is |w_P S_p| <= 1 for every plant of the set. The largest |S| that it allows,
-        max 1/|w_P|, is the limit above which thin margins are reported, if it is 4 at most; else the limit is 2.
+        Performance weight: the demand is |w_P S_p| <= 1 for every plant of the set. The largest |S|
+        that it allows, max 1/|w_P|, is the limit above which thin margins are reported, if it is 4
+        at most; else the limit is 2.
     delay : float
         Computation delay [s] in addition to the delay of the model.
     certify : bool
         Prove the result over all frequencies. Without a proof the best verdict is "not certified".
     proof : str
-        Method of proof for one channel: "exact" (polynomials in exact arithmetic), "lmi" (a matrix P and a scaling
-        from cvxpy, verified over the rationals; it leaves aliases and delays of continuous loops open), or "both",
-        for which one proof by either method is enough. Several channels are always proved by P and a scaling.
+        Method of proof for one channel: "exact" (polynomials in exact arithmetic), "lmi" (a matrix
+        P and a scaling from cvxpy, verified over the rationals; it leaves aliases and delays of
+        continuous loops open), or "both", for which one proof by either method is enough. Several
+        channels are always proved by P and a scaling.
     solver : str, optional
-        "CLARABEL" or "SCS", for P and the scaling. Default: CLARABEL for one channel, both for several channels.
+        "CLARABEL" or "SCS", for P and the scaling. Default: CLARABEL for one channel, both for
+        several channels.
     n_unstable : int
         Number of unstable open-loop poles of an FRF, for the winding number.
     signals : LoopSignals, optional
-        Reference, disturbance and noise. The report then contains the level at which the loop moves the machine, as
-        `predict_level` gives it. This needs an UncertaintyModel with a parametric nominal.
+        Reference, disturbance and noise. The report then contains the level at which the loop moves
+        the machine, as `predict_level` gives it. This needs an UncertaintyModel with a parametric
+        nominal.
 
     Returns
     -------
     RobustnessReport
-        A bad controller is a result, not an error. For several channels the result is that of `check_structure`.
+        A bad controller is a result, not an error. For several channels the result is that of
+        `check_structure`.
 
     Raises
     ------
     ValueError
-        Parts that do not fit each other: sampling times, an unstable w_P, a loop without a solution, signals that do
-        not fit the loop or the model.
+        Parts that do not fit each other: sampling times, an unstable w_P, a loop without a
+        solution, signals that do not fit the loop or the model.
 
     References
     ----------
-    SP 7.5 (robust stability), 7.6 (robust performance), 8.6; Seiler, Packard & Gahinet 2020 (disk margins);
-    Dullerud & Glover, IEEE Trans. Automatic Control 38, 1993 (sampled sets).
+    SP 7.5 (robust stability), 7.6 (robust performance), 8.6; Seiler, Packard & Gahinet 2020 (disk
+    margins); Dullerud & Glover, IEEE Trans. Automatic Control 38, 1993 (sampled sets).
 
     Examples
     --------
@@ -137,7 +152,11 @@ def check(
     found = judge(Effort(certify=certify, proof=proof, solver=solver))
     level, noise = None, float("nan")
     if isinstance(loop, Loop) and found.nominally_stable:
-        level = None if signals is None else predict_level(loop.model, loop.controller, signals, delay=delay)
+        level = (
+            None
+            if signals is None
+            else predict_level(loop.model, loop.controller, signals, delay=delay)
+        )
         noise = encoder_noise(loop)
     return RobustnessReport(
         **vars(found),
@@ -151,16 +170,20 @@ def check(
 
 
 def _allowed_peak(w_P: control.StateSpace | None) -> float:
-    """Return the largest |S| that a demand allows; the usual limit if it allows more than 4, or less than one.
+    """Return the largest |S| that a demand allows; the usual limit if it allows more than 4, or
+    less than one.
 
-    The result only limits a warning, so a grid around the modes of 1/w_P and infinite frequency are enough.
+    The result only limits a warning, so a grid around the modes of 1/w_P and infinite frequency are
+    enough.
     """
     W = None if w_P is None else multivariable("w_P", w_P)
     if W is None or not W.issiso() or W.D[0, 0] == 0:
         return USUAL_PEAK
     inverse = biproper_inverse(W)
     allowed = max(np.abs(response(inverse, structure_grid(inverse))).max(), abs(inverse.D[0, 0]))
-    return allowed if 1 <= allowed <= _LARGEST_PEAK else USUAL_PEAK  # below one |S| grows no disturbance
+    return (
+        allowed if 1 <= allowed <= _LARGEST_PEAK else USUAL_PEAK
+    )  # below one |S| grows no disturbance
 
 
 def _assemble(
@@ -171,19 +194,29 @@ def _assemble(
     delay: float,
     n_unstable: int,
 ) -> tuple[AnyLoop, Callable[[Effort], Findings]]:
-    """Return the loop of a model and a controller, and its judge; refuse parts that do not fit together."""
+    """Return the loop of a model and a controller, and its judge; refuse parts that do not fit
+    together.
+    """
     if has_several_channels(model):
         channels = LoopOfChannels(model=model, K=multivariable("K", K), w_P=w_P, delay=delay)
         return channels, partial(judge_mu, channels)
-    if isinstance(model, control.FrequencyResponseData) and (model.ninputs, model.noutputs) != (1, 1):
+    if isinstance(model, control.FrequencyResponseData) and (model.ninputs, model.noutputs) != (
+        1,
+        1,
+    ):
         matrix = assemble_matrix_on_lines(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
         return matrix, partial(judge_matrix_lines, matrix)
-    if is_single(model) or isinstance(model, control.FrequencyResponseData) or getattr(model, "measured_only", False):
+    if (
+        is_single(model)
+        or isinstance(model, control.FrequencyResponseData)
+        or getattr(model, "measured_only", False)
+    ):
         lines = assemble_on_lines(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
         return lines, partial(judge_lines, lines)
     if not isinstance(model, UncertaintyModel):
         raise ValueError(
-            f"model must be an UncertaintyModel, a Bla or a FrequencyResponseData, got {describe_no_set(model)}"
+            "model must be an UncertaintyModel, a Bla or a FrequencyResponseData, got"
+            f" {describe_no_set(model)}"
         )
     loop = assemble_loop(model, K, w_P=w_P, delay=delay)
     if loop.dt:
@@ -198,9 +231,11 @@ def check_structure(
     gap: float | None = None,
     solver: str | None = None,
 ) -> RobustnessReport:
-    """Check a loop with several uncertainties by the structured singular value, and prove what can be proved.
+    """Check a loop with several uncertainties by the structured singular value, and prove what can
+    be proved.
 
-    Use this if uncertainties act at several places, or if parameters are uncertain: `interconnection` makes the system.
+    Use this if uncertainties act at several places, or if parameters are uncertain:
+    `interconnection` makes the system.
 
     Parameters
     ----------
@@ -209,16 +244,18 @@ def check_structure(
     certify : bool
         Prove the result at all frequencies. Without a proof the best verdict is "not certified".
     gap : float, optional
-        For real parameters: relative distance between margins.rs and margins.broken down to which their box is
-        subdivided (`parameter_margin`). Default: down to 5 %, and only if the verdict is still open.
+        For real parameters: relative distance between margins.rs and margins.broken down to which
+        their box is subdivided (`parameter_margin`). Default: down to 5 %, and only if the verdict
+        is still open.
     solver : str, optional
-        "CLARABEL" or "SCS" of cvxpy, for the proof by P and a scaling. Default: one after the other.
+        "CLARABEL" or "SCS" of cvxpy, for the proof by P and a scaling. Default: one after the
+        other.
 
     Returns
     -------
     RobustnessReport
-        A bad loop is a result, not an error. If one block is an "operator", only a proof with the same scalings at
-        every frequency is accepted (Shamma 1994).
+        A bad loop is a result, not an error. If one block is an "operator", only a proof with the
+        same scalings at every frequency is accepted (Shamma 1994).
 
     Raises
     ------
@@ -240,7 +277,9 @@ def check_structure(
     ('robust', 1.111)
     """
     if not isinstance(system, UncertainSystem):
-        raise ValueError(f"system must be an UncertainSystem, from interconnection(), got {short_form(system)}")
+        raise ValueError(
+            f"system must be an UncertainSystem, from interconnection(), got {short_form(system)}"
+        )
     if not system.blocks:
         raise ValueError("system must have at least one block to check, got none")
     gap = None if gap is None else require_positive("gap", gap)

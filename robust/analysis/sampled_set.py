@@ -1,7 +1,9 @@
-r"""A sampled set that contains a set of continuous plants with several channels, every alias included.
+r"""A sampled set that contains a set of continuous plants with several channels, every alias
+included.
 
-After hold and delay a sampler sees G_d = sum_k h_k G_k, with |h_k| as in `aliases`, and a perturbation at each alias.
-An LTI Delta is independent at each frequency, so the sum of its parts lies in a set around the sampled plant:
+After hold and delay a sampler sees G_d = sum_k h_k G_k, with |h_k| as in `aliases`, and a
+perturbation at each alias. An LTI Delta is independent at each frequency, so the sum of its parts
+lies in a set around the sampled plant:
 
     elements  sum_k h_k w_ji Delta_ji       a disc of radius sum_k |h_k w_ji|, exactly
     additive  sum_k h_k W_l Delta_k W_r     M_k = W_l(omega_k)
@@ -11,12 +13,13 @@ For additive and input, with m_k = |M_k| the sum is C^1/2 Delta R with |Delta| <
 
     C = sum_k |h_k| M_k M_k^H / m_k,      R_i^2 = sum_k |h_k| m_k |w_r,i(omega_k)|^2,
 
-because the row of left factors and the column of right factors are contractions (Cauchy-Schwarz). C is covered by
-diagonal weights like a measured covariance. Aliases near the band are summed one by one; the others are bounded as in
-`aliases`.
+because the row of left factors and the column of right factors are contractions (Cauchy-Schwarz). C
+is covered by diagonal weights like a measured covariance. Aliases near the band are summed one by
+one; the others are bounded as in `aliases`.
 
-The weights of the sampled set are fitted to these radii on a grid and then raised by `_COVERED`, so that
-`certify_aliases` can prove that they cover every alias at all frequencies (`robust.proofs.exact.folded_sets`).
+The weights of the sampled set are fitted to these radii on a grid and then raised by `_COVERED`, so
+that `certify_aliases` can prove that they cover every alias at all frequencies
+(`robust.proofs.exact.folded_sets`).
 """
 
 from __future__ import annotations
@@ -46,7 +49,9 @@ from robust.proofs.exact.claim import to_matrices
 from robust.proofs.exact.folded_sets import ALIASES, FoldedClaim, FoldedPart, verify_folded
 from robust.proofs.search.certificate import EXACT, Certificate, failed_certificate
 
-_WEIGHT_ORDER = 6  # order of a weight of the sampled set: two more than the default for a measured one
+_WEIGHT_ORDER = (
+    6  # order of a weight of the sampled set: two more than the default for a measured one
+)
 _COVERED = 1.01  # factor on every weight, for the proof between the frequencies of the grid
 _BLOCKS = 1.06  # factor on the sum of the aliases in blocks, which the proof bounds to 5 % only
 _FLAT_RATIO = 1.06  # largest over smallest radius below which a weight is a number
@@ -59,13 +64,19 @@ class SampledSet:
 
     model: UncertaintyModel  # the sampled set, in the form of the continuous one
     omega: np.ndarray  # (W,) grid on which its weights cover the radii [rad/s]
-    own_share: np.ndarray  # (W,) part of the radius from the frequency itself; the rest is from its aliases
+    own_share: (
+        np.ndarray
+    )  # (W,) part of the radius from the frequency itself; the rest is from its aliases
     claim: FoldedClaim  # the claim that it contains the continuous set
 
     def describe(self, *, proved: bool) -> str:
         """Describe the treatment of the aliases and the largest part of them."""
         k = int(np.argmin(self.own_share))
-        how = "which is proved" if proved else f"as computed on {self.omega.size} frequencies in floating point"
+        how = (
+            "which is proved"
+            if proved
+            else f"as computed on {self.omega.size} frequencies in floating point"
+        )
         return (
             f"the weights of the sampled set cover every alias, {how}; the aliases are at most "
             f"{100 * (1 - self.own_share[k]):.2g} % of the radius, at {format_hertz(self.omega[k])}"
@@ -91,7 +102,8 @@ class SampledSet:
 def set_on_controller_time_base(
     model: UncertaintyModel, K: Controller, delay: float
 ) -> tuple[UncertaintyModel, SampledSet | None]:
-    """Return the set on the time base of its controller, and the sampled set that contains it if it was folded.
+    """Return the set on the time base of its controller, and the sampled set that contains it if it
+    was folded.
 
     A continuous set under a sampled controller is folded. Any other set is returned as it is.
     """
@@ -103,8 +115,8 @@ def set_on_controller_time_base(
         return found.model, found
     if delay:
         raise ValueError(
-            f"delay must be in the nominal for several channels, got {delay:g} s in addition: use sampled(nominal, dt, "
-            "delay)"
+            f"delay must be in the nominal for several channels, got {delay:g} s in addition: use"
+            " sampled(nominal, dt, delay)"
         )
     return model, None
 
@@ -112,24 +124,26 @@ def set_on_controller_time_base(
 def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> SampledSet:
     """Return the sampled set that a controller with sampling time dt [s] sees of a continuous set.
 
-    The set has several channels. Refused are operators, and perturbations that reach the sampler unfiltered, because
-    the sum over their aliases is unbounded.
+    The set has several channels. Refused are operators, and perturbations that reach the sampler
+    unfiltered, because the sum over their aliases is unbounded.
     """
-    require_several_channels(model, "be folded into a sampled set", "use check, which includes its aliases")
+    require_several_channels(
+        model, "be folded into a sampled set", "use check, which includes its aliases"
+    )
     require_record_form(model, "to be folded into a sampled set, or a sampled nominal")
     if model.perturbation == "operator":
         raise ValueError(
-            "model must have a sampled nominal for operators with several channels under a sampled K: use "
-            "fit_nominal(..., dt=)"
+            "model must have a sampled nominal for operators with several channels under a sampled"
+            " K: use fit_nominal(..., dt=)"
         )
     nominal = sampled(model.nominal, dt, delay)
     omega = _sampled_grid(model, nominal, dt)
     k, tails = _alias_indices_and_tails(model, dt)
     if not np.isfinite(tails).all():
         raise ValueError(
-            f"model must filter its perturbation before the sampler: above the Nyquist frequency the {model.form} "
-            'weights do not fall off, and the sum of the aliases is unbounded. Use form="input", or a sampled nominal '
-            "(fit_nominal(..., dt=))"
+            "model must filter its perturbation before the sampler: above the Nyquist frequency"
+            f" the {model.form} weights do not fall off, and the sum of the aliases is unbounded."
+            ' Use form="input", or a sampled nominal (fit_nominal(..., dt=))'
         )
     left, right, share = _folded_radii(model, nominal, omega=omega, dt=dt, k=k, tails=tails)
     rows = np.concatenate([left, right])
@@ -151,14 +165,19 @@ def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> Sampl
 
 
 def _folded_claim(model: UncertaintyModel, made: UncertaintyModel) -> FoldedClaim:
-    """Return the claim that a sampled set contains a continuous one; each element is its own block."""
+    """Return the claim that a sampled set contains a continuous one; each element is its own
+    block.
+    """
     left, right, V_left, V_right = (
-        tuple(map(to_matrices, weights)) for weights in (model.left, model.right, made.left, made.right)
+        tuple(map(to_matrices, weights))
+        for weights in (model.left, model.right, made.left, made.right)
     )
     if model.form == ELEMENTS:
         one = (to_matrices(control.StateSpace([], [], [], [[1.0]], 0)),)
         parts = tuple(
-            FoldedPart(plant=None, sampled=None, left=(w,), right=one, sampled_left=(v,), sampled_right=one)
+            FoldedPart(
+                plant=None, sampled=None, left=(w,), right=one, sampled_left=(v,), sampled_right=one
+            )
             for w, v in zip(right, V_right, strict=True)
         )
         return FoldedClaim(dt=timebase(made.nominal), parts=parts)
@@ -175,28 +194,38 @@ def _folded_claim(model: UncertaintyModel, made: UncertaintyModel) -> FoldedClai
 
 
 def _sampled_grid(model: UncertaintyModel, nominal: control.StateSpace, dt: float) -> np.ndarray:
-    """Return frequencies (W,) [rad/s] up to Nyquist: lines, a log grid, every resonance and every aliased resonance."""
+    """Return frequencies (W,) [rad/s] up to Nyquist: lines, a log grid, every resonance and every
+    aliased resonance.
+    """
     top, step = np.pi / dt, 2 * np.pi / dt
     modes = np.concatenate([poles(part) for part in (model.nominal, *model.weights)])
     folded = np.abs((modes.imag + top) % step - top)
     lines = model.omega[model.omega < top]
     lines = lines if lines.size else np.array([top / 10])
-    found = loop_grid(lines, poles(nominal), systems=[], dt=dt, delay=0.0, folded=modes.real + 1j * folded)
+    found = loop_grid(
+        lines, poles(nominal), systems=[], dt=dt, delay=0.0, folded=modes.real + 1j * folded
+    )
     found = found[(found >= _GRID_START_RATIO * lines[0]) & (found < top * (1 - 1e-9))]
     return np.append(found, top * (1 - 1e-9))
 
 
 def _alias_indices_and_tails(model: UncertaintyModel, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the aliases (k,) summed one by one, 0 first, and bounds of the other sums, without |sin(omega T/2)|.
+    """Return the aliases (k,) summed one by one, 0 first, and bounds of the other sums, without
+    |sin(omega T/2)|.
 
-    For elements these are bounds of sum |h_k w| for every weight; else of every |G_ji w_i| in M_k = G W_l, or |w_j| in
-    W_l.
+    For elements these are bounds of sum |h_k w| for every weight; else of every |G_ji w_i| in M_k =
+    G W_l, or |w_j| in W_l.
     """
-    through, none = model.form not in (ELEMENTS, ADDITIVE), control.StateSpace([], [], [], [[0.0]], 0)
+    through = model.form not in (ELEMENTS, ADDITIVE)
+    none = control.StateSpace([], [], [], [[0.0]], 0)
     of = partial(Aliases, dt=dt, delay=0.0, inverse=False, operator=False, F_includes_plant=through)
     parts = []
     for i, weight in enumerate(model.right if model.form == ELEMENTS else model.left):
-        plants = [reachable_entry(model.nominal, j, i) for j in range(model.n_outputs)] if through else [none]
+        plants = (
+            [reachable_entry(model.nominal, j, i) for j in range(model.n_outputs)]
+            if through
+            else [none]
+        )
         parts += [of(plant=plant, weight=weight) for plant in plants]
     n = max(int(part.single_indices[-1]) for part in parts)
     k = np.concatenate([[0], np.arange(-n, 0), np.arange(1, n + 1)])
@@ -212,14 +241,18 @@ def _folded_radii(
     k: np.ndarray,
     tails: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the radii (n, W) of the sampled set, left and right, and the share (W,) of the frequency itself."""
+    """Return the radii (n, W) of the sampled set, left and right, and the share (W,) of the
+    frequency itself.
+    """
     at = omega[:, None] + 2 * np.pi / dt * k
     sine = np.sin(np.minimum(omega * dt / 2, np.pi / 2))
     hold = np.abs(sine[:, None] / (at * dt / 2))
     flat = np.abs(at).ravel()
 
     def sizes(weights: tuple[control.StateSpace, ...]) -> np.ndarray:  # (n, W, k)
-        return np.array([np.abs(response(weight, flat)) for weight in weights]).reshape(-1, *at.shape)
+        return np.array([np.abs(response(weight, flat)) for weight in weights]).reshape(
+            -1, *at.shape
+        )
 
     if model.form == ELEMENTS:
         each = hold * sizes(model.right)
@@ -245,9 +278,14 @@ def _folded_radii(
     C = C + (beyond / size)[:, None, None] * (inverse @ np.swapaxes(inverse, 1, 2).conj())
     beyond = beyond * size
     highest = np.array(
-        [response(weight, np.geomspace(flat.max() / 10, flat.max() * 1e4, 400)) for weight in model.right]
+        [
+            response(weight, np.geomspace(flat.max() / 10, flat.max() * 1e4, 400))
+            for weight in model.right
+        ]
     )
-    R = np.sqrt((hold * m * right**2).sum(axis=2) + beyond * (np.abs(highest).max(axis=1) ** 2)[:, None])
+    R = np.sqrt(
+        (hold * m * right**2).sum(axis=2) + beyond * (np.abs(highest).max(axis=1) ** 2)[:, None]
+    )
     scale = np.sqrt(np.mean(R**2, axis=0))  # only the product of left and right matters
     share = hold[:, 0] * m[:, 0] / ((hold * m).sum(axis=1) + beyond)
     return diagonal_bound(C) * scale, R / scale, share

@@ -33,29 +33,44 @@ if TYPE_CHECKING:
 
 _REMEDIES = {
     "noise": "noise: average more periods or sweeps",
-    "odd": "odd distortion: lower the bandwidth, or identify at the level of the loop; more periods will not help",
+    "odd": (
+        "odd distortion: lower the bandwidth, or identify at the level of the loop; more periods"
+        " will not help"
+    ),
     "even": "even distortion: look for an offset or an asymmetry; more periods will not help",
-    "misfit": "misfit of the nominal model: fit it for the crossover of the loop (omega_c, robust model --bandwidth), "
-    "or compare orders for it (robust orders --bandwidth)",
-    "level": "the change of the plant with the level: narrow the range of levels, or schedule the controller",
+    "misfit": (
+        "misfit of the nominal model: fit it for the crossover of the loop (omega_c, robust model"
+        " --bandwidth), or compare orders for it (robust orders --bandwidth)"
+    ),
+    "level": (
+        "the change of the plant with the level: narrow the range of levels, or schedule the"
+        " controller"
+    ),
     "systematic": "the allowance for the systematic part: measure at a second level",
     "weight": "the weight lies far above the radius: fit a weight of a higher order",
     "assumed": "the assumption outside the measured band: measure there",
 }
-#: Distance of |T| from one below which a lower bandwidth does not help, and the advice for that case.
+# : Distance of |T| from one below which a lower bandwidth does not help, and the advice for that
+# case.
 _NEAR_ONE = 0.1
 _ODD_WHERE_T_IS_ONE = (
-    "Odd distortion at a frequency where |T| is near one, so a lower bandwidth does not reduce it. Identify at the "
-    "level of the loop or at another level, take more realisations, or improve the fit. More periods do not help."
+    "Odd distortion at a frequency where |T| is near one, so a lower bandwidth does not reduce it."
+    " Identify at the level of the loop or at another level, take more realisations, or improve the"
+    " fit. More periods do not help."
 )
 #: Not covered by a verdict on a set around a sampled nominal.
 _NONLINEAR_PLANT = (
-    "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem applies"
+    "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem"
+    " applies"
 )
 SAMPLES_ONLY = "; the set contains sampled plants, so nothing is proved between the samples"
-#: Usual limit of |S| over a set; it leaves a phase margin of 29 deg and a gain margin of 2 (SP 2.4.3).
+# : Usual limit of |S| over a set; it leaves a phase margin of 29 deg and a gain margin of 2 (SP
+# 2.4.3).
 USUAL_PEAK = 2.0
-_USUAL_JOINT = 0.94, 0.99  # probability of a whole FRF around a fitted nominal, in the 23 cases of benchmarks.joint
+_USUAL_JOINT = (
+    0.94,
+    0.99,
+)  # probability of a whole FRF around a fitted nominal, in the 23 cases of benchmarks.joint
 _NEGLIGIBLE_SHARE = 0.005  # of rs: a smaller part is not mentioned
 #: Weight over radius, 2 dB and 6 dB: mentioned above the first, the first remedy above the second.
 _MENTIONED_EXCESS, _DECISIVE_EXCESS = 1.26, 2.0
@@ -69,9 +84,11 @@ def advise_on_margin(
     folding: RsBreakdown | None = None,
     T: float = np.nan,
 ) -> str:
-    """Advise what to measure or change, by the parts of the radius where the stability margin is limited.
+    """Advise what to measure or change, by the parts of the radius where the stability margin is
+    limited.
 
-    `weight` is the response of the weight; `folding` contains the parts of rs, if known; `T` is |T| at `omega_rs`.
+    `weight` is the response of the weight; `folding` contains the parts of rs, if known; `T` is |T|
+    at `omega_rs`.
     """
     if not np.isfinite(omega_rs):
         return ""
@@ -83,8 +100,14 @@ def advise_on_margin(
     outside = not low * 0.999 <= omega_rs <= high * 1.001
     k = int(np.argmin(np.abs(np.log(model.omega / omega_rs))))
     shares = model.radius_shares(k)
-    listed = ", ".join(f"{name} {100 * share:.0f} %" for share, name in shares[:4] if share >= 0.005)
-    where = f"where the radius consists of {listed}" if shares else "where the parts of the radius are unknown"
+    listed = ", ".join(
+        f"{name} {100 * share:.0f} %" for share, name in shares[:4] if share >= 0.005
+    )
+    where = (
+        f"where the radius consists of {listed}"
+        if shares
+        else "where the parts of the radius are unknown"
+    )
     on_line, there = np.abs(weight(np.array([model.omega[k], omega_rs]))).tolist()
     over, rise = on_line / float(model.radius[k]), 1.0
     if outside:
@@ -93,7 +116,8 @@ def advise_on_margin(
         where = (
             f"{side} the measured band. The radius there is extrapolated "
             f"({model.origin.extrapolation}) from the {edge} line, {format_hertz(model.omega[k])}, "
-        ) + where
+            + where
+        )
     sentences = [f"The margin is limited at {seen_at}, {where}."]
     if rise > _MENTIONED_EXCESS:
         sentences.append(f"The extrapolation makes the radius {rise:.3g} times as large there.")
@@ -107,8 +131,8 @@ def advise_on_margin(
         cause = shares[0][1] if shares else ""
     if cause == "weight" and model.weight.nstates >= MAX_CHOSEN_ORDER:
         sentences.append(
-            f"The radius has a peak there that a weight of order {model.weight.nstates} does not follow. Lower the "
-            "peak by more periods or realisations."
+            f"The radius has a peak there that a weight of order {model.weight.nstates} does not"
+            " follow. Lower the peak by more periods or realisations."
         )
     elif cause == "odd" and abs(T - 1) < _NEAR_ONE:
         sentences.append(_ODD_WHERE_T_IS_ONE)
@@ -119,14 +143,17 @@ def advise_on_margin(
 
 
 def advise_on_weight(loop: Loop, margins: Margins) -> str:
-    """Advise a better weight if the radius passes on every measured line and the weight does not; else empty."""
+    """Advise a better weight if the radius passes on every measured line and the weight does not;
+    else empty.
+    """
     model = loop.model
     omega = model.omega[model.omega < loop.omega_max]
     if margins.largest_rs < 1 or FORMS[model.form].depends_on_units or not omega.size:
         return ""
     curves = loop.curves(omega)
     nearest = int(np.argmin(np.abs(np.log(omega / margins.omega_rs))))
-    there, on_line = np.abs(loop.responders["w"](np.array([margins.omega_rs])))[0], np.abs(curves.w[nearest])
+    there = np.abs(loop.responders["w"](np.array([margins.omega_rs])))[0]
+    on_line = np.abs(curves.w[nearest])
     if (
         on_line < _MENTIONED_EXCESS * model.radius[nearest] or there > _MENTIONED_EXCESS * on_line
     ):  # the limit is the assumption outside the band
@@ -135,12 +162,18 @@ def advise_on_weight(loop: Loop, margins: Margins) -> str:
     if not on_lines < 1:
         return ""
     order = model.weight.nstates + 2
-    text = f" On the measured lines the radius passes: rs is at most {on_lines:.3g}. The weight does not pass: "
+    text = (
+        f" On the measured lines the radius passes: rs is at most {on_lines:.3g}. The weight does"
+        " not pass: "
+    )
     if model.weight.nstates >= MAX_CHOSEN_ORDER:
-        return f"{text}a weight of order {model.weight.nstates} does not follow the peak of the radius there."
+        return (
+            f"{text}a weight of order {model.weight.nstates} does not follow the peak of the radius"
+            " there."
+        )
     return (
-        f"{text}it lies above the radius. Fit a weight of a higher order: robust model ... --order {order}, or "
-        f"uncertainty(..., order={order})."
+        f"{text}it lies above the radius. Fit a weight of a higher order: robust model ... --order"
+        f" {order}, or uncertainty(..., order={order})."
     )
 
 
@@ -148,26 +181,41 @@ def _describe_set(model: UncertaintyModel) -> str:
     if model.perturbation == "LTI":
         return f"every stable LTI perturbation inside the {model.form} weight"
     if model.perturbation == "operator":
-        return f"every causal perturbation, nonlinear ones included, with the gain of the {model.form} weight"
+        return (
+            f"every causal perturbation, nonlinear ones included, with the gain of the {model.form}"
+            " weight"
+        )
     return f"every linear plant inside the {model.form} weight"
 
 
-def describe_confidence(model: UncertaintyModel | Bla | control.FrequencyResponseData) -> tuple[str, ...]:
+def describe_confidence(
+    model: UncertaintyModel | Bla | control.FrequencyResponseData,
+) -> tuple[str, ...]:
     """Describe the confidence of a set, then its joint probability; empty if none is claimed."""
     if not isinstance(model, UncertaintyModel) or np.isnan(model.confidence):
         return ()
     confidence, joint = model.confidence, model.joint.frf
-    if model.alternative_form is not None:  # both sets have to contain the truth: their error probabilities add up
-        confidence, joint = 2 * confidence - 1, max(joint + model.alternative_form.joint.frf - 1, 0.0)
+    if (
+        model.alternative_form is not None
+    ):  # both sets have to contain the truth: their error probabilities add up
+        confidence = 2 * confidence - 1
+        joint = max(joint + model.alternative_form.joint.frf - 1, 0.0)
     percent = f"{100 * confidence:.4g} %"
     estimated = "" if np.isnan(joint) else format_probability(joint)
     whole: tuple[str, ...] = ()
     if model.simultaneous:
-        text = f"the FRF of another realisation lies in the set with {percent} probability, all lines together"
+        text = (
+            f"the FRF of another realisation lies in the set with {percent} probability, all lines"
+            " together"
+        )
         text += f" ({estimated} by estimate)" if estimated else ""
     else:
         text = f"each line of another realisation lies within the radius with {percent} probability"
-        whole = (f"a whole FRF lies under the weight with {estimated}{_compare_joint(joint)}",) if estimated else ()
+        whole = (
+            (f"a whole FRF lies under the weight with {estimated}{_compare_joint(joint)}",)
+            if estimated
+            else ()
+        )
     return (f"subject to the warnings, {text}" if model.warnings else text), *whole
 
 
@@ -176,7 +224,8 @@ def _compare_joint(joint: float) -> str:
     low, high = _USUAL_JOINT
     if joint < low:
         return (
-            f"; {100 * low:g} to {100 * high:g} % are usual: a set for all lines together (simultaneous) reaches more"
+            f"; {100 * low:g} to {100 * high:g} % are usual: a set for all lines together"
+            " (simultaneous) reaches more"
         )
     return f" (usual: {100 * low:g} to {100 * high:g} %)"
 
@@ -185,9 +234,9 @@ def proof_sentences(loop: Loop, proofs: Proofs) -> tuple[str, str]:
     """Return one sentence on what was proved for one channel, and one on what was not."""
     model, missing = loop.model, []
     if model.perturbation == "statistical":
-        missing += [_NONLINEAR_PLANT] + ["that the set contains the plant, beyond its confidence"] * bool(
-            describe_confidence(model)
-        )
+        missing += [_NONLINEAR_PLANT] + [
+            "that the set contains the plant, beyond its confidence"
+        ] * bool(describe_confidence(model))
     assumed = "the behaviour outside the measured band, where the radius is assumed ({})"
     return _join_proof_sentences(
         _describe_set(model),
@@ -199,15 +248,22 @@ def proof_sentences(loop: Loop, proofs: Proofs) -> tuple[str, str]:
     )
 
 
-def structure_proof_sentences(system: UncertainSystem, proofs: Proofs, *, folded: bool) -> tuple[str, str]:
-    """Return what was proved for several uncertainties and what was not; `folded` if the set contains every alias."""
+def structure_proof_sentences(
+    system: UncertainSystem, proofs: Proofs, *, folded: bool
+) -> tuple[str, str]:
+    """Return what was proved for several uncertainties and what was not; `folded` if the set
+    contains every alias.
+    """
     words = {
         "real": "every constant value of {}",
         "LTI": "every stable linear {}",
         "statistical": "every linear {}",
         "operator": "every causal {}, nonlinear ones included",
     }
-    kinds = {name: "real" if one.kind == "real" else one.perturbation for name, one in system.blocks.items()}
+    kinds = {
+        name: "real" if one.kind == "real" else one.perturbation
+        for name, one in system.blocks.items()
+    }
     known = {"real": "parameters that change while the loop runs", "statistical": _NONLINEAR_PLANT}
     return _join_proof_sentences(
         f"{' and '.join(words[kind].format(name) for name, kind in kinds.items())}, all at once",
@@ -222,7 +278,9 @@ def structure_proof_sentences(system: UncertainSystem, proofs: Proofs, *, folded
 def _join_proof_sentences(
     perturbations: str, proofs: Proofs, *, missing: list[str], demand: bool, dt: float, folded: bool
 ) -> tuple[str, str]:
-    """Return what was proved with these perturbations, and what was not; `missing` begins the second sentence."""
+    """Return what was proved with these perturbations, and what was not; `missing` begins the
+    second sentence.
+    """
     if not proofs.robustly_stable:
         return "Stability of the nominal loop only.", "Anything about the set around it."
     where = "at all frequencies"
@@ -234,7 +292,10 @@ def _join_proof_sentences(
     if dt and not folded:
         missing = [
             *missing,
-            "perturbations of a continuous plant between the samples: the set contains sampled plants",
+            (
+                "perturbations of a continuous plant between the samples: the set contains sampled"
+                " plants"
+            ),
         ]
     what = "Stability and the performance demand" if proofs.robust_performance else "Stability"
     text = "; ".join(missing or ["anything outside the set"])
@@ -242,9 +303,14 @@ def _join_proof_sentences(
 
 
 def describe_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
-    """Describe the parts of the largest rs: at its frequency and at the aliases, measured and assumed."""
+    """Describe the parts of the largest rs: at its frequency and at the aliases, measured and
+    assumed.
+    """
     if not found.is_bounded:
-        return "the sum over the aliases is unbounded, because nothing filters the perturbation before the sampler"
+        return (
+            "the sum over the aliases is unbounded, because nothing filters the perturbation before"
+            " the sampler"
+        )
     other = (
         "power that the perturbation moves to other frequencies"
         if model.perturbation == "operator"
@@ -254,7 +320,10 @@ def describe_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
     if found.total - found.without_aliases < _NEGLIGIBLE_SHARE * found.total:
         text = f"{other} adds less than {100 * _NEGLIGIBLE_SHARE:g} % to {rs}"
     else:
-        text = f"{found.without_aliases:.3f} of {rs} acts at that frequency, the rest comes from {other}"
+        text = (
+            f"{found.without_aliases:.3f} of {rs} acts at that frequency, the rest comes from"
+            f" {other}"
+        )
         if found.omega_source != found.omega:
             text += f", most of it from {format_hertz(found.omega_source)}"
     if found.total - found.in_band < _NEGLIGIBLE_SHARE * found.total:
@@ -266,15 +335,16 @@ def _advise_on_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
     """Explain why the aliases prevent a certificate, and advise a remedy."""
     if not found.is_bounded:
         return (
-            "the perturbation reaches the sampler unfiltered: it does not fall off above the Nyquist frequency, and "
-            "the sum of its aliases is unbounded. Use a multiplicative set, which falls off with the plant. Or roll "
-            "the weight off above Nyquist (guide on aliases), or put the anti-alias filter into the nominal"
+            "the perturbation reaches the sampler unfiltered: it does not fall off above the"
+            " Nyquist frequency, and the sum of its aliases is unbounded. Use a multiplicative set,"
+            " which falls off with the plant. Or roll the weight off above Nyquist (guide on"
+            " aliases), or put the anti-alias filter into the nominal"
         )
     if FORMS[model.form].inverse and model.perturbation != "operator" and found.F_max >= 1:
         return (
-            f"the inverse uncertainty reaches {found.F_max:.3g} above the Nyquist frequency. From one on, the set "
-            "contains plants of any gain there, and these alias. Keep the weight below one there, or use a "
-            "multiplicative form"
+            f"the inverse uncertainty reaches {found.F_max:.3g} above the Nyquist frequency. From"
+            " one on, the set contains plants of any gain there, and these alias. Keep the weight"
+            " below one there, or use a multiplicative form"
         )
     other = (
         "power that the perturbation moves to other frequencies"
@@ -287,7 +357,10 @@ def _advise_on_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
         text += f", most of it from {format_hertz(found.omega_source)}"
     helps = "Sample faster, or filter before the sampler"
     if found.in_band < 1:
-        helps += f"; the radius is assumed above the last line, {format_hertz(model.omega[-1])}: measure there"
+        helps += (
+            f"; the radius is assumed above the last line, {format_hertz(model.omega[-1])}: measure"
+            " there"
+        )
     return f"{text}. {helps}"
 
 
@@ -299,28 +372,41 @@ def describe_loop(loop: Loop) -> str:
     held = f", {' and '.join(parts)} in the plant" if parts else ""
     band = f"{format_hertz(model.omega[0])} to {format_hertz(model.omega[-1])}"
     return (
-        f"{kind}{held}; plant {loop.G.nstates} states, controller {loop.K.nstates}; {model.form} weight of order "
-        f"{model.weight.nstates}, perturbations {model.perturbation}, measured {band}"
+        f"{kind}{held}; plant {loop.G.nstates} states, controller {loop.K.nstates}; {model.form}"
+        f" weight of order {model.weight.nstates}, perturbations {model.perturbation}, measured"
+        f" {band}"
     )
 
 
 #: Texts of a report on a loop without a stable nominal loop.
-UNSTABLE_ADVICE = "Lower the gain or the bandwidth until the nominal loop is stable; the set is judged only then."
+UNSTABLE_ADVICE = (
+    "Lower the gain or the bandwidth until the nominal loop is stable; the set is judged only then."
+)
 NOTHING_PROVED = "Nothing."
 NO_MARGINS = "Everything: margins mean nothing for a loop that is not stable."
-ALIASES_NOT_PROVED = "That the weights of the sampled set cover every alias between the frequencies of a grid"
+ALIASES_NOT_PROVED = (
+    "That the weights of the sampled set cover every alias between the frequencies of a grid"
+)
 NO_MU = "Everything: mu means nothing for a loop that is not stable."
 #: Texts of a report on a plant that is known on its lines only.
-LINES_ADVICE = "Fit a nominal model (fit_nominal, uncertainty); the check can then be proved at all frequencies."
+LINES_ADVICE = (
+    "Fit a nominal model (fit_nominal, uncertainty); the check can then be proved at all"
+    " frequencies."
+)
 LINES_PROVED = "Nothing; computed on the measured lines only."
 LINES_NOT_PROVED = "Anything between and outside the measured lines."
 
 
-def explain_lines(nominal: Stability, encirclements: int, *, wanted: int, peak: float, has_set: bool) -> str:
+def explain_lines(
+    nominal: Stability, encirclements: int, *, wanted: int, peak: float, has_set: bool
+) -> str:
     """Explain a verdict that is based on the lines of an FRF; `peak` is the largest rs."""
     lines_only = "holds on the measured lines only"
     if nominal is Stability.UNSTABLE:
-        return f"unstable: on the measured lines 1 + L winds {encirclements} times about zero, stability needs {wanted}"
+        return (
+            f"unstable: on the measured lines 1 + L winds {encirclements} times about zero,"
+            f" stability needs {wanted}"
+        )
     if has_set and peak >= 1:
         return f"a plant of the set is unstable in this loop: rs = {peak:.4g}"
     if has_set:
@@ -328,7 +414,9 @@ def explain_lines(nominal: Stability, encirclements: int, *, wanted: int, peak: 
     return f"the FRF has no uncertainty, and the result {lines_only}"
 
 
-def explain_exact(loop: Loop, margins: Margins, proofs: Proofs, *, folding: RsBreakdown | None, certify: bool) -> str:
+def explain_exact(
+    loop: Loop, margins: Margins, proofs: Proofs, *, folding: RsBreakdown | None, certify: bool
+) -> str:
     """Explain the verdict on one channel with a stable nominal loop."""
     if folding is not None and folding.total >= 1:
         if folding.single_frequency < 1:
@@ -342,10 +430,14 @@ def explain_exact(loop: Loop, margins: Margins, proofs: Proofs, *, folding: RsBr
     if proofs.robustly_stable:
         reason = {
             "LTI": "every linear time-invariant perturbation of the set leaves the loop stable",
-            "operator": "every perturbation of the set, nonlinear ones included, leaves the loop stable",
+            "operator": (
+                "every perturbation of the set, nonlinear ones included, leaves the loop stable"
+            ),
             "statistical": "the loop is stable with every linear plant of the set",
         }
-        return reason[loop.model.perturbation] + (SAMPLES_ONLY if loop.dt and loop.aliases is None else "")
+        return reason[loop.model.perturbation] + (
+            SAMPLES_ONLY if loop.dt and loop.aliases is None else ""
+        )
     return _explain_open(f"rs stays below {margins.largest_rs:.4g} on the grid", proofs, certify)
 
 
@@ -360,18 +452,26 @@ def _explain_open(below: str, proofs: Proofs, certify: bool) -> str:
 VERDICT_MEANINGS = {
     Verdict.ROBUST: "this controller keeps every plant of the set stable, which is proved",
     Verdict.STATISTICALLY_ROBUST: (
-        "this controller keeps every linear plant of the set stable; for the nonlinear machine itself there is no proof"
+        "this controller keeps every linear plant of the set stable; for the nonlinear machine"
+        " itself there is no proof"
     ),
-    Verdict.NOT_ROBUST: "with this controller a plant of the set, or the nominal one, is unstable: do not use it",
-    Verdict.NOT_CERTIFIED: "stability of the machine with this controller is neither proved nor disproved",
+    Verdict.NOT_ROBUST: (
+        "with this controller a plant of the set, or the nominal one, is unstable: do not use it"
+    ),
+    Verdict.NOT_CERTIFIED: (
+        "stability of the machine with this controller is neither proved nor disproved"
+    ),
 }
-#: Meaning for a set from a radius or from plants of the user, if no class of perturbation was named.
+# : Meaning for a set from a radius or from plants of the user, if no class of perturbation was
+# named.
 WITHOUT_CONFIDENCE = (
-    "this controller keeps every linear plant of the set stable; the probability that the set contains the machine is "
-    "unknown"
+    "this controller keeps every linear plant of the set stable; the probability that the set"
+    " contains the machine is unknown"
 )
 #: Meaning if no set was given.
-PLANT_ALONE = "this controller keeps the given plant stable, which is proved; no set of plants was given"
+PLANT_ALONE = (
+    "this controller keeps the given plant stable, which is proved; no set of plants was given"
+)
 CLAIM_HINT = 'no class of perturbation is claimed; claim one by perturbation="LTI" or "operator"'
 
 
@@ -392,16 +492,27 @@ def explain_mu(
 ) -> str:
     """Explain the verdict by mu; `cut` is the result of the subdivision of the parameter box."""
     if broken <= 1:
-        return f"a perturbation of the set, {broken:.3f} times as large as allowed, makes the loop singular"
+        return (
+            f"a perturbation of the set, {broken:.3f} times as large as allowed, makes the loop"
+            " singular"
+        )
     if proofs.robustly_stable:
         samples = SAMPLES_ONLY if system.N.dt else ""
         linear = any(block.perturbation == "statistical" for block in system.blocks.values())
         with_linear = "the loop is stable with every linear plant of the set"
-        return (with_linear if linear else "every perturbation of the set leaves the loop stable") + samples
+        return (
+            with_linear if linear else "every perturbation of the set leaves the loop stable"
+        ) + samples
     if curves.peak >= 1:
-        reached = f"the upper bound of mu reaches {curves.peak:.4g} at {format_hertz(curves.omega_peak)}"
+        reached = (
+            f"the upper bound of mu reaches {curves.peak:.4g} at {format_hertz(curves.omega_peak)}"
+        )
         parts = (
-            "" if cut is None else f"; on parts of the box {cut.proved:.3g} times the set is proved, then {cut.reason}"
+            ""
+            if cut is None
+            else (
+                f"; on parts of the box {cut.proved:.3g} times the set is proved, then {cut.reason}"
+            )
         )
         return f"{reached}, but no perturbation was found that breaks the loop{parts}"
     return _explain_open(f"mu stays below {curves.peak:.4g} on the grid", proofs, certify)
@@ -416,47 +527,71 @@ def describe_meaning(verdict: Verdict, confidence: tuple[str, ...]) -> str:
 
 
 def describe_thin_margins(margins: Margins, limit: float, *, phase: float | None) -> str:
-    """Explain why a stable loop is close to instability; `phase` is the nominal phase margin [rad] for one channel."""
-    margin = "" if phase is None else f", and the nominal phase margin is {np.degrees(phase):.1f} deg"
+    """Explain why a stable loop is close to instability; `phase` is the nominal phase margin [rad]
+    for one channel.
+    """
+    margin = (
+        "" if phase is None else f", and the nominal phase margin is {np.degrees(phase):.1f} deg"
+    )
     return (
-        f"thin margins: |S| reaches {margins.S_worst:.3g} over the set, at {format_hertz(margins.omega_S_worst)}, "
-        f"above {limit:g}{margin}. Usual limits are |S| of at most {USUAL_PEAK:g} and a phase margin of at least "
-        f"{USUAL_PHASE_MARGIN:g} deg (Skogestad & Postlethwaite 2005, 2.4.3). The loop amplifies disturbances at that "
-        "frequency"
+        f"thin margins: |S| reaches {margins.S_worst:.3g} over the set, at"
+        f" {format_hertz(margins.omega_S_worst)}, above {limit:g}{margin}. Usual limits are |S| of"
+        f" at most {USUAL_PEAK:g} and a phase margin of at least {USUAL_PHASE_MARGIN:g} deg"
+        " (Skogestad & Postlethwaite 2005, 2.4.3). The loop amplifies disturbances at that"
+        " frequency"
     )
 
 
 def performance_facts(curves: ReportCurves, margins: Margins, demand: Demand | None) -> list[Fact]:
-    """Return the nominal and the worst value of the demand, and whether the whole set meets it; empty without one."""
+    """Return the nominal and the worst value of the demand, and whether the whole set meets it;
+    empty without one.
+    """
     if demand is None:
         return []
     met = f"demand {demand}" + ("" if np.isnan(margins.rs) else " for the whole set")
     if curves.S is None:
-        return [Fact("performance", Peak(1 / margins.rp, margins.omega_rp), meaning=f"max mu, allowed is 1; {met}")]
+        return [
+            Fact(
+                "performance",
+                Peak(1 / margins.rp, margins.omega_rp),
+                meaning=f"max mu, allowed is 1; {met}",
+            )
+        ]
     nominal, worst = (peak_of(curves.omega, one) for one in (curves.np_, curves.rp))
     missed = f", missed by a factor {worst.value:.3g}" if 1 < worst.value < np.inf else ""
-    return [Fact("max |w_P S|", nominal, meaning="nominal"), Fact("performance", worst, meaning=f"{met}{missed}")]
+    return [
+        Fact("max |w_P S|", nominal, meaning="nominal"),
+        Fact("performance", worst, meaning=f"{met}{missed}"),
+    ]
 
 
 def disk_margin_fact(margins: Margins) -> Fact:
     meaning = (
-        f"gain {20 * np.log10(margins.disk_gain):.2f} dB, or phase {np.degrees(margins.disk_phase):.1f} deg, or less "
-        "of both"
+        f"gain {20 * np.log10(margins.disk_gain):.2f} dB, or phase"
+        f" {np.degrees(margins.disk_phase):.1f} deg, or less of both"
     )
     return Fact("disk margin", Peak(margins.disk, margins.omega_disk), meaning=meaning)
 
 
 def worst_sensitivity_fact(margins: Margins, *, single: bool) -> Fact:
-    """Return the largest sensitivity over the set: attained for one channel, an upper bound for several channels."""
+    """Return the largest sensitivity over the set: attained for one channel, an upper bound for
+    several channels.
+    """
     largest = Peak(margins.S_worst, margins.omega_S_worst)
     if single:
-        return Fact("max |S|", largest, meaning=f"over the set; customary is at most {USUAL_PEAK:g}")
+        return Fact(
+            "max |S|", largest, meaning=f"over the set; customary is at most {USUAL_PEAK:g}"
+        )
     where = f", on {margins.S_worst_lines} frequencies" * (margins.S_worst_lines > 0)
-    return Fact("max |S|", largest, meaning=f"bound of its largest singular value over the set{where}")
+    return Fact(
+        "max |S|", largest, meaning=f"bound of its largest singular value over the set{where}"
+    )
 
 
 def describe_broken(margins: Margins) -> str:
-    """Describe the perturbation that makes the loop singular, block by block; empty if none was found."""
+    """Describe the perturbation that makes the loop singular, block by block; empty if none was
+    found.
+    """
     if not margins.worst:
         return ""
     parts = ", ".join(f"{name} {number:+.3g}" for name, number in margins.worst.items())

@@ -1,7 +1,8 @@
 """The worst plant of a set, and the smallest destabilising perturbation, as systems to simulate.
 
-The worst perturbation is a complex number or matrix at one frequency (SP 7.6.3, 8.10.3). A first-order all-pass has any
-phase at one frequency and gain one at all of them, so a plant with all-passes as perturbation lies in the set.
+The worst perturbation is a complex number or matrix at one frequency (SP 7.6.3, 8.10.3). A
+first-order all-pass has any phase at one frequency and gain one at all of them, so a plant with
+all-passes as perturbation lies in the set.
 """
 
 from __future__ import annotations
@@ -34,7 +35,12 @@ from robust.lti.grids import structure_grid
 from robust.lti.lti import response, response_by_channel, timebase
 from robust.models.sets.forms import ELEMENTS, FORMS
 from robust.models.sets.interconnection import UncertainSystem
-from robust.models.sets.model import UncertaintyModel, has_several_channels, is_within_set, require_parametric
+from robust.models.sets.model import (
+    UncertaintyModel,
+    has_several_channels,
+    is_within_set,
+    require_parametric,
+)
 from robust.models.sets.perturbations import perturbed_plant, with_phase, with_phases
 from robust.mu.both_bounds import worst_gain
 from robust.mu.perturbations import lower
@@ -53,23 +59,26 @@ class WorstCase:
     omega : (W,) ndarray
         Frequencies [rad/s].
     gain : (W,) ndarray
-        Largest |S_p| over the set (|w_P S_p| with w_P); inf if a plant of the set has a pole on the stability boundary.
-        For several channels an upper bound of the largest singular value, by the structured singular value.
+        Largest |S_p| over the set (|w_P S_p| with w_P); inf if a plant of the set has a pole on the
+        stability boundary. For several channels an upper bound of the largest singular value, by
+        the structured singular value.
     omega_worst : float
         Frequency of the largest gain, or at which a perturbation destabilises the loop [rad/s].
     plant : control.StateSpace
-        A plant of the set that attains it there. It is continuous for a continuous nominal, also under a sampled K;
-        each alias with more than 0.3 % of the sum then has its own phase (in an inverse form only the frequency
-        itself). For several channels the worst plant found, which may stay below the bound; sampled under a sampled K.
+        A plant of the set that attains it there. It is continuous for a continuous nominal, also
+        under a sampled K; each alias with more than 0.3 % of the sum then has its own phase (in an
+        inverse form only the frequency itself). For several channels the worst plant found, which
+        may stay below the bound; sampled under a sampled K.
     delta : complex, or (drives, reads) complex ndarray
-        The perturbation there. Its modulus (largest singular value) is below one if a smaller one destabilises.
+        The perturbation there. Its modulus (largest singular value) is below one if a smaller one
+        destabilises.
     achieved : float
         |S_p| (|w_P S_p|; its largest singular value) of the loop with that plant at omega_worst, recomputed.
     stable : bool
         Whether the loop with that plant is stable.
     n_lines : int
-        0 if the largest value of `gain` is proved to be the largest at all frequencies, within 0.1 %; else the number
-        of frequencies checked.
+        0 if the largest value of `gain` is proved to be the largest at all frequencies, within 0.1
+        %; else the number of frequencies checked.
 
     References
     ----------
@@ -97,7 +106,8 @@ class WorstCase:
     n_lines: int = 0
 
     def __str__(self) -> str:
-        at, size = format_hertz(self.omega_worst), float(np.linalg.norm(np.atleast_2d(self.delta), 2))
+        at = format_hertz(self.omega_worst)
+        size = float(np.linalg.norm(np.atleast_2d(self.delta), 2))
         if not self.stable:
             plant = f"a plant of the set, of {self.plant.nstates} states and |Delta| {size:.3g},"
             return f"{plant} makes the loop unstable at {at}"
@@ -106,10 +116,13 @@ class WorstCase:
         return f"largest gain over the set at most {np.max(self.gain):.4g}{where}; {plant}"
 
 
-def worst_case(model: UncertaintyModel, K: Controller, w_P: Weight | None = None, *, delay: float = 0.0) -> WorstCase:
+def worst_case(
+    model: UncertaintyModel, K: Controller, w_P: Weight | None = None, *, delay: float = 0.0
+) -> WorstCase:
     """Find the plant of the set with the largest sensitivity.
 
-    Use this to simulate the worst machine that a verdict covers: `plant` is a system, as the nominal is.
+    Use this to simulate the worst machine that a verdict covers: `plant` is a system, as the
+    nominal is.
 
     Parameters
     ----------
@@ -120,7 +133,8 @@ def worst_case(model: UncertaintyModel, K: Controller, w_P: Weight | None = None
     w_P : control.StateSpace or TransferFunction, optional
         Performance weight on S. Default: 1.
     delay : float
-        Computation delay [s]. For several channels it must be in the nominal, unless only K is sampled.
+        Computation delay [s]. For several channels it must be in the nominal, unless only K is
+        sampled.
 
     Returns
     -------
@@ -150,7 +164,10 @@ def worst_case(model: UncertaintyModel, K: Controller, w_P: Weight | None = None
     loop = assemble_loop(model, K, w_P=w_P, delay=delay)
     nominal = decide_nominal_stability(loop)
     if not nominal.stable:
-        raise ValueError(f"K must stabilise the nominal plant for a worst case to exist, got a loop that is {nominal}")
+        raise ValueError(
+            "K must stabilise the nominal plant for a worst case to exist, got a loop that is"
+            f" {nominal}"
+        )
     omega = loop.grid(model.omega)
     band = (float(model.omega[0]), float(model.omega[-1]))
     peak_b, where = loop.peak(lambda points: loop.curves(points).rs, omega, band)
@@ -158,9 +175,15 @@ def worst_case(model: UncertaintyModel, K: Controller, w_P: Weight | None = None
         where = loop.peak(lambda points: loop.curves(points).worst_performance, omega, band)[1]
     there = loop.curves(where)
     phased = _phases_of_aliases(loop, where)
-    delta = complex(-1 / there.b[0]) if peak_b >= 1 else complex(worst_perturbation(there.a, there.b)[0])
+    delta = (
+        complex(-1 / there.b[0])
+        if peak_b >= 1
+        else complex(worst_perturbation(there.a, there.b)[0])
+    )
     delta *= np.exp(1j * where * _perturbation_lead(loop, delay)) / max(1.0, abs(delta))
-    turn = FORMS[model.form].phase_offset(in_series(model.nominal, model.shaping), model.weight, where)
+    turn = FORMS[model.form].phase_offset(
+        in_series(model.nominal, model.shaping), model.weight, where
+    )
     # the perturbation is relative to the phase of the weight
     Delta = with_phase(where, delta / turn, timebase(model.nominal) or timebase(model.weight))
     if phased is not None:  # each alias with a considerable part has its own phase
@@ -171,7 +194,8 @@ def worst_case(model: UncertaintyModel, K: Controller, w_P: Weight | None = None
         model, plant
     ):  # only these forms need factors; the perturbation of the others is exact
         raise ValueError(
-            "model must have a worst plant that floating point resolves, got one outside of the set by rounding"
+            "model must have a worst plant that floating point resolves, got one outside of the set"
+            " by rounding"
         )
     seen = plant_in_loop(plant, loop, delay)
     at, omega = np.array([where]), np.unique(np.append(omega, where))
@@ -187,7 +211,8 @@ def worst_case(model: UncertaintyModel, K: Controller, w_P: Weight | None = None
         plant=plant,
         delta=delta,
         achieved=float(achieved),
-        # the perturbation was made to put a pole on the boundary; rounding must not turn that into "stable"
+        # the perturbation was made to put a pole on the boundary; rounding must not turn that into
+        # "stable"
         stable=peak_b < 1 and is_stable_with(plant, seen, loop),
         n_lines=0 if proved else omega.size,
     )
@@ -201,23 +226,26 @@ def step_response(
     duration: float | None = None,
     reference: int = 0,
 ) -> StepResponse:
-    """Simulate a step in one reference through the loop u = K (r - y), for a plant, or for a set with its worst plant.
+    """Simulate a step in one reference through the loop u = K (r - y), for a plant, or for a set
+    with its worst plant.
 
     Use this to see overshoot, rise and settling time, and the plant input that the step needs.
 
     Parameters
     ----------
     plant : control.StateSpace, TransferFunction or UncertaintyModel
-        One plant; or a set, for its nominal, with its plant of largest |S| (`worst_case`) in `worst`.
+        One plant; or a set, for its nominal, with its plant of largest |S| (`worst_case`) in
+        `worst`.
     K : control.StateSpace, TransferFunction or float
-        Controller. A sampled K acts on a continuous plant through its hold; the response is exact at the sampling
-        instants. The delay of a continuous loop is a Padé approximation of order 8.
+        Controller. A sampled K acts on a continuous plant through its hold; the response is exact
+        at the sampling instants. The delay of a continuous loop is a Padé approximation of order 8.
     delay : float
         Computation delay [s].
     duration : float, optional
         Horizon [s]. Default: until y has settled.
     reference : int
-        For several outputs: the output whose reference steps, from 0. The numbers are those of this output.
+        For several outputs: the output whose reference steps, from 0. The numbers are those of this
+        output.
 
     Returns
     -------
@@ -250,19 +278,23 @@ def step_response(
     step = step_of_plant(plant.nominal, K, delay=delay, duration=duration, reference=reference)
     if not worst.stable:
         warnings.warn(
-            f"a plant of the set makes the loop unstable, at {format_hertz(worst.omega_worst)}: the step response is "
-            "that of the nominal plant alone",
+            f"a plant of the set makes the loop unstable, at {format_hertz(worst.omega_worst)}: the"
+            " step response is that of the nominal plant alone",
             DesignWarning,
             stacklevel=2,
         )
         return step
     # a worst plant that was sampled for the controller includes the delay
     left = delay if timebase(worst.plant) == timebase(plant.nominal) else 0.0
-    return replace(step, worst=step_of_plant(worst.plant, K, delay=left, duration=duration, reference=reference))
+    return replace(
+        step,
+        worst=step_of_plant(worst.plant, K, delay=left, duration=duration, reference=reference),
+    )
 
 
 def _phases_of_aliases(loop: Loop, omega: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return frequencies and phases of the worst Delta at omega [rad/s]; None if aliases do not contribute.
+    """Return frequencies and phases of the worst Delta at omega [rad/s]; None if aliases do not
+    contribute.
 
     In an inverse form the worst plant is that of the frequency itself.
     """
@@ -273,23 +305,31 @@ def _phases_of_aliases(loop: Loop, omega: float) -> tuple[np.ndarray, np.ndarray
 
 
 def _perturbation_lead(loop: Loop, delay: float) -> float:
-    """Return the time [s] by which Delta of the plant leads Delta of `Curves`, which acts after delay and hold."""
+    """Return the time [s] by which Delta of the plant leads Delta of `Curves`, which acts after
+    delay and hold.
+    """
     lag = delay + (loop.dt / 2 if loop.continuous_plant is not None else 0.0)
     return FORMS[loop.form].delay_order * lag
 
 
-# ---- The smallest perturbation found that breaks a loop with several inputs and outputs, as a stable system.
+# ---- The smallest perturbation found that breaks a loop with several inputs and outputs, as a
+# stable system.
 #
-# At one frequency the lower bound of mu gives a matrix that makes the loop singular: an input and an output direction,
-# or one number a block. A first-order all-pass has any phase at one frequency and the same gain at all of them, so a
-# vector of all-passes carries each direction, and the perturbation is no larger at any other frequency.
+# At one frequency the lower bound of mu gives a matrix that makes the loop singular: an input and
+# an output direction, or one number a block. A first-order all-pass has any phase at one frequency
+# and the same gain at all of them, so a vector of all-passes carries each direction, and the
+# perturbation is no larger at any other frequency.
 
 _BAND_EDGE_RATIO = 1e-4  # relative to the lowest frequency, or to the distance from Nyquist
 _N_PEAKS = 3  # frequencies at which the worst perturbation is searched
 
 
-def _worst_case_matrix(model: UncertaintyModel, K: Controller, *, w_P: Weight | None, delay: float) -> WorstCase:
-    """Find the worst case for several channels: the bound by mu, and the worst perturbation found at its peaks."""
+def _worst_case_matrix(
+    model: UncertaintyModel, K: Controller, *, w_P: Weight | None, delay: float
+) -> WorstCase:
+    """Find the worst case for several channels: the bound by mu, and the worst perturbation found
+    at its peaks.
+    """
     model, _ = set_on_controller_time_base(model, K, delay)
     system = performance_loop(model, K, w_P)
     largest = set_gain(system.N, system.structure)
@@ -306,7 +346,9 @@ def _worst_case_matrix(model: UncertaintyModel, K: Controller, *, w_P: Weight | 
         peaks = np.unique(np.clip(omega[np.argsort(-gain)[:_N_PEAKS]], *_phase_band(omega, dt)))
         deltas = worst_gain(system.N, system.structure, peaks).delta
         for k, at in enumerate(peaks):
-            one = _interpolate_perturbation(deltas[:, :, k], float(at), dt, full=model.form != ELEMENTS)
+            one = _interpolate_perturbation(
+                deltas[:, :, k], float(at), dt, full=model.form != ELEMENTS
+            )
             found.append((_performance_gain(system, one, float(at)), float(at), one))
         _, where, Delta = max(found, key=lambda one: one[0])
         stable = decide_stability(upper_lft(system.N, Delta)).stable
@@ -323,8 +365,14 @@ def _worst_case_matrix(model: UncertaintyModel, K: Controller, *, w_P: Weight | 
 
 
 def _performance_gain(system: UncertainSystem, Delta: control.StateSpace, omega: float) -> float:
-    """Return the largest singular value from inputs to outputs at omega [rad/s], with a perturbation."""
-    return float(np.linalg.norm(response_by_channel(upper_lft(system.N, Delta), np.array([omega]))[:, :, 0], 2))
+    """Return the largest singular value from inputs to outputs at omega [rad/s], with a
+    perturbation.
+    """
+    return float(
+        np.linalg.norm(
+            response_by_channel(upper_lft(system.N, Delta), np.array([omega]))[:, :, 0], 2
+        )
+    )
 
 
 def _scale_system(Delta: control.StateSpace, size: float) -> control.StateSpace:
@@ -332,13 +380,19 @@ def _scale_system(Delta: control.StateSpace, size: float) -> control.StateSpace:
 
 
 def _phase_band(omega: np.ndarray, dt: float) -> tuple[float, float]:
-    """Return the frequencies [rad/s] between which an all-pass can have any phase: above zero and below Nyquist."""
-    return _BAND_EDGE_RATIO * float(omega[omega > 0].min()), np.pi / dt * (1 - _BAND_EDGE_RATIO) if dt else np.inf
+    """Return the frequencies [rad/s] between which an all-pass can have any phase: above zero and
+    below Nyquist.
+    """
+    return _BAND_EDGE_RATIO * float(omega[omega > 0].min()), (
+        np.pi / dt * (1 - _BAND_EDGE_RATIO) if dt else np.inf
+    )
 
 
 @value
 class _BreakingPerturbation:
-    """A perturbation for several channels that puts a pole of the loop on the stability boundary (SP 8.8)."""
+    """A perturbation for several channels that puts a pole of the loop on the stability boundary
+    (SP 8.8).
+    """
 
     size: float  # gain of the perturbation: it lies in the set if below one
     omega: float  # frequency at which the loop becomes singular [rad/s]
@@ -346,15 +400,20 @@ class _BreakingPerturbation:
     model: UncertaintyModel  # the set
 
     def plant(self, factor: float = 1.0) -> control.StateSpace:
-        """Return the plant with `factor` times the smallest breaking perturbation: at 0.99 stable, at 1.01 not."""
-        return self.model.perturbed(_scale_system(self.Delta, require_real("factor", factor) * self.size))
+        """Return the plant with `factor` times the smallest breaking perturbation: at 0.99 stable,
+        at 1.01 not.
+        """
+        return self.model.perturbed(
+            _scale_system(self.Delta, require_real("factor", factor) * self.size)
+        )
 
 
 def breaking_perturbation(model: UncertaintyModel, K: Controller) -> _BreakingPerturbation:
     """Find a smallest destabilising perturbation of the loop u = K (r - y) with several channels.
 
-    Use this to simulate the failure of a loop, or to test how close the margin is: `plant(0.99)` gives a plant with
-    which the loop is stable, `plant(1.01)` one with which it is not. For one channel use `worst_case`.
+    Use this to simulate the failure of a loop, or to test how close the margin is: `plant(0.99)`
+    gives a plant with which the loop is stable, `plant(1.01)` one with which it is not. For one
+    channel use `worst_case`.
 
     Parameters
     ----------
@@ -366,14 +425,14 @@ def breaking_perturbation(model: UncertaintyModel, K: Controller) -> _BreakingPe
     Returns
     -------
     BreakingPerturbation
-        `size`, the gain of the perturbation (below one it lies in the set); `omega` [rad/s], where the loop becomes
-        singular; `Delta`, the perturbation over its size; and `plant(factor)`.
+        `size`, the gain of the perturbation (below one it lies in the set); `omega` [rad/s], where
+        the loop becomes singular; `Delta`, the perturbation over its size; and `plant(factor)`.
 
     Raises
     ------
     ValueError
-        A model with one channel, a nominal loop that is not stable, a K that does not fit, a loop that no perturbation
-        breaks.
+        A model with one channel, a nominal loop that is not stable, a K that does not fit, a loop
+        that no perturbation breaks.
 
     References
     ----------
@@ -392,7 +451,10 @@ def breaking_perturbation(model: UncertaintyModel, K: Controller) -> _BreakingPe
     1.0
     """
     if not has_several_channels(model):
-        raise ValueError(f"model must have several channels, got {short_form(model)}: use worst_case for one channel")
+        raise ValueError(
+            f"model must have several channels, got {short_form(model)}: use worst_case for one"
+            " channel"
+        )
     system = model.loop(K)
     nominal = decide_stability(system.N)
     if not nominal.stable:
@@ -400,12 +462,16 @@ def breaking_perturbation(model: UncertaintyModel, K: Controller) -> _BreakingPe
     N = system.loop
     omega, mu = refine_grid(N, system.structure, omega=structure_grid(N))
     dt = timebase(N)
-    # at zero and at Nyquist N is real and an all-pass has no phase: use frequencies just beside them
+    # at zero and at Nyquist N is real and an all-pass has no phase: use frequencies just beside
+    # them
     some = np.unique(np.clip(omega[np.argsort(-mu)[:6]], *_phase_band(omega, dt)))
     found = lower(response_by_channel(N, some), system.structure, n_starts=3)
     k = int(found.value.argmax())
     if not found.value[k] > 0:
-        raise ValueError("K must respond to the plant for a perturbation to break the loop, got one that does not")
+        raise ValueError(
+            "K must respond to the plant for a perturbation to break the loop, got one that"
+            " does not"
+        )
     assert found.delta is not None  # a lower bound comes with its perturbation
     delta = found.delta[:, :, k] * found.value[k]  # gain one
     return _BreakingPerturbation(
@@ -416,8 +482,12 @@ def breaking_perturbation(model: UncertaintyModel, K: Controller) -> _BreakingPe
     )
 
 
-def _interpolate_perturbation(delta: np.ndarray, omega: float, dt: float, *, full: bool) -> control.StateSpace:
-    """Return a stable real system of gain one that equals `delta` (drives, reads) at omega: rank one, or diagonal."""
+def _interpolate_perturbation(
+    delta: np.ndarray, omega: float, dt: float, *, full: bool
+) -> control.StateSpace:
+    """Return a stable real system of gain one that equals `delta` (drives, reads) at omega: rank
+    one, or diagonal.
+    """
     if not full:
         return _all_passes(np.diag(delta), omega, dt)
     U, sizes, Vh = np.linalg.svd(delta)

@@ -1,7 +1,7 @@
 """Machines of a nominal model of an axis, damped and undamped.
 
-The damping of such a fit contains that of the friction at its level. A proof must not rely on it. So the same model
-with its poles and zeros moved onto the imaginary axis is a second machine.
+The damping of such a fit contains that of the friction at its level. A proof must not rely on it.
+So the same model with its poles and zeros moved onto the imaginary axis is a second machine.
 """
 
 from __future__ import annotations
@@ -18,15 +18,17 @@ from robust.lti.lti import poles, response, zeros
 from robust.lti.realisation import from_roots, state_space
 from robust.lti.sampling import without_pade
 
-#: A pair of roots closer to the real axis than this, relative to the largest root, does not oscillate.
+# : A pair of roots closer to the real axis than this, relative to the largest root, does not
+# oscillate.
 _OSCILLATORY_TOLERANCE = 1e-9
 
 
 def machines_of_nominal(nominal: object) -> tuple[tuple[FrictionPlant, ...], str]:
-    """Return (machines, description): the nominal as a machine without and with its damping, each with its delay.
+    """Return (machines, description): the nominal as a machine without and with its damping, each
+    with its delay.
 
-    `nominal` is a fit or a model from force to position with at least two poles more than zeros, or a `friction_plant`
-    with one friction port, which is used as it is.
+    `nominal` is a fit or a model from force to position with at least two poles more than zeros, or
+    a `friction_plant` with one friction port, which is used as it is.
     """
     G = getattr(nominal, "G", nominal)
     if isinstance(G, FrictionPlant):
@@ -35,24 +37,35 @@ def machines_of_nominal(nominal: object) -> tuple[tuple[FrictionPlant, ...], str
     G, approximated = without_pade(state_space("nominal", G))
     delay = approximated + float(getattr(nominal, "delay", 0.0))
     description = f"a nominal of order {G.nstates}, {_describe_modal_damping(G)}"
-    return tuple(replace(machine, delay=delay) for machine in (undamped(G), friction_plant(G))), description
+    return tuple(
+        replace(machine, delay=delay) for machine in (undamped(G), friction_plant(G))
+    ), description
 
 
-def error_of_nominal(nominal: Any, omega: np.ndarray) -> np.ndarray:  # a fit comes from above this package
-    """Return (W,) the standard deviation of a fitted nominal relative to its response; zero for a model that was given.
+def error_of_nominal(
+    nominal: Any, omega: np.ndarray
+) -> np.ndarray:  # a fit comes from above this package
+    """Return (W,) the standard deviation of a fitted nominal relative to its response; zero for a
+    model that was given.
 
-    The lines scatter, and a fit of p real parameters to n lines inherits p/(2 n) of their variance on average.
+    The lines scatter, and a fit of p real parameters to n lines inherits p/(2 n) of their variance
+    on average.
     """
     if np.isnan(getattr(nominal, "std", np.nan)).any():
         return np.zeros(omega.size)
     order = np.argsort(nominal.omega)
     relative = (nominal.std / np.abs(nominal.response))[order]
-    taken = nominal.n_parameters / (2 * nominal.omega.size) * max(1.0, nominal.cost / nominal.expected_cost)
+    taken = (
+        nominal.n_parameters
+        / (2 * nominal.omega.size)
+        * max(1.0, nominal.cost / nominal.expected_cost)
+    )
     return np.asarray(np.sqrt(taken) * np.interp(omega, nominal.omega[order], relative))
 
 
 def undamped(G: control.StateSpace) -> FrictionPlant:
-    """Return the machine without damping: each s^2 + d s + k of its poles and zeros loses its d, the mass is kept.
+    """Return the machine without damping: each s^2 + d s + k of its poles and zeros loses its d,
+    the mass is kept.
 
     >>> machine = undamped(control.ss(control.tf([1], [1, 4, 80e3])))
     >>> bool(abs(np.linalg.eigvals(machine.A).real).max() < 1e-9), round(machine.resonance, 3)
@@ -65,28 +78,38 @@ def undamped(G: control.StateSpace) -> FrictionPlant:
     gain = response(G, np.array([omega]))[0] * np.prod(far - poles(G)) / np.prod(far - zeros(G))
     machine = friction_plant(from_roots(z, p, float(np.real(gain)), 0.0))
     return FrictionPlant(
-        **{name: getattr(machine, name) for name in ("A", "B_force", "B_port", "C_measured", "C_port")},
+        **{
+            name: getattr(machine, name)
+            for name in ("A", "B_force", "B_port", "C_measured", "C_port")
+        },
         description=f"{machine.description} without damping",
         delay=delay,
     )
 
 
 def _undamped_roots(roots: np.ndarray) -> np.ndarray:
-    """Return the roots without damping, small to large: oscillatory pairs on the imaginary axis, real roots in pairs.
+    """Return the roots without damping, small to large: oscillatory pairs on the imaginary axis,
+    real roots in pairs.
 
-    Two real roots are a mode with so much damping that it does not oscillate, such as a free mass whose friction
-    slides. An odd real root stays as it is: it is that of an amplifier.
+    Two real roots are a mode with so much damping that it does not oscillate, such as a free mass
+    whose friction slides. An odd real root stays as it is: it is that of an amplifier.
     """
     swings = np.abs(roots.imag) > _OSCILLATORY_TOLERANCE * np.abs(roots).max(initial=0.0)
     real = np.sort(roots[~swings].real)[::-1]
     real = real[np.argsort(np.abs(real), kind="stable")]
-    pairs = [sign * np.sqrt(complex(-p * q)) for p, q in zip(real[:-1:2], real[1::2], strict=True) for sign in (1, -1)]
+    pairs = [
+        sign * np.sqrt(complex(-p * q))
+        for p, q in zip(real[:-1:2], real[1::2], strict=True)
+        for sign in (1, -1)
+    ]
     left = real[-1:] if real.size % 2 else real[:0]
     return np.concatenate([1j * np.sign(roots[swings].imag) * np.abs(roots[swings]), pairs, left])
 
 
 def _describe_modal_damping(G: control.StateSpace) -> str:
-    """Describe the damping of the modes, which contains that of the friction at the level of the fit."""
+    """Describe the damping of the modes, which contains that of the friction at the level of the
+    fit.
+    """
     found = poles(G)
     found = found[found.imag > _OSCILLATORY_TOLERANCE * np.abs(found).max()]
     if not found.size:

@@ -40,7 +40,8 @@ class FrictionPlant:
     description : str
         Text for people.
     delay : float
-        Delay from the command to the force, or from the position to its sample [s]. Every loop with this plant has it.
+        Delay from the command to the force, or from the position to its sample [s]. Every loop with
+        this plant has it.
     position_unit : str
         "m", or "rad" for a machine that turns, with Nm for N.
     port_names : tuple of str
@@ -78,12 +79,15 @@ class FrictionPlant:
 
     @property
     def velocity(self) -> np.ndarray:
-        """(n,) or (P, n) row of the velocity at the friction port: x' = velocity @ p for any forces."""
+        """(n,) or (P, n) row of the velocity at the friction port: x' = velocity @ p for any
+        forces.
+        """
         return self.C_port @ self.A
 
     @property
     def resonance(self) -> float:
-        """Frequency of the oscillatory mode that moves the friction port most [rad/s]; zero if no mode oscillates.
+        """Frequency of the oscillatory mode that moves the friction port most [rad/s]; zero if no
+        mode oscillates.
 
         >>> friction_plant(12.0, 0.0, 20.0).resonance, round(friction_plant(1.0, 100.0, 2.0).resonance, 9)
         (0.0, 10.0)
@@ -93,11 +97,15 @@ class FrictionPlant:
             enters = np.linalg.solve(modes, self.B_port.reshape(poles.size, -1).astype(complex))
         except np.linalg.LinAlgError:
             return 0.0
-        residues = np.abs(np.atleast_2d(self.velocity) @ modes).max(axis=0) * np.abs(enters).max(axis=1)
-        # the pole -c/m of a free mass with viscous friction is no resonance: with filters placed by it, loops were not
-        # proved that are proved without that friction
+        residues = np.abs(np.atleast_2d(self.velocity) @ modes).max(axis=0) * np.abs(enters).max(
+            axis=1
+        )
+        # the pole -c/m of a free mass with viscous friction is no resonance: with filters placed by
+        # it, loops were not proved that are proved without that friction
         size = np.where(np.abs(poles.imag) > ROUNDING * np.abs(poles).max(initial=0), residues, 0)
-        return float(np.abs(poles[np.argmax(size)])) if np.isfinite(size).all() and size.any() else 0.0
+        return (
+            float(np.abs(poles[np.argmax(size)])) if np.isfinite(size).all() and size.any() else 0.0
+        )
 
 
 def friction_plant(
@@ -110,22 +118,24 @@ def friction_plant(
 ) -> FrictionPlant:
     """Return a machine without its friction, from mass, stiffness and damping or from a model.
 
-    Use this before `prove_friction`, for a machine with friction at one place. `two_mass_plant` has two places.
+    Use this before `prove_friction`, for a machine with friction at one place. `two_mass_plant` has
+    two places.
 
     Parameters
     ----------
     mass : float or control.StateSpace
-        Mass [kg]; or a continuous model from force [N] to position [m], with the friction where the force acts; or,
-        with `port`, a model with several inputs and outputs. A Padé approximation in a model without `port` is replaced
-        by the exact delay: no machine has the right half-plane zeros of the approximation, and no
-        proof is found for them.
+        Mass [kg]; or a continuous model from force [N] to position [m], with the friction where the
+        force acts; or, with `port`, a model with several inputs and outputs. A Padé approximation
+        in a model without `port` is replaced by the exact delay: no machine has the right
+        half-plane zeros of the approximation, and no proof is found for them.
     stiffness : float, optional
         Stiffness of the spring to ground [N/m]; zero for a free mass. Not given with a model.
     damping : float
         Viscous damping [Ns/m].
     port : bool, optional
-        True if the friction acts elsewhere than the force, or at several places. The model then has the inputs
-        (force, force at each friction port) and the outputs (measured position, displacement at each friction port).
+        True if the friction acts elsewhere than the force, or at several places. The model then has
+        the inputs (force, force at each friction port) and the outputs (measured position,
+        displacement at each friction port).
     position_unit : str
         "m", or "rad" for a machine that turns, with kg m^2, Nm/rad and Nm s/rad.
 
@@ -136,9 +146,9 @@ def friction_plant(
     Raises
     ------
     ValueError
-        A model that is sampled, not strictly proper, or without a velocity at its friction port (a fit needs at least
-        two poles more than zeros); a model that a force accelerates backwards, so that its friction would push; a mass
-        that is not positive.
+        A model that is sampled, not strictly proper, or without a velocity at its friction port (a
+        fit needs at least two poles more than zeros); a model that a force accelerates backwards,
+        so that its friction would push; a mass that is not positive.
 
     References
     ----------
@@ -155,16 +165,21 @@ def friction_plant(
             raise ValueError("stiffness must be left out with a model, which has its own, got one")
         return _plant_from_model(mass, bool(port), position_unit)
     if port:
-        raise ValueError(f"port must be left out with a mass, whose friction acts where the force acts, got {port}")
+        raise ValueError(
+            "port must be left out with a mass, whose friction acts where the force acts, got"
+            f" {port}"
+        )
     mass = require_positive("mass", mass)
     if stiffness is None:
         raise ValueError("stiffness must be given with a mass [N/m], zero for a free one, got none")
-    stiffness, damping = require_nonnegative("stiffness", stiffness), require_nonnegative("damping", damping)
+    stiffness = require_nonnegative("stiffness", stiffness)
+    damping = require_nonnegative("damping", damping)
     units = mechanical_units(position_unit)
     push, place = np.array([0.0, 1 / mass]), np.array([1.0, 0.0])
     A = np.array([[0.0, 1.0], [-stiffness / mass, -damping / mass]])
     description = (
-        f"m = {mass:.4g} {units.mass}, k = {stiffness / 1e3:.4g} {units.stiffness}, c = {damping:.3g} {units.damping}"
+        f"m = {mass:.4g} {units.mass}, k = {stiffness / 1e3:.4g} {units.stiffness}, c ="
+        f" {damping:.3g} {units.damping}"
     )
     return FrictionPlant(
         A=A,
@@ -218,7 +233,8 @@ def two_mass_plant(
 
     References
     ----------
-    G. Ellis, *Control System Design Guide*, 4th ed., Butterworth-Heinemann, 2012, chapter 16: two masses and a spring.
+    G. Ellis, *Control System Design Guide*, 4th ed., Butterworth-Heinemann, 2012, chapter 16: two
+    masses and a spring.
 
     Examples
     --------
@@ -247,13 +263,20 @@ def two_mass_plant(
         A=A,
         B_force=into[:, 0],
         B_port=into,
-        C_measured=places[("motor", "load").index(require_choice("encoder", encoder, ("motor", "load")))],
+        C_measured=places[
+            ("motor", "load").index(require_choice("encoder", encoder, ("motor", "load")))
+        ],
         C_port=places,
         description=(
-            f"motor {motor:.4g} {units.mass} and load {load:.4g} {units.mass} with "
-            f"{format_plain(k / 1e3)} {units.stiffness} and {format_plain(c)} {units.damping} between them"
+            f"motor {motor:.4g} {units.mass} and load {load:.4g} {units.mass} with"
+            f" {format_plain(k / 1e3)} {units.stiffness} and {format_plain(c)} {units.damping}"
+            " between them"
             + (f", {ground / 1e3:.4g} {units.stiffness} to ground" if ground else "")
-            + "".join(f", c = {own:.3g} {units.damping} at the {place}" for place, own in viscous.items() if own)
+            + "".join(
+                f", c = {own:.3g} {units.damping} at the {place}"
+                for place, own in viscous.items()
+                if own
+            )
             + f", encoder on the {encoder}"
         ),
         position_unit=position_unit,
@@ -262,45 +285,65 @@ def two_mass_plant(
 
 
 def _plant_from_model(model: LinearSystem, port: bool, position_unit: str) -> FrictionPlant:
-    """Return the plant of a model from force to position, or from and to the friction ports too if `port` is true."""
+    """Return the plant of a model from force to position, or from and to the friction ports too if
+    `port` is true.
+    """
     units = mechanical_units(position_unit)
     G = multivariable("mass", model)
     wanted = max(2, G.ninputs) if port else 1
     if (G.ninputs, G.noutputs) != (wanted, wanted):
-        hint = "(force, port force) to (measured, port displacement)" if port else "force to position"
-        raise ValueError(f"mass must be a model from {hint}, got {G.ninputs} inputs and {G.noutputs} outputs")
+        hint = (
+            "(force, port force) to (measured, port displacement)" if port else "force to position"
+        )
+        raise ValueError(
+            f"mass must be a model from {hint}, got {G.ninputs} inputs and {G.noutputs} outputs"
+        )
     if not G.nstates:
-        raise ValueError("mass must be a model that moves, from force to position, got a gain without states")
+        raise ValueError(
+            "mass must be a model that moves, from force to position, got a gain without states"
+        )
     if timebase(G):
-        raise ValueError(f"mass must be a continuous model, got one sampled at dt = {G.dt:g} s. Fit it with dt=0")
+        raise ValueError(
+            f"mass must be a continuous model, got one sampled at dt = {G.dt:g} s. Fit it with dt=0"
+        )
     delay = 0.0
     if wanted == 1:
         G, delay = without_pade(G)
     if np.any(G.D != 0):
         raise ValueError(
-            "mass must be a strictly proper model, got a direct term. Fit it with two poles more than zeros"
+            "mass must be a strictly proper model, got a direct term. Fit it with two poles more"
+            " than zeros"
         )
     B, C = np.asarray(G.B, float), np.asarray(G.C, float)
     places = C[1:] if port else C
     size = np.linalg.norm(places, axis=1)[:, np.newaxis] * np.linalg.norm(B, axis=0)
     if np.any(np.abs(places @ B) > ROUNDING * size):
         raise ValueError(
-            "mass must have a velocity at its friction port (C B = 0 there), got one that jumps by "
-            f"{np.abs(places @ B).max():.3g} {units.velocity} per {units.force} of force. Fit it with at "
-            "least two poles more than zeros"
+            "mass must have a velocity at its friction port (C B = 0 there), got one that jumps by"
+            f" {np.abs(places @ B).max():.3g} {units.velocity} per {units.force} of force. Fit it"
+            " with at least two poles more than zeros"
         )
     ports = B[:, 1:] if port else B
-    push = np.diag(places @ G.A @ ports)  # acceleration of each port by a force at it, the inverse of a mass
-    if np.any(push < -ROUNDING * np.linalg.norm(places @ G.A, axis=1) * np.linalg.norm(ports, axis=0)):
+    push = np.diag(
+        places @ G.A @ ports
+    )  # acceleration of each port by a force at it, the inverse of a mass
+    if np.any(
+        push < -ROUNDING * np.linalg.norm(places @ G.A, axis=1) * np.linalg.norm(ports, axis=0)
+    ):
         raise ValueError(
-            f"mass must be a model that a force accelerates in its own direction at the friction port, got "
-            f"{push.min():.3g} {units.velocity} per second and {units.force}: its friction would push. "
-            "Change the sign of the model, and of K with it: force and position are counted in one direction"
+            "mass must be a model that a force accelerates in its own direction at the friction"
+            f" port, got {push.min():.3g} {units.velocity} per second and {units.force}: its"
+            " friction would push. Change the sign of the model, and of K with it: force and"
+            " position are counted in one direction"
         )
     several = wanted > 2
     description = f"model of order {G.nstates}"
     if port:
-        description += f", friction at {wanted - 1} ports" if several else ", friction at another port than the force"
+        description += (
+            f", friction at {wanted - 1} ports"
+            if several
+            else ", friction at another port than the force"
+        )
     return FrictionPlant(
         A=np.asarray(G.A, float),
         B_force=B[:, 0],
@@ -316,7 +359,8 @@ def _plant_from_model(model: LinearSystem, port: bool, position_unit: str) -> Fr
 def require_one_port(machine: FrictionPlant) -> None:
     if machine.n_ports > 1:
         raise ValueError(
-            f"machine must have one friction port, got {machine.n_ports}: only prove_friction takes several"
+            f"machine must have one friction port, got {machine.n_ports}: only prove_friction takes"
+            " several"
         )
 
 
@@ -325,8 +369,11 @@ def separate_delay(machine: FrictionPlant, delay: float) -> tuple[FrictionPlant,
     return replace(machine, delay=0.0), require_nonnegative("delay", delay) + machine.delay
 
 
-def with_port_impedance(machine: FrictionPlant, stiffness: float, mass: float = 0.0) -> FrictionPlant:
-    """Return the machine with an additional spring [N/m] and mass [kg] at its friction port; either may be negative.
+def with_port_impedance(
+    machine: FrictionPlant, stiffness: float, mass: float = 0.0
+) -> FrictionPlant:
+    """Return the machine with an additional spring [N/m] and mass [kg] at its friction port; either
+    may be negative.
 
     >>> machine = with_port_impedance(friction_plant(1.0, 80e3), -30e3, 0.25)
     >>> round(machine.resonance**2 * 1.25)
@@ -334,7 +381,9 @@ def with_port_impedance(machine: FrictionPlant, stiffness: float, mass: float = 
     """
     require_one_port(machine)
     accelerated = float(machine.velocity @ machine.B_port)
-    share = mass / (1 + mass * accelerated)  # of the acceleration of the machine without the additional mass
+    share = mass / (
+        1 + mass * accelerated
+    )  # of the acceleration of the machine without the additional mass
     A = machine.A - stiffness * np.outer(machine.B_port, machine.C_port)
     taken = share * np.outer(machine.B_port, machine.velocity)
     return replace(
@@ -345,10 +394,12 @@ def with_port_impedance(machine: FrictionPlant, stiffness: float, mass: float = 
     )
 
 
-# ---- The sliding loop between its samples and at them: linear flows, and the jumps of the controller.
+# ---- The sliding loop between its samples and at them: linear flows, and the jumps of the
+# controller.
 #
-# Flow xi' = F xi + B f over a span, with the jump xi+ = J xi before it. The state xi contains the machine, the held
-# force, the forces that wait for the delay, and the controller. Nothing is cancelled: the controller is used as given.
+# Flow xi' = F xi + B f over a span, with the jump xi+ = J xi before it. The state xi contains the
+# machine, the held force, the forces that wait for the delay, and the controller. Nothing is
+# cancelled: the controller is used as given.
 
 _EPS = np.finfo(float).eps
 _LONGEST_DELAY = 20  # samples
@@ -358,7 +409,8 @@ _LONGEST_DELAY = 20  # samples
 class FrictionLoop:
     """A loop around a machine without friction, and the input of a friction f at its port."""
 
-    F: np.ndarray  # (n, n) dynamics between the samples; those of the whole loop if the controller is continuous
+    # (n, n) dynamics between the samples; those of the whole loop if the controller is continuous
+    F: np.ndarray
     # (n,) or (n, P) input of the friction: xi' = F xi + B f; one column for each port
     B: np.ndarray
     # x, v: (n,) or (P, n) displacement and velocity at the friction port; one row for each port
@@ -384,12 +436,20 @@ class FrictionLoop:
         """(P, n) velocity at each port."""
         return np.atleast_2d(self.v)
 
-    def period(self, kappa: float | np.ndarray = 0.0, damper: float | np.ndarray = 0.0) -> np.ndarray:
-        """(n, n) state transition over one sample, from just before the jump, with springs and dampers at the ports.
+    def period(
+        self, kappa: float | np.ndarray = 0.0, damper: float | np.ndarray = 0.0
+    ) -> np.ndarray:
+        """(n, n) state transition over one sample, from just before the jump, with springs and
+        dampers at the ports.
 
-        It is F for a continuous controller. kappa : stiffness [N/m], one for all ports or one for each.
+        It is F for a continuous controller. kappa : stiffness [N/m], one for all ports or one for
+        each.
         """
-        F = self.F + self.columns * kappa @ self.displacements + self.columns * damper @ self.velocities
+        F = (
+            self.F
+            + self.columns * kappa @ self.displacements
+            + self.columns * damper @ self.velocities
+        )
         if not self.T:
             return F
         total = np.eye(F.shape[0])
@@ -397,8 +457,12 @@ class FrictionLoop:
             total = expm(span * F) @ jump @ total
         return total
 
-    def poles(self, kappa: float | np.ndarray = 0.0, damper: float | np.ndarray = 0.0) -> np.ndarray:
-        """Poles of the loop with a spring and a damper at its port; of one period for a sampled controller."""
+    def poles(
+        self, kappa: float | np.ndarray = 0.0, damper: float | np.ndarray = 0.0
+    ) -> np.ndarray:
+        """Poles of the loop with a spring and a damper at its port; of one period for a sampled
+        controller.
+        """
         return np.linalg.eigvals(self.period(kappa, damper))
 
     def growth(self, kappa: float | np.ndarray = 0.0, damper: float | np.ndarray = 0.0) -> float:
@@ -419,7 +483,9 @@ class FrictionLoop:
         there = inverse @ wanted
         for _ in range(2):
             there += inverse @ (wanted - conditions @ there)
-        left = np.abs(conditions @ there - wanted) + own.shape[0] * _EPS * (np.abs(conditions) @ np.abs(there))
+        left = np.abs(conditions @ there - wanted) + own.shape[0] * _EPS * (
+            np.abs(conditions) @ np.abs(there)
+        )
         return there, 2 * np.abs(inverse) @ left
 
 
@@ -438,13 +504,17 @@ def friction_loop(machine: FrictionPlant, K: Controller, delay: float = 0.0) -> 
     T = timebase(K)
     if not T:
         if delay:
-            raise ValueError(f"delay must be 0 s with a continuous controller, got {delay:g} s. Sample it first")
+            raise ValueError(
+                f"delay must be 0 s with a continuous controller, got {delay:g} s. Sample it first"
+            )
         return _continuous_loop(machine, K)
     whole = int(np.floor(delay / T + 1e-9))
     part = max(0.0, delay - whole * T)
     part = 0.0 if part < 1e-9 * T else part
     if whole > _LONGEST_DELAY:
-        raise ValueError(f"delay must be at most {_LONGEST_DELAY} samples of {T:g} s, got {delay:g} s")
+        raise ValueError(
+            f"delay must be at most {_LONGEST_DELAY} samples of {T:g} s, got {delay:g} s"
+        )
     n, s, waiting = machine.A.shape[0], K.nstates, whole + (part > 0)
     size = n + 1 + waiting + s
     held, queue, own = n, slice(n + 1, n + 1 + waiting), slice(n + 1 + waiting, size)
@@ -456,7 +526,9 @@ def friction_loop(machine: FrictionPlant, K: Controller, delay: float = 0.0) -> 
     jump = np.eye(size)
     jump[own, own] = K.A
     jump[own, :n] = -np.outer(K.B[:, 0], machine.C_measured) if s else 0.0
-    line = np.vstack([command, np.eye(size)[queue]])  # the new force, then those that wait, oldest last
+    line = np.vstack(
+        [command, np.eye(size)[queue]]
+    )  # the new force, then those that wait, oldest last
     jump[queue] = line[:waiting]
     jumps, spans = [jump], [T]
     if part:
@@ -498,26 +570,34 @@ def _continuous_loop(machine: FrictionPlant, K: control.StateSpace) -> FrictionL
 
 
 def pad_states(part: np.ndarray, size: int) -> np.ndarray:
-    """Pad a row or rows (..., n) over the states of the machine with zeros to the states of the loop."""
+    """Pad a row or rows (..., n) over the states of the machine with zeros to the states of the
+    loop.
+    """
     return np.concatenate([part, np.zeros((*part.shape[:-1], size - part.shape[-1]))], axis=-1)
 
 
-# ---- Two consequences of |f| <= Fs: a state from which the motion diverges, and the farthest that the loop can hunt.
+# ---- Two consequences of |f| <= Fs: a state from which the motion diverges, and the farthest that
+# the loop can hunt.
 #
-# An unstable part of a sliding loop grows by lambda a sample, w' Phi J = lambda w'. |f| <= Fs reduces it at most by the
-# value of a support function; beyond that value the motion diverges with every such friction. A stable loop keeps the
-# position within Fs times the integral of the absolute kernel from friction to position.
+# An unstable part of a sliding loop grows by lambda a sample, w' Phi J = lambda w'. |f| <= Fs
+# reduces it at most by the value of a support function; beyond that value the motion diverges with
+# every such friction. A stable loop keeps the position within Fs times the integral of the absolute
+# kernel from friction to position.
 #
-# Every integral is bounded from above: over a piece of length h, int |g| <= sqrt(h int g^2) (Cauchy and Schwarz), and a
-# matrix exponential gives the quadratic form int g^2 exactly, however often g changes its sign. The rest of a series is
-# bounded by a Lyapunov function. Cutting into pieces only makes the bound tight.
+# Every integral is bounded from above: over a piece of length h, int |g| <= sqrt(h int g^2) (Cauchy
+# and Schwarz), and a matrix exponential gives the quadratic form int g^2 exactly, however often g
+# changes its sign. The rest of a series is bounded by a Lyapunov function. Cutting into pieces only
+# makes the bound tight.
 
 _PIECES_PER_CYCLE = 32  # of a sampling period, or of half a swing of the fastest mode
 _MAX_PIECES = 4096  # of a period
 _MAX_PERIODS = 200_000
 _MAX_OPERATIONS = 1e10  # multiplications
-_MERGED_PER_CYCLE = 128  # pieces of whole periods in half a swing of the fastest mode that lasts: 0.02 % of the bound
-_N_FINE_PERIODS = 64  # after these periods the modes that are fast relative to the clock have died out
+# pieces of whole periods in half a swing of the fastest mode that lasts: 0.02 % of the bound
+_MERGED_PER_CYCLE = 128
+_N_FINE_PERIODS = (
+    64  # after these periods the modes that are fast relative to the clock have died out
+)
 _TAIL_SHARE = 1e-4
 _ROUNDED_UP = 1 + 1e-6  # outward
 _CIRCLE_MARGIN = 1e-9  # rounding may put a pole closer to the unit circle on either side
@@ -528,17 +608,22 @@ class _PeriodPieces:
     """One period of a loop, cut into pieces."""
 
     map: np.ndarray  # (n, n) state transition over the period
-    # (n, P n) effect of the friction of each piece on the state at the end of the period, n columns a piece. For any
-    # row r, int |r g| over piece p is at most the norm of (r kernel) in its columns.
+    # (n, P n) effect of the friction of each piece on the state at the end of the period, n columns
+    # a piece. For any row r, int |r g| over piece p is at most the norm of (r kernel) in its
+    # columns.
     kernel: np.ndarray
-    # (3, R, n) rows that give position, acceleration and velocity at the ends of the pieces from the state at the start
+    # (3, R, n) rows that give position, acceleration and velocity at the ends of the pieces from
+    # the state at the start
     reads: np.ndarray
-    within: np.ndarray  # (3, R) upper bound of their change by 1 N in the pieces of the period up to each end
+    within: (
+        np.ndarray
+    )  # (3, R) upper bound of their change by 1 N in the pieces of the period up to each end
     lengths: np.ndarray  # (P,) lengths of the pieces [s]
 
 
 def divergence_velocity(loop: FrictionLoop, direction: np.ndarray, Fs: float) -> float:
-    """Return the smallest multiple of the state `direction` from which the motion diverges with every |f| <= Fs.
+    """Return the smallest multiple of the state `direction` from which the motion diverges with
+    every |f| <= Fs.
 
     It is inf if there is none, and if the computation would take too many pieces.
     """
@@ -561,10 +646,17 @@ def divergence_velocity(loop: FrictionLoop, direction: np.ndarray, Fs: float) ->
 
 
 def _support_function(turn: np.ndarray, pole: complex, parts: np.ndarray) -> np.ndarray:
-    """Return an upper bound (P,) of the sum over samples k and pieces of |Re(turn pole^-k parts)|, with its tail."""
+    """Return an upper bound (P,) of the sum over samples k and pieces of |Re(turn pole^-k parts)|,
+    with its tail.
+    """
     total = np.zeros(turn.size)
     affordable = _MAX_OPERATIONS / (40 * turn.size * parts.size)
-    periods = int(max(1, min(_MAX_PERIODS, affordable, np.ceil(np.log(1 / _TAIL_SHARE) / np.log(np.abs(pole))))))
+    periods = int(
+        max(
+            1,
+            min(_MAX_PERIODS, affordable, np.ceil(np.log(1 / _TAIL_SHARE) / np.log(np.abs(pole)))),
+        )
+    )
     at_once = max(1, int(4e6 / (turn.size * parts.size)))
     for first in range(0, periods, at_once):
         powers = complex(pole) ** -np.arange(first, min(first + at_once, periods), dtype=float)
@@ -575,9 +667,11 @@ def _support_function(turn: np.ndarray, pole: complex, parts: np.ndarray) -> np.
 
 
 def steady_error_bound(loop: FrictionLoop) -> float:
-    """Return an upper bound of the distance from rest [m/N] that a friction of at most 1 N can sustain: the peak gain.
+    """Return an upper bound of the distance from rest [m/N] that a friction of at most 1 N can
+    sustain: the peak gain.
 
-    It is inf if the loop is not stable by more than its rounding, or if it would take too many pieces or periods.
+    It is inf if the loop is not stable by more than its rounding, or if it would take too many
+    pieces or periods.
     """
     cut = _cut_period(loop)
     if cut is None:
@@ -587,18 +681,22 @@ def steady_error_bound(loop: FrictionLoop) -> float:
         return float(positions.max() * _ROUNDED_UP)
     if not np.isfinite(positions).all():
         return np.inf
-    # between two ends of pieces the position leaves its chord by at most h^2/8 times the largest acceleration, which is
-    # bounded by twice the largest one at the ends
+    # between two ends of pieces the position leaves its chord by at most h^2/8 times the largest
+    # acceleration, which is bounded by twice the largest one at the ends
     bend = 2 * (_absolute_kernel_integral(cut, 1).max() + np.abs(loop.v @ loop.B))
     step, at_once = cut.lengths.max(), np.abs(loop.x @ loop.B)
     away = step**2 / 8 * bend
-    if at_once > ROUNDING * np.linalg.norm(loop.x) * np.linalg.norm(loop.B):  # the velocity jumps with the friction
+    if at_once > ROUNDING * np.linalg.norm(loop.x) * np.linalg.norm(
+        loop.B
+    ):  # the velocity jumps with the friction
         away = step / 2 * (_absolute_kernel_integral(cut, 2).max() + step * bend + at_once)
     return float((positions.max() + away) * _ROUNDED_UP)
 
 
 def _absolute_kernel_integral(cut: _PeriodPieces, what: int) -> np.ndarray:
-    """Return an upper bound (R,) of the integral of |kernel| from the past friction to each of `cut.reads[what]`."""
+    """Return an upper bound (R,) of the integral of |kernel| from the past friction to each of
+    `cut.reads[what]`.
+    """
     rows, total = cut.reads[what], cut.within[what]
     norm = _lyapunov_norm(cut.map)
     if norm is None:
@@ -614,11 +712,18 @@ def _absolute_kernel_integral(cut: _PeriodPieces, what: int) -> np.ndarray:
         start = np.linalg.matrix_power(cut.map, _N_FINE_PERIODS) @ kernel
         stages = [
             (1, cut.map, cut.kernel, _N_FINE_PERIODS),
-            (count, np.linalg.matrix_power(cut.map, count), start, (affordable - _N_FINE_PERIODS) // count),
+            (
+                count,
+                np.linalg.matrix_power(cut.map, count),
+                start,
+                (affordable - _N_FINE_PERIODS) // count,
+            ),
         ]
     for count, step, state, n_steps in stages:
         for k in range(n_steps):
-            if k % 8 == 0:  # the rest: |r Phi^k x| <= |r| rate^k |x| in the norm in which the map contracts
+            if (
+                k % 8 == 0
+            ):  # the rest: |r Phi^k x| <= |r| rate^k |x| in the norm in which the map contracts
                 left = np.linalg.norm((factor @ state).reshape(n, -1, n), axis=(0, 2)).sum()
                 rest = weight * left / (1 - rate**count)
                 if (rest <= _TAIL_SHARE * total.max()).all():
@@ -629,9 +734,11 @@ def _absolute_kernel_integral(cut: _PeriodPieces, what: int) -> np.ndarray:
 
 
 def _merge_periods(cut: _PeriodPieces) -> tuple[int, np.ndarray] | None:
-    """Return a number of periods that is cut into pieces of whole periods, and the effect of the friction in each.
+    """Return a number of periods that is cut into pieces of whole periods, and the effect of the
+    friction in each.
 
-    This is for modes that are slow relative to the clock, after the fast ones have died out. None if one is not slow.
+    This is for modes that are slow relative to the clock, after the fast ones have died out. None
+    if one is not slow.
     """
     poles = np.linalg.eigvals(cut.map)
     lasting = poles[np.abs(poles) ** _N_FINE_PERIODS > _TAIL_SHARE]
@@ -665,7 +772,10 @@ def _kernel_norms(rows: np.ndarray, kernel: np.ndarray) -> np.ndarray:
 
 
 def _lyapunov_norm(period: np.ndarray) -> tuple[np.ndarray, np.ndarray, float] | None:
-    """Return a norm |L x| in which a stable map contracts: L, its inverse, the rate below one; else None."""
+    """Return a norm |L x| in which a stable map contracts:
+
+    L, its inverse, the rate below one; else None.
+    """
     scaled, weights = balance_matrix(period)
     goal = 1 - 0.75 * (1 - np.abs(np.linalg.eigvals(scaled)).max(initial=0.0))
     if not 0 < goal < 1 or _MAX_PERIODS * (1 - goal) < 1:
@@ -682,7 +792,8 @@ def _lyapunov_norm(period: np.ndarray) -> tuple[np.ndarray, np.ndarray, float] |
 
 
 def _cut_period(loop: FrictionLoop) -> _PeriodPieces | None:
-    """Cut a period into pieces that are short for both the clock and the fastest mode; None if these are too many.
+    """Cut a period into pieces that are short for both the clock and the fastest mode; None if
+    these are too many.
 
     The period of a continuous loop is half an oscillation of its fastest mode.
     """
@@ -693,7 +804,9 @@ def _cut_period(loop: FrictionLoop) -> _PeriodPieces | None:
         spans, jumps = np.array([T]), np.eye(n)[None]
     else:
         T, spans, jumps = loop.T, loop.spans, loop.jumps
-    counts = np.maximum(2, np.ceil(_PIECES_PER_CYCLE * spans * max(1 / T, fastest / np.pi) * (1 - 1e-12)))
+    counts = np.maximum(
+        2, np.ceil(_PIECES_PER_CYCLE * spans * max(1 / T, fastest / np.pi) * (1 - 1e-12))
+    )
     if not counts.sum() <= _MAX_PIECES:
         return None
     read = np.array([loop.x, loop.v @ loop.F, loop.v])  # position, acceleration, velocity
@@ -728,20 +841,27 @@ def _flow_and_gramian_root(F: np.ndarray, B: np.ndarray, h: float) -> tuple[np.n
 def _gramian_root(gram: np.ndarray) -> np.ndarray:
     """Return G with G G' slightly above the Gramian, so that rounding cannot make it too small.
 
-    The Gramian is scaled to unit diagonal, because eigenvalues are accurate only relative to the largest one.
+    The Gramian is scaled to unit diagonal, because eigenvalues are accurate only relative to the
+    largest one.
     """
     n = gram.shape[0]
     unit = np.sqrt(np.maximum(np.diag(gram), 0))
     per_unit = np.divide(1.0, unit, out=np.zeros(n), where=unit > 0)
     sizes, turns = np.linalg.eigh((gram + gram.T) / 2 * np.outer(per_unit, per_unit))
-    return np.asarray(unit[:, None] * turns * np.sqrt(np.maximum(sizes, 0) + 4 * n * np.finfo(float).eps * sizes.max()))
+    return np.asarray(
+        unit[:, None]
+        * turns
+        * np.sqrt(np.maximum(sizes, 0) + 4 * n * np.finfo(float).eps * sizes.max())
+    )
 
 
 # ---- The sliding loop over frequency: from the friction at its port to the velocity there.
 
 
 def loop_frequencies(loop: FrictionLoop, n: int = 900) -> np.ndarray:
-    """Return (W,) frequencies [rad/s] up to Nyquist: logarithmic, linear, and clustered at the poles of the loop."""
+    """Return (W,) frequencies [rad/s] up to Nyquist: logarithmic, linear, and clustered at the
+    poles of the loop.
+    """
     poles = loop.poles()
     if loop.T:
         poles = np.log(np.where(poles == 0, 1e-300, poles).astype(complex)) / loop.T
@@ -757,30 +877,39 @@ def loop_frequencies(loop: FrictionLoop, n: int = 900) -> np.ndarray:
 
 
 def mobility(loop: FrictionLoop, omega: np.ndarray) -> np.ndarray:
-    """Return (W,) velocity at the port over friction at the same frequency; aliases of the sampler are left out.
+    """Return (W,) velocity at the port over friction at the same frequency; aliases of the sampler
+    are left out.
 
-    With several ports: (W, P, P), from the friction at the second index to the velocity at the first.
+    With several ports: (W, P, P), from the friction at the second index to the velocity at the
+    first.
     """
     none = np.zeros(loop.F.shape[0])
-    moved = [driven_states(loop, omega, flow=column, struck=none)[0] @ loop.v.T for column in loop.columns.T]
+    moved = [
+        driven_states(loop, omega, flow=column, struck=none)[0] @ loop.v.T
+        for column in loop.columns.T
+    ]
     return np.asarray(np.stack(moved, axis=-1) if loop.B.ndim > 1 else moved[0])
 
 
 def driven_states(
     loop: FrictionLoop, omega: np.ndarray, *, flow: np.ndarray, struck: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the (W, n) state at the frequency of the force, and the (W, n) state just before a sample.
+    """Return the (W, n) state at the frequency of the force, and the (W, n) state just before a
+    sample.
 
-    flow, struck : (n,) input of exp(j w t) into the flow, and into the first jump of a period (sampled loops only).
+    flow, struck : (n,) input of exp(j w t) into the flow, and into the first jump of a period
+    (sampled loops only).
 
-    With f = exp(j w t) the state repeats up to a phase. Its component at w follows from the flow by partial
-    integration: (j w - F) xi_1 = B + (1/T) sum of the jumps, each with its phase.
+    With f = exp(j w t) the state repeats up to a phase. Its component at w follows from the flow by
+    partial integration: (j w - F) xi_1 = B + (1/T) sum of the jumps, each with its phase.
     """
     n = loop.F.shape[0]
     # an undamped machine has its poles on the axis, where both sides of that equation vanish
     s = 1j * omega * (1 + 1e-9)
     pencil = s[:, None, None] * np.eye(n) - loop.F
-    forced = np.linalg.solve(pencil, np.broadcast_to(flow.astype(complex)[:, None], (s.size, n, 1)))[..., 0]
+    forced = np.linalg.solve(
+        pencil, np.broadcast_to(flow.astype(complex)[:, None], (s.size, n, 1))
+    )[..., 0]
     if not loop.T:
         return forced, forced
     flows = [expm(span * loop.F) for span in loop.spans]
@@ -792,17 +921,26 @@ def driven_states(
     for phi, jump, hit, span in zip(flows, loop.jumps, strikes, loop.spans, strict=True):
         before.append((total, offset, t))
         total, offset = phi @ jump @ total, (offset @ jump.T + hit) @ phi.T
-        offset = offset + np.exp(s * (t + span))[:, None] * forced - (np.exp(s * t)[:, None] * forced) @ phi.T
+        offset = (
+            offset
+            + np.exp(s * (t + span))[:, None] * forced
+            - (np.exp(s * t)[:, None] * forced) @ phi.T
+        )
         t += span
-    start = np.linalg.solve(np.exp(s * t)[:, None, None] * np.eye(n) - total, offset[..., None])[..., 0]
+    start = np.linalg.solve(np.exp(s * t)[:, None, None] * np.eye(n) - total, offset[..., None])[
+        ..., 0
+    ]
     jumped = np.zeros((s.size, n), complex)
     for (matrix, part, when), jump, hit in zip(before, loop.jumps, strikes, strict=True):
-        jumped += np.exp(-s * when)[:, None] * ((start @ matrix.T + part) @ (jump - np.eye(n)).T + hit)
+        jumped += np.exp(-s * when)[:, None] * (
+            (start @ matrix.T + part) @ (jump - np.eye(n)).T + hit
+        )
     answer = np.linalg.solve(pencil, jumped[..., None] / loop.T)[..., 0]
     return forced + answer, start
 
 
-# ---- Refutation: a friction of the class that never slips is a spring, and a spring can make the loop unstable.
+# ---- Refutation: a friction of the class that never slips is a spring, and a spring can make the
+# loop unstable.
 
 #: Springs that are tried, relative to K0: for one port, and for each of several.
 _SPRING_SHARES = (
@@ -814,10 +952,12 @@ _SPRING_SHARES = (
 def destabilizing_stiffness(
     loop: FrictionLoop, K0: float | np.ndarray, damper: float | np.ndarray = 0.0
 ) -> tuple[float | tuple[float, ...], complex] | None:
-    """Return the most unstable stiffness [N/m] found in [0, K0], and its pole; None if none is unstable.
+    """Return the most unstable stiffness [N/m] found in [0, K0], and its pole; None if none is
+    unstable.
 
-    Each stiffness except zero comes with a damper [Ns/m], that of a bristle. With several ports, K0, damper and
-    stiffness have one entry a port. The search covers a fixed grid and its refinement around the worst point.
+    Each stiffness except zero comes with a damper [Ns/m], that of a bristle. With several ports,
+    K0, damper and stiffness have one entry a port. The search covers a fixed grid and its
+    refinement around the worst point.
     """
     beyond = _CIRCLE_MARGIN * (1.0 if loop.T else np.abs(loop.poles()).max())
     n_ports = loop.columns.shape[1]
@@ -828,7 +968,9 @@ def destabilizing_stiffness(
         shares = np.array(list(product(tried, repeat=n_ports)))
         found = np.array([loop.growth(share * stiffest, damper) for share in shares])
         worst, growth = shares[int(np.argmax(found))], float(found.max())
-        for port in range(n_ports):  # between the neighbours of the worst, for one port after another
+        for port in range(
+            n_ports
+        ):  # between the neighbours of the worst, for one port after another
             at = int(np.searchsorted(tried, worst[port]))
             low, high = tried[max(at - 1, 0)], tried[min(at + 1, tried.size - 1)]
             for share in np.linspace(low, high, 9)[1:-1]:

@@ -26,9 +26,16 @@ class MechanicalUnits:
 
 
 _UNITS = {
-    "m": MechanicalUnits(position="m", velocity="m/s", force="N", stiffness="kN/m", damping="Ns/m", mass="kg"),
+    "m": MechanicalUnits(
+        position="m", velocity="m/s", force="N", stiffness="kN/m", damping="Ns/m", mass="kg"
+    ),
     "rad": MechanicalUnits(
-        position="rad", velocity="rad/s", force="Nm", stiffness="kNm/rad", damping="Nm s/rad", mass="kg m^2"
+        position="rad",
+        velocity="rad/s",
+        force="Nm",
+        stiffness="kNm/rad",
+        damping="Nm s/rad",
+        mass="kg m^2",
     ),
 }
 
@@ -54,12 +61,15 @@ def format_plain(number: float) -> str:
 
 
 def format_length(length: float, unit: str) -> str:
-    """Format a length or angle with its unit: below a thousandth in millionths, below a tenth in thousandths.
+    """Format a length or angle with its unit: below a thousandth in millionths, below a tenth in
+    thousandths.
 
     >>> format_length(2.19e-05, "m"), format_length(0.5, "rad"), format_length(1e-5, "mm"), format_length(2.5e-3, "m")
     ('21.9 um', '0.5 rad', '1e-05 mm', '2.5 mm')
     """
-    scale, prefix = (1e6, "u") if abs(length) < 1e-3 else (1e3, "m") if abs(length) < 0.1 else (1.0, "")
+    scale, prefix = (
+        (1e6, "u") if abs(length) < 1e-3 else (1e3, "m") if abs(length) < 0.1 else (1.0, "")
+    )
     return f"{scale * length:.3g} {prefix}{unit}" if unit in _UNITS else f"{length:.3g} {unit}"
 
 

@@ -27,13 +27,14 @@ def controller_sections(K: LinearSystem) -> np.ndarray | tuple[np.ndarray, ...]:
     Returns
     -------
     (n, 6) ndarray, or a tuple of them, one a loop, for several channels
-        Rows b0 b1 b2 1 a1 a2, run one after the other: y = b0 u + b1 u[k-1] + ... - a1 y[k-1] - a2 y[k-2].
+        Rows b0 b1 b2 1 a1 a2, run one after the other: y = b0 u + b1 u[k-1] + ... - a1 y[k-1] - a2
+        y[k-2].
 
     Raises
     ------
     ValueError
-        A continuous controller, one with coupled channels, or one whose sections do not reproduce its response to 1e-6
-        (to 1e-3 below 0.01 rad per sample, where coefficients lose digits).
+        A continuous controller, one with coupled channels, or one whose sections do not reproduce
+        its response to 1e-6 (to 1e-3 below 0.01 rad per sample, where coefficients lose digits).
 
     Examples
     --------
@@ -50,7 +51,9 @@ def loop_sections(K: control.StateSpace) -> np.ndarray:
     """Return (n, 6) the sections of a discrete controller for one loop."""
     dt = timebase(K)
     if not dt:
-        raise ValueError("K must be discrete to have sections, got a continuous controller: sample it first")
+        raise ValueError(
+            "K must be discrete to have sections, got a continuous controller: sample it first"
+        )
     z, p, gain = roots_and_gain(K)
     sections = _chain_sections(z, p, gain)
     angles = comparison_angles(np.concatenate([z, p]))
@@ -67,7 +70,8 @@ def loop_sections(K: control.StateSpace) -> np.ndarray:
 
 
 def sections_by_name(K: control.StateSpace) -> dict[str, np.ndarray]:
-    """Return the sections of a discrete controller by name; with a warning, none if they are inaccurate.
+    """Return the sections of a discrete controller by name; with a warning, none if they are
+    inaccurate.
 
     The matrices define the controller: a file without sections is complete.
     """
@@ -81,19 +85,25 @@ def sections_by_name(K: control.StateSpace) -> dict[str, np.ndarray]:
 
 
 def comparison_angles(offsets: np.ndarray) -> np.ndarray:
-    """Return angles (W,) per sample [rad] for the comparison of two systems: down to the slowest root.
+    """Return angles (W,) per sample [rad] for the comparison of two systems: down to the slowest
+    root.
 
     offsets : roots minus one.
     """
     away = np.abs(offsets)
     slowest = np.min(away[away > 1e-12], initial=_SLOW_ANGLE)
     return np.concatenate(
-        [np.geomspace(0.1 * slowest, _SLOW_ANGLE, 60, endpoint=False), np.geomspace(_SLOW_ANGLE, 0.99 * np.pi, 60)]
+        [
+            np.geomspace(0.1 * slowest, _SLOW_ANGLE, 60, endpoint=False),
+            np.geomspace(_SLOW_ANGLE, 0.99 * np.pi, 60),
+        ]
     )
 
 
 def _chain_response(sections: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Return (W,) response of sections at angles per sample, from z^-1 - 1, so that no digits are lost near z = 1."""
+    """Return (W,) response of sections at angles per sample, from z^-1 - 1, so that no digits are
+    lost near z = 1.
+    """
     w = np.expm1(-1j * angles)
     top, bottom = (
         c[:, :1] + c[:, 1:2] + c[:, 2:] + (c[:, 1:2] + 2 * c[:, 2:]) * w + c[:, 2:] * w**2
@@ -103,7 +113,9 @@ def _chain_response(sections: np.ndarray, angles: np.ndarray) -> np.ndarray:
 
 
 def _pair_slow_with_fast(offsets: np.ndarray) -> tuple[list[tuple[complex, ...]], list[complex]]:
-    """Pair roots minus one, the slowest real one with the fastest: two at z = 1 would cancel twice in one section."""
+    """Pair roots minus one, the slowest real one with the fastest: two at z = 1 would cancel twice
+    in one section.
+    """
     pairs, rest = pair_roots(offsets)
     alone = sorted([r for pair in pairs if pair[0].imag == 0 for r in pair] + rest, key=abs)
     pairs = [pair for pair in pairs if pair[0].imag != 0]
@@ -113,7 +125,9 @@ def _pair_slow_with_fast(offsets: np.ndarray) -> tuple[list[tuple[complex, ...]]
 
 
 def _polynomial_coefficients(offsets: tuple[complex, ...]) -> np.ndarray:
-    """Return coefficients from the highest power down; their sum, the value at z = 1, is as exact as doubles allow."""
+    """Return coefficients from the highest power down; their sum, the value at z = 1, is as exact
+    as doubles allow.
+    """
     roots = np.array(offsets) + 1
     if len(roots) < 2:
         return np.poly(roots).real
@@ -126,15 +140,28 @@ def _chain_sections(z: np.ndarray, p: np.ndarray, gain: float) -> np.ndarray:
     """Return (n, 6) sections in z^-1 for the roots minus one."""
     rows = []
     for mine, group in group_roots(z, p):
-        top = np.concatenate([np.zeros(len(group) - len(mine)), _polynomial_coefficients(mine) if mine else [1.0]])
-        rows.append([*top, *np.zeros(3 - top.size), *_polynomial_coefficients(group), *np.zeros(2 - len(group))])
+        top = np.concatenate(
+            [np.zeros(len(group) - len(mine)), _polynomial_coefficients(mine) if mine else [1.0]]
+        )
+        rows.append(
+            [
+                *top,
+                *np.zeros(3 - top.size),
+                *_polynomial_coefficients(group),
+                *np.zeros(2 - len(group)),
+            ]
+        )
     sections = np.array(rows or [[1.0, 0.0, 0.0, 1.0, 0.0, 0.0]])
     sections[0, :3] *= gain
     return sections
 
 
-def group_roots(z: np.ndarray, p: np.ndarray) -> list[tuple[tuple[complex, ...], tuple[complex, ...]]]:
-    """Return zeros and poles of each section, all minus one: poles nearest the circle last, zeros nearest to them."""
+def group_roots(
+    z: np.ndarray, p: np.ndarray
+) -> list[tuple[tuple[complex, ...], tuple[complex, ...]]]:
+    """Return zeros and poles of each section, all minus one: poles nearest the circle last, zeros
+    nearest to them.
+    """
     pole_pairs, pole_rest = _pair_slow_with_fast(p)
     zero_pairs, zero_rest = _pair_slow_with_fast(z)
     groups: list[tuple[complex, ...]] = [*pole_pairs, *((r,) for r in pole_rest)]
@@ -154,26 +181,38 @@ def group_roots(z: np.ndarray, p: np.ndarray) -> list[tuple[tuple[complex, ...],
 
 
 def roots_and_gain(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return zeros, poles and gain; the gain is fitted where the response is neither very large nor very small.
+    """Return zeros, poles and gain; the gain is fitted where the response is neither very large nor
+    very small.
 
-    The roots of a sampled system are returned minus one: slow ones are then small numbers with all their digits.
+    The roots of a sampled system are returned minus one: slow ones are then small numbers with all
+    their digits.
     """
     dt = timebase(system)
-    shifted = control.StateSpace(system.A - np.eye(system.nstates), system.B, system.C, system.D, dt) if dt else system
+    shifted = (
+        control.StateSpace(system.A - np.eye(system.nstates), system.B, system.C, system.D, dt)
+        if dt
+        else system
+    )
     z, p = (order_roots(roots(shifted)) for roots in (zeros, poles))
-    size = np.concatenate([np.abs(np.log1p(r[r != -1].astype(complex)) / dt if dt else r) for r in (z, p)])
+    size = np.concatenate(
+        [np.abs(np.log1p(r[r != -1].astype(complex)) / dt if dt else r) for r in (z, p)]
+    )
     centre = float(np.exp(np.median(np.log(size[size > 0])))) if np.any(size > 0) else 1.0
     omega = centre * np.geomspace(0.1, 10, 21)
     omega = np.minimum(omega, 0.99 * np.pi / dt) if dt else omega
     s = axis_offset(omega, dt)
-    ratio = response(system, omega) * np.prod(s[:, None] - p, axis=1) / np.prod(s[:, None] - z, axis=1)
+    ratio = (
+        response(system, omega) * np.prod(s[:, None] - p, axis=1) / np.prod(s[:, None] - z, axis=1)
+    )
     return z, p, float(np.median(ratio.real))
 
 
 def transfer_polynomials(system: control.StateSpace) -> dict[str, np.ndarray]:
-    """Return numerator and denominator by name, highest power first; none if doubles cannot represent them.
+    """Return numerator and denominator by name, highest power first; none if doubles cannot
+    represent them.
 
-    A polynomial of order n with all roots near z = 1 loses n times the digits between the roots and one.
+    A polynomial of order n with all roots near z = 1 loses n times the digits between the roots and
+    one.
     """
     z, p, gain = roots_and_gain(system)
     dt = timebase(system)
@@ -181,9 +220,15 @@ def transfer_polynomials(system: control.StateSpace) -> dict[str, np.ndarray]:
     num, den = gain * np.atleast_1d(np.poly(z + one)).real, np.atleast_1d(np.poly(p + one)).real
     size = np.abs(np.concatenate([z, p]))
     size = size[size > 1e-12] / (dt or 1.0)
-    ends = (0.1 * size.min(initial=np.inf), 10 * size.max(initial=0.0)) if size.size else (0.1, 10.0)
+    ends = (
+        (0.1 * size.min(initial=np.inf), 10 * size.max(initial=0.0)) if size.size else (0.1, 10.0)
+    )
     omega = np.geomspace(ends[0], min(ends[1], 0.99 * np.pi / dt) if dt else ends[1], 120)
     s, wanted = axis_points(omega, dt), response(system, omega)
     with np.errstate(all="ignore"):
         error = np.abs(np.polyval(num, s) / np.polyval(den, s) - wanted)
-    return {"num": num, "den": den} if np.all(error <= _SLOW_RESPONSE_TOLERANCE * np.abs(wanted)) else {}
+    return (
+        {"num": num, "den": den}
+        if np.all(error <= _SLOW_RESPONSE_TOLERANCE * np.abs(wanted))
+        else {}
+    )

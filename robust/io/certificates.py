@@ -50,10 +50,14 @@ def certificate_path(report: Path, number: int = 0) -> Path:
     return report.with_suffix(f".{number + 1}.certificate.json" if number else ".certificate.json")
 
 
-def save_certificate(report: RobustnessReport | FrictionProof | ScheduleProof, path: PathLike) -> None:
-    """Write a proof as JSON: plant, controller, delay, weights and claim as given, and a digest of them.
+def save_certificate(
+    report: RobustnessReport | FrictionProof | ScheduleProof, path: PathLike
+) -> None:
+    """Write a proof as JSON: plant, controller, delay, weights and claim as given, and a digest of
+    them.
 
-    For several channels it holds the loop with its perturbations pulled out, P and the scaling of each claim.
+    For several channels it holds the loop with its perturbations pulled out, P and the scaling of
+    each claim.
     """
     if isinstance(report, FrictionProof) and report.certificate is not None:
         save_friction_proof(report, path)
@@ -66,17 +70,30 @@ def save_certificate(report: RobustnessReport | FrictionProof | ScheduleProof, p
     known = report.proofs if isinstance(report, RobustnessReport) else Proofs()
     proofs = [c for c in known.certificates if c.holds]
     found = [c.claim for c in proofs if isinstance(c.claim, LoopClaim)]
-    scaled = {c.subject: c.claim for c in proofs if isinstance(c.claim, ScaledClaim | IntervalClaim | FoldedClaim)}
+    scaled = {
+        c.subject: c.claim
+        for c in proofs
+        if isinstance(c.claim, ScaledClaim | IntervalClaim | FoldedClaim)
+    }
     how = [{"subject": c.subject, "found by": c.method} for c in proofs if c.claim is not None]
     warned = getattr(report, "warnings", ())
     if isinstance(report, RobustnessReport) and scaled and not found:
         given = report.given
-        write_claim(path, ChannelsClaim(claims=scaled, form=report.form, delay=given.delay), found=how, warnings=warned)
+        write_claim(
+            path,
+            ChannelsClaim(claims=scaled, form=report.form, delay=given.delay),
+            found=how,
+            warnings=warned,
+        )
         return
     if not found:
         raise ValueError(
             "report must contain a proof that can be repeated, got "
-            + (f"the verdict {report.verdict!r}" if hasattr(report, "verdict") else short_form(report))
+            + (
+                f"the verdict {report.verdict!r}"
+                if hasattr(report, "verdict")
+                else short_form(report)
+            )
         )
     claim = replace(
         found[0],
@@ -87,12 +104,18 @@ def save_certificate(report: RobustnessReport | FrictionProof | ScheduleProof, p
 
 
 def save_friction_proof(
-    proof: FrictionProof, path: PathLike, *, read_from: JsonObject | None = None, warnings: Sequence[str] = ()
+    proof: FrictionProof,
+    path: PathLike,
+    *,
+    read_from: JsonObject | None = None,
+    warnings: Sequence[str] = (),
 ) -> None:
     """Write a proof with friction, the source of its class, and the warnings about that."""
     certificate = proof.certificate
     if certificate is None or not isinstance(certificate.claim, FrictionClaim):
-        raise ValueError(f"report must contain a proof of a single loop, got the verdict {proof.verdict!r}")
+        raise ValueError(
+            f"report must contain a proof of a single loop, got the verdict {proof.verdict!r}"
+        )
     units = proof.units
     write_claim(
         path,
@@ -105,7 +128,9 @@ def save_friction_proof(
 
 
 def load_claim(path: PathLike) -> LoopClaim | FrictionClaim | ChannelsClaim | ScheduleClaim:
-    """Return the claim of a certificate: of a loop, several channels, a machine with friction or a schedule."""
+    """Return the claim of a certificate: of a loop, several channels, a machine with friction or a
+    schedule.
+    """
     kinds: tuple[type, ...] = (FrictionClaim, ChannelsClaim, ScheduleClaim, LoopClaim)
     found = next(filter(None, (read_claim(path, kind) for kind in kinds)), None)
     if found is None:
@@ -120,7 +145,8 @@ def verify_certificate(
     K: Controller | None = None,
     time_cap: float = 60.0,
 ) -> Verification:
-    """Prove the claim of a certificate file again, with outward rounding, and compare it with your model and K.
+    """Prove the claim of a certificate file again, with outward rounding, and compare it with your
+    model and K.
 
     Use this for a certificate from someone else, or from another version.
 
@@ -129,8 +155,9 @@ def verify_certificate(
     path : path
         A certificate written by `robust.save`, `robust check` or `robust prove`.
     model : UncertaintyModel or FrictionPlant, optional
-        Expected subject of the certificate: nominal, weight, form and class are compared number by number; for a
-        machine with friction its linear part. For several channels the loop of model and K is compared, to 1e-6.
+        Expected subject of the certificate: nominal, weight, form and class are compared number by
+        number; for a machine with friction its linear part. For several channels the loop of model
+        and K is compared, to 1e-6.
     K : control.StateSpace, TransferFunction or float, optional
         The controller that runs, compared in the same way.
     time_cap : float
@@ -150,7 +177,8 @@ def verify_certificate(
 
     References
     ----------
-    F. Johansson, "Arb: efficient arbitrary-precision midpoint-radius interval arithmetic", IEEE Trans. Computers, 2017.
+    F. Johansson, "Arb: efficient arbitrary-precision midpoint-radius interval arithmetic", IEEE
+    Trans. Computers, 2017.
 
     Examples
     --------
@@ -162,24 +190,31 @@ def verify_certificate(
     stored = parse_json_of(path, *CERTIFICATE_SCHEMAS).get("warnings", ())
     claim = load_claim(path)
     if isinstance(claim, FrictionClaim):
-        wrong, found = _differences_of_machine(claim, model), partial(verify_friction, claim, time_cap=time_cap)
+        wrong = _differences_of_machine(claim, model)
+        found = partial(verify_friction, claim, time_cap=time_cap)
     elif isinstance(claim, ScheduleClaim):
         if model is not None or K is not None:
-            raise ValueError("model and K must be left out for a schedule: compare them with robust.load(path)")
+            raise ValueError(
+                "model and K must be left out for a schedule: compare them with robust.load(path)"
+            )
         wrong, found = {}, partial(verify_schedule, claim, time_cap=time_cap)
     elif not isinstance(model, UncertaintyModel | None):
         raise ValueError(f"model must be an UncertaintyModel, got {short_form(model)}")
     elif isinstance(claim, ChannelsClaim):
         wrong, found = _differences_of_channels(claim, model, K), partial(verify_channels, claim)
     else:
-        wrong, found = _differences_of_loop(claim, model), partial(verify_loop, claim, time_cap=time_cap)
+        wrong = _differences_of_loop(claim, model)
+        found = partial(verify_loop, claim, time_cap=time_cap)
     if K is not None and not isinstance(claim, ChannelsClaim | ScheduleClaim):
         other = differing_fields(claim.controller, to_matrices(state_space("K", K)), _SYSTEM)
         wrong |= {"the controller": ""} if other else {}
     proved = found()
     return replace(
         proved,
-        failed=(*((part, f"not the one of the certificate{how}") for part, how in wrong.items()), *proved.failed),
+        failed=(
+            *((part, f"not the one of the certificate{how}") for part, how in wrong.items()),
+            *proved.failed,
+        ),
         warnings=tuple(map(one_line, stored)),
     )
 
@@ -201,7 +236,10 @@ def _differences_of_channels(
 ) -> dict[str, str]:
     """Return a difference if the loop of model and controller is not the one of the certificate."""
     if (model is None) != (K is None):
-        raise ValueError("model and K must be given together for a certificate with several channels, got one of them")
+        raise ValueError(
+            "model and K must be given together for a certificate with several channels, got one of"
+            " them"
+        )
     if model is None or K is None:
         return {}
     return {} if _is_loop_of(claim, model, K) else {"the loop of model and controller": ""}
@@ -211,16 +249,34 @@ def _differences_of_machine(claim: FrictionClaim, model: object) -> dict[str, st
     """Return a difference if a machine with friction is not the one of the certificate."""
     if model is None:
         return {}
-    machine = model if isinstance(model, FrictionPlant) else friction_plant(getattr(model, "nominal", model))
-    return {"the machine": ""} if differing_fields(claim.machine, plant_matrices(machine), _SYSTEM) else {}
+    machine = (
+        model
+        if isinstance(model, FrictionPlant)
+        else friction_plant(getattr(model, "nominal", model))
+    )
+    return (
+        {"the machine": ""}
+        if differing_fields(claim.machine, plant_matrices(machine), _SYSTEM)
+        else {}
+    )
 
 
-_LOOP_TOLERANCE = 1e-6  # of the largest entry at a frequency; the effect of rounding stays below the slack on the level
+# of the largest entry at a frequency; the effect of rounding stays below the slack on the level
+_LOOP_TOLERANCE = 1e-6
 
 
 def _is_loop_of(given: ChannelsClaim, model: UncertaintyModel, K: Controller) -> bool:
-    """Return True if the loop of model and controller responds as that of the certificate, at its perturbations."""
-    form = next((one for one in (model, model.alternative_form) if one is not None and one.form == given.form), None)
+    """Return True if the loop of model and controller responds as that of the certificate, at its
+    perturbations.
+    """
+    form = next(
+        (
+            one
+            for one in (model, model.alternative_form)
+            if one is not None and one.form == given.form
+        ),
+        None,
+    )
     if form is None:
         return False
     if form.is_single:
@@ -236,7 +292,9 @@ def _is_loop_of(given: ChannelsClaim, model: UncertaintyModel, K: Controller) ->
             if folded is None or not _is_same_folding(claim, folded.claim):
                 return False
             continue
-        theirs = control.StateSpace(*(getattr(claim.system, name) for name in "ABCD"), claim.system.dt)
+        theirs = control.StateSpace(
+            *(getattr(claim.system, name) for name in "ABCD"), claim.system.dt
+        )
         if theirs.noutputs < rows or theirs.ninputs < cols or timebase(theirs) != timebase(mine):
             return False
         off = np.abs(response_by_channel(theirs, omega)[:rows, :cols] - response).max(axis=(0, 1))

@@ -1,4 +1,6 @@
-"""An FRF of python-control as a `Bla`, with the names of its signals: the inverse of `robust.frd`."""
+"""An FRF of python-control as a `Bla`, with the names of its signals: the inverse of
+`robust.frd`.
+"""
 
 from __future__ import annotations
 
@@ -29,11 +31,13 @@ def bla_from_frd(
     frf : control.FrequencyResponseData
         The FRF, with one channel or several; the names of its signals are kept if they were given.
     std, coherence : float, or (F,) or (n_y, n_u, F) ndarray, optional
-        Standard deviation in the unit of the FRF, or coherence over `n_averages`, as in `nlfrf.bla_from_frf`.
+        Standard deviation in the unit of the FRF, or coherence over `n_averages`, as in
+        `nlfrf.bla_from_frf`.
     n_averages : float, optional
         Independent averages.
     hold : str
-        Input between the samples: "zoh", with the sampling time of the FRF, "band-limited" or "unknown".
+        Input between the samples: "zoh", with the sampling time of the FRF, "band-limited" or
+        "unknown".
     input_units, output_units : sequence of str
         Units of the channels; python-control has none.
 

@@ -16,21 +16,23 @@ _STATE_SPACE, _POLYNOMIALS, _ROOTS = ("a", "b", "c", "d"), ("num", "den"), ("z",
 _LONG_NAMES = {"numerator": "num", "denominator": "den"}
 _INVERSE_VARIABLES = ("z^-1", "q^-1")
 _DELAYS = ("inputdelay", "outputdelay", "iodelay", "internaldelay")
-_CURE = "in MATLAB: [A, B, C, D, Ts] = ssdata(ss(K)); save('K.mat', 'A', 'B', 'C', 'D', 'Ts', '-v7')"
+_CURE = (
+    "in MATLAB: [A, B, C, D, Ts] = ssdata(ss(K)); save('K.mat', 'A', 'B', 'C', 'D', 'Ts', '-v7')"
+)
 
 
 def load_matlab_system(path: Path) -> control.StateSpace:
     """Read the system in a MATLAB file.
 
-    The file may have matrices A, B, C, D; coefficients num, den in falling powers; or zeros z, poles p and gain k, with
-    Ts [s] beside them. They may be fields of a struct, as from ``S = get(K)``. Among several structs that named K is
-    read.
+    The file may have matrices A, B, C, D; coefficients num, den in falling powers; or zeros z,
+    poles p and gain k, with Ts [s] beside them. They may be fields of a struct, as from ``S =
+    get(K)``. Among several structs that named K is read.
 
     Raises
     ------
     ValueError
-        A file without a system or with several, a system without Ts, with a delay, in a unit of time other than
-        seconds, or in descriptor form.
+        A file without a system or with several, a system without Ts, with a delay, in a unit of
+        time other than seconds, or in descriptor form.
     FileNotFoundError
         No such file.
     """
@@ -41,14 +43,26 @@ def load_matlab_system(path: Path) -> control.StateSpace:
     found = {
         home: fields
         for home, fields in homes.items()
-        if any(all(_is_numeric(fields.get(key)) for key in kind) for kind in (_STATE_SPACE, _POLYNOMIALS, _ROOTS))
+        if any(
+            all(_is_numeric(fields.get(key)) for key in kind)
+            for kind in (_STATE_SPACE, _POLYNOMIALS, _ROOTS)
+        )
     }
     named = [home for home in found if home.rpartition(".")[2] == "K"] or list(found)
     if len(named) != 1:
-        what = f"{len(named)}, called {', '.join(home or 'nothing' for home in named)}" if named else "none"
-        raise ValueError(f"path must hold one controller as matrices or a struct, got {what} in {path.name!r}; {_CURE}")
+        what = (
+            f"{len(named)}, called {', '.join(home or 'nothing' for home in named)}"
+            if named
+            else "none"
+        )
+        raise ValueError(
+            f"path must hold one controller as matrices or a struct, got {what} in {path.name!r};"
+            f" {_CURE}"
+        )
     fields = found[named[0]]
-    return _system_from_fields({**fields, "ts": fields.get("ts", homes.get("", {}).get("ts", np.empty(0)))}, path.name)
+    return _system_from_fields(
+        {**fields, "ts": fields.get("ts", homes.get("", {}).get("ts", np.empty(0)))}, path.name
+    )
 
 
 def _is_numeric(array: np.ndarray | None) -> bool:
@@ -56,17 +70,30 @@ def _is_numeric(array: np.ndarray | None) -> bool:
 
 
 def _sampling_time_of_fields(fields: Mapping[str, np.ndarray], name: str) -> float:
-    """Return the sampling time [s]; refuse fields without one, with a delay, or in another unit of time."""
-    dt = float(fields["ts"].real.item()) if fields["ts"].size == 1 and _is_numeric(fields["ts"]) else -1.0
+    """Return the sampling time [s]; refuse fields without one, with a delay, or in another unit of
+    time.
+    """
+    dt = (
+        float(fields["ts"].real.item())
+        if fields["ts"].size == 1 and _is_numeric(fields["ts"])
+        else -1.0
+    )
     if not dt >= 0:
-        raise ValueError(f"Ts must be the sampling time [s] of the controller in {name!r}, 0 for continuous, got none")
+        raise ValueError(
+            f"Ts must be the sampling time [s] of the controller in {name!r}, 0 for continuous, got"
+            " none"
+        )
     if delayed := [key for key in _DELAYS if _is_numeric(fields.get(key)) and np.any(fields[key])]:
         raise ValueError(
-            f"{delayed[0]} must be zero in {name!r}: leave it out, and give a computation delay as --delay"
+            f"{delayed[0]} must be zero in {name!r}: leave it out, and give a computation delay as"
+            " --delay"
         )
     unit = str(fields.get("timeunit", np.array("seconds")))
     if unit != "seconds":
-        raise ValueError(f"TimeUnit must be seconds in {name!r}, got {unit}; in MATLAB: K = chgTimeUnit(K, 'seconds')")
+        raise ValueError(
+            f"TimeUnit must be seconds in {name!r}, got {unit}; in MATLAB: K = chgTimeUnit(K,"
+            " 'seconds')"
+        )
     return dt
 
 
@@ -77,10 +104,15 @@ def _system_from_fields(fields: Mapping[str, np.ndarray], name: str) -> control.
         E = np.atleast_2d(fields.get("e", np.empty(0)))
         if E.size and not np.array_equal(E, np.eye(len(E))):
             raise ValueError(f"E must be the identity in {name!r}, got a descriptor form; {_CURE}")
-        return multivariable("K", control.StateSpace(*_with_all_axes([fields[key] for key in _STATE_SPACE], name), dt))
+        return multivariable(
+            "K",
+            control.StateSpace(*_with_all_axes([fields[key] for key in _STATE_SPACE], name), dt),
+        )
     if all(_is_numeric(fields.get(key)) for key in _POLYNOMIALS):
         num, den = (np.atleast_1d(fields[key]).astype(float) for key in _POLYNOMIALS)
-        if fields.get("variable", np.empty(0)).tolist() in _INVERSE_VARIABLES:  # powers of 1/z, from the constant up
+        if (
+            fields.get("variable", np.empty(0)).tolist() in _INVERSE_VARIABLES
+        ):  # powers of 1/z, from the constant up
             n = max(num.size, den.size)
             num, den = (np.append(one, np.zeros(n - one.size)) for one in (num, den))
         return from_polynomials("K", num, den=den, dt=dt)
@@ -90,9 +122,8 @@ def _system_from_fields(fields: Mapping[str, np.ndarray], name: str) -> control.
             raise ValueError(f"{key} must be real or conjugate in {name!r}, got {roots}")
     if gain.size != 1 or zeros.size > poles.size:
         raise ValueError(
-            f"K must be proper with one input and one output in {name!r}, got {zeros.size} zeros, {poles.size} poles "
-            "and "
-            f"{gain.size} gains; {_CURE}"
+            f"K must be proper with one input and one output in {name!r}, got {zeros.size} zeros,"
+            f" {poles.size} poles and {gain.size} gains; {_CURE}"
         )
     return from_roots(order_roots(zeros), order_roots(poles), float(gain[0].real), dt)
 
@@ -106,5 +137,9 @@ def _with_all_axes(matrices: list[np.ndarray], name: str) -> list[np.ndarray]:
     shapes = ((n, n), (n, n_u), (n_y, n), (n_y, n_u))
     for letter, matrix, shape in zip("ABCD", matrices, shapes, strict=True):
         if matrix.size != np.prod(shape) or (matrix.ndim == 2 and matrix.shape != shape):
-            raise ValueError(f"{letter} must have the shape {shape} in {name!r}, got {matrix.shape}")
-    return [matrix.reshape(shape).astype(float) for matrix, shape in zip(matrices, shapes, strict=True)]
+            raise ValueError(
+                f"{letter} must have the shape {shape} in {name!r}, got {matrix.shape}"
+            )
+    return [
+        matrix.reshape(shape).astype(float) for matrix, shape in zip(matrices, shapes, strict=True)
+    ]

@@ -11,7 +11,14 @@ import numpy as np
 from scipy.io import savemat
 
 from nlfrf._base.arguments import one_line
-from nlfrf._base.files import Role, command_signature, require_writable, to_path, write_atomically, write_text
+from nlfrf._base.files import (
+    Role,
+    command_signature,
+    require_writable,
+    to_path,
+    write_atomically,
+    write_text,
+)
 from robust._base.types import Controller
 from robust.analysis.report import RobustnessReport
 from robust.io.biquads import sections_by_name, transfer_polynomials
@@ -27,20 +34,24 @@ from robust.proofs.exact.scaled_kyp import ScaledClaim, place_scalings
 from robust.proofs.search.certificate import GENERALISED_KYP, SCALED_KYP
 
 
-def export_matlab(content: UncertaintyModel | RobustnessReport | ChannelsClaim | Controller, path: PathLike) -> None:
-    """Write a model, a controller or a proof for MATLAB: a ``.mat`` of plain structs and a ``.m`` file that loads it.
+def export_matlab(
+    content: UncertaintyModel | RobustnessReport | ChannelsClaim | Controller, path: PathLike
+) -> None:
+    """Write a model, a controller or a proof for MATLAB: a ``.mat`` of plain structs and a ``.m``
+    file that loads it.
 
     Use this to continue in MATLAB, or to check a proof there.
 
-    The loader makes `ss`, `frd` and, for a model, the uncertain plant with `ultidyn` (Robust Control Toolbox). For a
-    proof it assembles the inequality and returns the largest eigenvalue, which has to be negative. The warnings are in
-    the struct, as `warnings`, and at the end of the loader.
+    The loader makes `ss`, `frd` and, for a model, the uncertain plant with `ultidyn` (Robust
+    Control Toolbox). For a proof it assembles the inequality and returns the largest eigenvalue,
+    which has to be negative. The warnings are in the struct, as `warnings`, and at the end of the
+    loader.
 
     Parameters
     ----------
     content : UncertaintyModel, RobustnessReport or a controller
-        Content to write; for a report the proofs by "scaled KYP" and "generalised KYP", with their loop: P and the
-        scalings, for each interval also Q.
+        Content to write; for a report the proofs by "scaled KYP" and "generalised KYP", with their
+        loop: P and the scalings, for each interval also Q.
     path : path
         The ``.mat`` file; the loader is ``load_<name>.m`` beside it.
 
@@ -55,7 +66,8 @@ def export_matlab(content: UncertaintyModel | RobustnessReport | ChannelsClaim |
     Warns
     -----
     DataWarning
-        A sampled controller whose second-order sections are off by more than 0.1 %: the file has A, B, C and D only.
+        A sampled controller whose second-order sections are off by more than 0.1 %: the file has A,
+        B, C and D only.
 
     Examples
     --------
@@ -69,15 +81,20 @@ def export_matlab(content: UncertaintyModel | RobustnessReport | ChannelsClaim |
     path = to_path(path)
     if path.suffix != ".mat":
         raise ValueError(f"path must end in .mat, got {str(path)!r}")
-    name = re.sub(r"\W", "_", path.stem, flags=re.ASCII)  # only characters allowed in the name of a MATLAB function
+    name = re.sub(
+        r"\W", "_", path.stem, flags=re.ASCII
+    )  # only characters allowed in the name of a MATLAB function
     struct: dict[str, object]
     if isinstance(content, UncertaintyModel):
-        struct, script = _model_struct(content), _MODEL_LOADER if content.is_single else _MATRIX_LOADER
+        struct = _model_struct(content)
+        script = _MODEL_LOADER if content.is_single else _MATRIX_LOADER
     elif isinstance(content, (RobustnessReport, ChannelsClaim)):
-        struct, script = {"kind": ChannelsClaim.SCHEMA, "proofs": _proof_structs(content)}, _PROOF_LOADER
+        struct = {"kind": ChannelsClaim.SCHEMA, "proofs": _proof_structs(content)}
+        script = _PROOF_LOADER
     else:
         K = as_controller("content", content)
-        struct, script = {"kind": CONTROLLER_SCHEMA, "K": _matlab_system(K), **sections_by_name(K)}, _CONTROLLER_LOADER
+        struct = {"kind": CONTROLLER_SCHEMA, "K": _matlab_system(K), **sections_by_name(K)}
+        script = _CONTROLLER_LOADER
     warned = getattr(content, "warnings", ())
     struct |= {"warnings": _cell_array(list(warned))} if warned else {}
     loader = path.with_name(f"load_{name}.m")
@@ -87,7 +104,11 @@ def export_matlab(content: UncertaintyModel | RobustnessReport | ChannelsClaim |
         savemat(temporary, {"content": struct}, oned_as="column")
 
     write_atomically(path, write_mat)
-    replacements = {"NAME": f"load_{name}", "'FILE'": "'{}'".format(path.name.replace("'", "''")), "FILE": path.name}
+    replacements = {
+        "NAME": f"load_{name}",
+        "'FILE'": "'{}'".format(path.name.replace("'", "''")),
+        "FILE": path.name,
+    }
     text = (
         re.sub("NAME|'FILE'|FILE", lambda found: replacements[found[0]], script)
         + "".join(f"% warning: {one_line(text)}\n" for text in warned)
@@ -116,25 +137,40 @@ def _model_struct(model: UncertaintyModel) -> dict[str, object]:
     if not single:
         struct |= {side: _cell_array(list(getattr(model, side))) for side in ("inputs", "outputs")}
         return struct | {
-            side: _cell_array(list(map(_matlab_system, getattr(model, side)))) for side in ("left", "right")
+            side: _cell_array(list(map(_matlab_system, getattr(model, side))))
+            for side in ("left", "right")
         }
-    struct |= {"response": model.at(model.omega), "weight": _matlab_system(model.weight), "delay": model.origin.delay}
+    struct |= {
+        "response": model.at(model.omega),
+        "weight": _matlab_system(model.weight),
+        "delay": model.origin.delay,
+    }
     struct |= {f"radius_{name}": part for name, part in model.budget.items()}
     if model.scaling:
-        struct |= dict(zip(("W1", "W2"), map(_matlab_system, model.scaling), strict=True)) | _coprime_struct(model)
+        struct |= dict(
+            zip(("W1", "W2"), map(_matlab_system, model.scaling), strict=True)
+        ) | _coprime_struct(model)
     return struct
 
 
 def _proof_structs(content: RobustnessReport | ChannelsClaim) -> np.ndarray:
-    """Return the proofs by P and scalings, one for all frequencies or for each interval, as a cell array of structs."""
+    """Return the proofs by P and scalings, one for all frequencies or for each interval, as a cell
+    array of structs.
+    """
     held = (
         content.claims
         if isinstance(content, ChannelsClaim)
         else {c.subject: c.claim for c in content.proofs.certificates if c.holds}
     )
-    claims = {subject: claim for subject, claim in held.items() if isinstance(claim, ScaledClaim | IntervalClaim)}
+    claims = {
+        subject: claim
+        for subject, claim in held.items()
+        if isinstance(claim, ScaledClaim | IntervalClaim)
+    }
     if not claims:
-        raise ValueError(f"content must hold a proof by {SCALED_KYP} or {GENERALISED_KYP} for MATLAB, got none")
+        raise ValueError(
+            f"content must hold a proof by {SCALED_KYP} or {GENERALISED_KYP} for MATLAB, got none"
+        )
     return _cell_array([_proof_struct(subject, claim) for subject, claim in claims.items()])
 
 
@@ -168,7 +204,11 @@ def _coprime_struct(model: UncertaintyModel) -> dict[str, object]:
     """Return normalised coprime factors of the scaled plant: systems, or values on the lines."""
     if not model.measured_only:
         return dict(
-            zip("NM", map(_matlab_system, factor_systems(in_series(model.nominal, model.shaping))), strict=True)
+            zip(
+                "NM",
+                map(_matlab_system, factor_systems(in_series(model.nominal, model.shaping))),
+                strict=True,
+            )
         )
     G = model.at(model.omega) * response(model.shaping, model.omega)
     M = 1 / np.sqrt(1 + np.abs(G) ** 2)
@@ -176,7 +216,10 @@ def _coprime_struct(model: UncertaintyModel) -> dict[str, object]:
 
 
 def _matlab_system(system: control.StateSpace) -> dict[str, object]:
-    """Return a system as a struct: A, B, C, D, Ts; for one input and output also num and den if accurate."""
+    """Return a system as a struct:
+
+    A, B, C, D, Ts; for one input and output also num and den if accurate.
+    """
     struct: dict[str, object] = {m: np.asarray(getattr(system, m), dtype=float) for m in "ABCD"}
     struct["Ts"] = timebase(system)
     if system.ninputs == system.noutputs == 1:
@@ -186,7 +229,9 @@ def _matlab_system(system: control.StateSpace) -> dict[str, object]:
 
 def _matlab_cases(forms: Mapping[str, Form | MatrixForm]) -> str:
     """Return the cases of a switch over forms, each for the uncertain plant of a form."""
-    return "\n".join(f"    case '{name}'\n        Gu = {form.matlab_expression};" for name, form in forms.items())
+    return "\n".join(
+        f"    case '{name}'\n        Gu = {form.matlab_expression};" for name, form in forms.items()
+    )
 
 
 _MODEL_LOADER = """function [Gu, G, W, model] = NAME(file)

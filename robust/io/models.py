@@ -24,8 +24,9 @@ from robust.models.sets.records import JointProbability, Origin, RecordSummary
 
 # ---- Systems and numbers as JSON, exact to the bit, in files with a versioned schema.
 #
-# A number is written with the digits that reproduce it exactly; a complex one as [re, im]; nan as null, infinities as
-# strings. A file is written whole or not at all, and its content is checked against the published schema.
+# A number is written with the digits that reproduce it exactly; a complex one as [re, im]; nan as
+# null, infinities as strings. A file is written whole or not at all, and its content is checked
+# against the published schema.
 
 VERSION = 1
 _BLA_SCHEMAS = ("nlfrf-bla", "nlfrf-frm")
@@ -57,7 +58,13 @@ def _encode(content: object) -> Json:
     if array.dtype.kind == "c":
         return [_encode(array.real), _encode(array.imag)]
     number = float(array)
-    return number if np.isfinite(number) else None if np.isnan(number) else ("inf" if number > 0 else "-inf")
+    return (
+        number
+        if np.isfinite(number)
+        else None
+        if np.isnan(number)
+        else ("inf" if number > 0 else "-inf")
+    )
 
 
 def _decode(content: Json) -> ArrayField:
@@ -67,14 +74,21 @@ def _decode(content: Json) -> ArrayField:
             return np.array([_decode(item) for item in content], dtype=float)
         return np.nan if content is None else float(content)
     except ValueError:  # rows of different lengths
-        raise ValueError(f"path must hold rows of the same length, got {short_form(content)}") from None
+        raise ValueError(
+            f"path must hold rows of the same length, got {short_form(content)}"
+        ) from None
 
 
 def encode_system(system: control.StateSpace | control.FrequencyResponseData) -> JsonObject:
     """Encode a state space or an FRF."""
     dt = None if system.dt is None else float(system.dt)
     if isinstance(system, control.FrequencyResponseData):
-        return {"kind": "frf", "omega": _encode(system.omega), "G": _encode(system.frdata[0, 0]), "dt": dt}
+        return {
+            "kind": "frf",
+            "omega": _encode(system.omega),
+            "G": _encode(system.frdata[0, 0]),
+            "dt": dt,
+        }
     return {"kind": "ss", "dt": dt, **{name: _encode(getattr(system, name)) for name in "ABCD"}}
 
 
@@ -83,7 +97,10 @@ def decode_system(content: JsonObject) -> control.StateSpace | control.Frequency
     if content["kind"] == "frf":
         omega, pairs = _decode(content["omega"]), _decode(content["G"])
         if pairs.shape != (*omega.shape, 2) or not omega.size:
-            raise ValueError(f"G must have one pair for each of {omega.size} frequencies, got the shape {pairs.shape}")
+            raise ValueError(
+                f"G must have one pair for each of {omega.size} frequencies, got the shape"
+                f" {pairs.shape}"
+            )
         return control.FrequencyResponseData(pairs[:, 0] + 1j * pairs[:, 1], omega, content["dt"])
     D = np.atleast_2d(_decode(content["D"]))
     if not D.size:
@@ -94,7 +111,9 @@ def decode_system(content: JsonObject) -> control.StateSpace | control.Frequency
     for name, shape in shapes.items():
         if matrices[name].shape != shape and (matrices[name].size or np.prod(shape)):
             raise ValueError(f"{name} must have the shape {shape}, got {matrices[name].shape}")
-    return control.StateSpace(*(np.reshape(matrices[name], shapes[name]) for name in shapes), D, content["dt"])
+    return control.StateSpace(
+        *(np.reshape(matrices[name], shapes[name]) for name in shapes), D, content["dt"]
+    )
 
 
 def read_json(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, JsonObject]:
@@ -103,7 +122,8 @@ def read_json(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, JsonObject
     found = str(content["schema"])
     if content.get("version") != VERSION:
         raise ValueError(
-            f"path must hold version {VERSION} of {found}, got {path} with version {short_form(content.get('version'))}"
+            f"path must hold version {VERSION} of {found}, got {path} with version"
+            f" {short_form(content.get('version'))}"
         )
     require_schema(content, path, package="robust", name=found)
     return found, content
@@ -111,7 +131,9 @@ def read_json(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, JsonObject
 
 # ---- A model as JSON: its fields by name, in a schema for one channel and one for several.
 
-MODEL_SCHEMA, MATRIX_SCHEMA, CONTROLLER_SCHEMA = "robust-model", "robust-matrix-model", "robust-controller"
+MODEL_SCHEMA = "robust-model"
+MATRIX_SCHEMA = "robust-matrix-model"
+CONTROLLER_SCHEMA = "robust-controller"
 CERTIFICATE_SCHEMAS = (
     "robust-certificate",
     "robust-mu-certificate",
@@ -120,7 +142,10 @@ CERTIFICATE_SCHEMAS = (
 )
 _UNITS = {"omega": "rad/s", "delay": "s", "fs": "Hz", "dt": "s"}
 #: Fields that a set of such a schema does not have.
-_FIELDS_LEFT_OUT = {MODEL_SCHEMA: ("left", "right", "alternative_form"), MATRIX_SCHEMA: ("weight", "scaling")}
+_FIELDS_LEFT_OUT = {
+    MODEL_SCHEMA: ("left", "right", "alternative_form"),
+    MATRIX_SCHEMA: ("weight", "scaling"),
+}
 _COMPLEX_FIELDS = {MODEL_SCHEMA: ("G",), MATRIX_SCHEMA: ("G", "variance", "gamma")}
 _RECORD_FIELDS = {
     MODEL_SCHEMA: ("omega", "G", "variance", "scatter", "confirmed", "rms_u", "rms_y"),
@@ -134,11 +159,16 @@ def encode_model(model: UncertaintyModel) -> JsonObject:
     content: JsonObject = {"schema": schema, "version": VERSION, "units": _UNITS}
     for name in field_names(model):
         held = getattr(model, name)
-        unknown = held is None or (name in ("records", "warnings", "budget", "scaling") and not held)
+        unknown = held is None or (
+            name in ("records", "warnings", "budget", "scaling") and not held
+        )
         if unknown or name in _FIELDS_LEFT_OUT[schema]:
             continue
         if name == "records":
-            held = [{part: _encode(getattr(one, part)) for part in _RECORD_FIELDS[schema]} for one in held]
+            held = [
+                {part: _encode(getattr(one, part)) for part in _RECORD_FIELDS[schema]}
+                for one in held
+            ]
         elif isinstance(held, UncertaintyModel):  # two forms of a set have the same records
             held = encode_model(replace(held, records=()))
         else:
@@ -156,7 +186,9 @@ def decode_model(content: JsonObject, schema: str) -> UncertaintyModel:
     }
     records = tuple(_decode_record(one, schema) for one in content.get("records", ()))
     if "alternative_form" in content:
-        known["alternative_form"] = replace(decode_model(content["alternative_form"], schema), records=records)
+        known["alternative_form"] = replace(
+            decode_model(content["alternative_form"], schema), records=records
+        )
     return UncertaintyModel(**known, records=records)
 
 
@@ -178,7 +210,9 @@ def _decode_field(content: Json, kind: str) -> Any:
         return tuple(map(_TUPLE_DECODERS[kind], content))
     if kind in _VALUES:
         types = {field.name: str(field.type) for field in fields(_VALUES[kind])}
-        return _VALUES[kind](**{name: _decode_field(held, types[name]) for name, held in content.items()})
+        return _VALUES[kind](
+            **{name: _decode_field(held, types[name]) for name, held in content.items()}
+        )
     if kind.startswith("Mapping"):
         return {name: _decode(part) for name, part in content.items()}
     if isinstance(content, dict):
@@ -193,10 +227,15 @@ def _decode_record(content: JsonObject, schema: str) -> RecordSummary:
         held = _decode(content[part])
         if part in _COMPLEX_FIELDS[schema]:
             if held.ndim != (2 if schema == MODEL_SCHEMA else 4):
-                raise ValueError(f"{part} must have complex numbers for each line of the record, got {held.shape}")
+                raise ValueError(
+                    f"{part} must have complex numbers for each line of the record, got"
+                    f" {held.shape}"
+                )
             held = held[..., 0] + 1j * held[..., 1]
         if np.ndim(held) and len(held) != len(np.asarray(parts.get("omega", held))):
-            raise ValueError(f"{part} must have one number for each line of the record, got {len(held)}")
+            raise ValueError(
+                f"{part} must have one number for each line of the record, got {len(held)}"
+            )
         parts[part] = held
     return RecordSummary(**parts)
 
@@ -212,8 +251,12 @@ def load_model(path: PathLike) -> UncertaintyModel:
     return decode_model(content, schema)
 
 
-def save_controller(K: Controller, path: PathLike, *, delay: float | None = None, unit: str = "") -> None:
-    """Write a controller to a ``.json`` file, with the computation delay [s] and the unit of its plant."""
+def save_controller(
+    K: Controller, path: PathLike, *, delay: float | None = None, unit: str = ""
+) -> None:
+    """Write a controller to a ``.json`` file, with the computation delay [s] and the unit of its
+    plant.
+    """
     K = as_controller("K", K)
     require_kind("unit", unit, str)
     content: JsonObject = {
@@ -230,7 +273,9 @@ def save_controller(K: Controller, path: PathLike, *, delay: float | None = None
 
 
 def load_controller(path: PathLike) -> control.StateSpace:
-    """Read a controller back from a ``.json`` file, with its sampling time; or one that MATLAB saved (``.mat``)."""
+    """Read a controller back from a ``.json`` file, with its sampling time; or one that MATLAB
+    saved (``.mat``).
+    """
     path = to_path(path)
     if path.suffix.lower() == ".mat":
         require_file_of(path, CONTROLLER_SCHEMA)
@@ -246,7 +291,9 @@ def load_system(path: PathLike) -> UncertaintyModel | control.StateSpace:
 
 
 def load_controller_context(path: PathLike) -> tuple[float | None, str]:
-    """Return the computation delay [s] and the unit of the plant for a controller; None, "" if unknown."""
+    """Return the computation delay [s] and the unit of the plant for a controller; None, "" if
+    unknown.
+    """
     if to_path(path).suffix.lower() == ".mat":
         return None, ""
     content = read_json(path, (CONTROLLER_SCHEMA,))[1]

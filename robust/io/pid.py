@@ -14,7 +14,9 @@ from robust.lti.lti import poles, response, timebase
 from robust.lti.norms import continuous_image
 from robust.lti.realisation import multivariable, split_diagonal
 
-_INTEGRATOR_TOLERANCE = 1e-7  # |s| dt, or |s| over the other pole, below which a pole is an integrator
+_INTEGRATOR_TOLERANCE = (
+    1e-7  # |s| dt, or |s| over the other pole, below which a pole is an integrator
+)
 _RESPONSE_TOLERANCE = 1e-6
 _NOTHING_IN_SAMPLES = 1e6  # Ti in samples, from which an integral is lost in single precision
 _LONGEST_TIME = 2**31 * 1e-3  # largest TIME of IEC 61131-3 in S7 blocks [s]
@@ -29,7 +31,8 @@ class PidGains:
     Fields
     ------
     kp, ki, kd : float
-        Gains of the parallel form: unit of u per unit of y, the same per second, the same times seconds.
+        Gains of the parallel form: unit of u per unit of y, the same per second, the same times
+        seconds.
     filter_time : float
         Tf, time constant of the derivative filter [s]; zero without a derivative.
     dt : float
@@ -57,7 +60,9 @@ class PidGains:
 
     @property
     def integral_time(self) -> float:
-        """Return Ti = Kp/Ki of the ideal form Kp (1 + 1/(Ti s) + Td s/(Tf s + 1)) [s]; inf without integral action."""
+        """Return Ti = Kp/Ki of the ideal form Kp (1 + 1/(Ti s) + Td s/(Tf s + 1)) [s]; inf without
+        integral action.
+        """
         return self.kp / self.ki if self.ki else float("inf")
 
     @property
@@ -67,17 +72,22 @@ class PidGains:
 
     @property
     def has_ideal_form(self) -> bool:
-        """Return True if blocks take Kp (1 + 1/(Ti s) + Td s/(Tf s + 1)): times at least as long as a sample.
+        """Return True if blocks take Kp (1 + 1/(Ti s) + Td s/(Tf s + 1)): times at least as long as
+        a sample.
 
-        They are positive if all gains have the sign of kp. The manual of CONT_C requires TI and TD of at least a
-        cycle.
+        They are positive if all gains have the sign of kp. The manual of CONT_C requires TI and TD
+        of at least a cycle.
         """
         return self.kp != 0 and not self._unusable_times
 
     @property
     def _unusable_times(self) -> str:
-        """Describe the times of the ideal form that no block takes, with the reason; empty without any."""
-        times = [("Ti", self.integral_time)] * bool(self.ki) + [("Td", self.derivative_time)] * bool(self.kd)
+        """Describe the times of the ideal form that no block takes, with the reason; empty without
+        any.
+        """
+        times = [("Ti", self.integral_time)] * bool(self.ki) + [
+            ("Td", self.derivative_time)
+        ] * bool(self.kd)
         for low, high, what in (
             (-np.inf, 0, "negative"),
             (0, self.dt, f"shorter than a sample of {1e3 * self.dt:g} ms"),
@@ -87,15 +97,17 @@ class PidGains:
         return ""
 
     def plc_parameters(self) -> list[str]:
-        """Return the parameters of the ideal form in Siemens and TwinCAT blocks, one line each; empty without one.
+        """Return the parameters of the ideal form in Siemens and TwinCAT blocks, one line each;
+        empty without one.
 
-        A time of zero switches its part off in each of them. The blocks have their own sampling: the loop is the
-        checked one if their cycle is short compared with every time.
+        A time of zero switches its part off in each of them. The blocks have their own sampling:
+        the loop is the checked one if their cycle is short compared with every time.
 
         References
         ----------
-        Siemens, *SIMATIC S7-1200, S7-1500 PID control* (A5E35300227), 9.1 (PID_Compact); *Standard software for S7-300
-        and S7-400 PID control* (C79000-G7076-C516) (CONT_C). Beckhoff, *Tc2_ControllerToolbox* (FB_CTRL_PID).
+        Siemens, *SIMATIC S7-1200, S7-1500 PID control* (A5E35300227), 9.1 (PID_Compact); *Standard
+        software for S7-300 and S7-400 PID control* (C79000-G7076-C516) (CONT_C). Beckhoff,
+        *Tc2_ControllerToolbox* (FB_CTRL_PID).
 
         Examples
         --------
@@ -109,23 +121,31 @@ class PidGains:
             return []
         gain = f"{self.kp:.6g}"
         integral = f"{self.integral_time if self.ki else 0.0:.6g} s"
-        derivative, lag = f"{self.derivative_time if self.kd else 0.0:.6g} s", f"{self.filter_time:.6g} s"
+        derivative = f"{self.derivative_time if self.kd else 0.0:.6g} s"
+        lag = f"{self.filter_time:.6g} s"
         ratio = f"{self.filter_time / self.derivative_time if self.kd else 0.0:.6g}"
         return [
-            f"Siemens PID_Compact: Gain = {gain}, Ti = {integral}, Td = {derivative}, TdFiltRatio = {ratio}, "
-            "PWeighting = 1, DWeighting = 1",
+            (
+                f"Siemens PID_Compact: Gain = {gain}, Ti = {integral}, Td = {derivative},"
+                f" TdFiltRatio = {ratio}, PWeighting = 1, DWeighting = 1"
+            ),
             f"Siemens CONT_C: GAIN = {gain}, TI = {integral}, TD = {derivative}, TM_LAG = {lag}",
             f"TwinCAT FB_CTRL_PID: fKp = {gain}, tTn = {integral}, tTv = {derivative}, tTd = {lag}",
         ]
 
     def difference_equation(self) -> list[str]:
-        """Return lines that give u[k] from the error e[k] = r[k] - y[k], to be run in this order in each sample.
+        """Return lines that give u[k] from the error e[k] = r[k] - y[k], to be run in this order in
+        each sample.
 
-        The rule is trapezoidal (Tustin), which gives the transfer function of the sampled controller exactly. Each part
-        has a state of its own, so that rounded coefficients cost no integral action, and i can be held at a limit of u.
+        The rule is trapezoidal (Tustin), which gives the transfer function of the sampled
+        controller exactly. Each part has a state of its own, so that rounded coefficients cost no
+        integral action, and i can be held at a limit of u.
         """
         if not self.dt:
-            raise ValueError("dt must be given to pid_gains for a difference equation [s], got a continuous controller")
+            raise ValueError(
+                "dt must be given to pid_gains for a difference equation [s], got a continuous"
+                " controller"
+            )
         rows, terms = [], [f"{self.kp:.10g} e[k]"] if self.kp else []
         if self.ki:
             rows.append(f"i[k] = i[k-1] + {self.ki * self.dt / 2:.10g} (e[k] + e[k-1])")
@@ -139,41 +159,59 @@ class PidGains:
 
     @property
     def forms(self) -> list[str]:
-        """Return the parallel form, the ideal form and the difference equation with units, one line each."""
+        """Return the parallel form, the ideal form and the difference equation with units, one line
+        each.
+        """
         per_s, times_s = (f" {self.unit}/s", f" {self.unit} s") if self.unit else ("", "")
         parts = [f"Kp = {self.kp:.6g}{f' {self.unit}' if self.unit else ''}"]
         parts += [f"Ki = {self.ki:.6g}{per_s or ' 1/s'}"] if self.ki else []
-        parts += [f"Kd = {self.kd:.6g}{times_s or ' s'}", f"Tf = {self.filter_time:.6g} s"] if self.kd else []
+        parts += (
+            [f"Kd = {self.kd:.6g}{times_s or ' s'}", f"Tf = {self.filter_time:.6g} s"]
+            if self.kd
+            else []
+        )
         form = "Kp" + " + Ki/s" * bool(self.ki) + " + Kd s/(Tf s + 1)" * bool(self.kd)
         rows = [f"parallel, {form}: {', '.join(parts)}"]
         if self.kp and not self.has_ideal_form:
-            rows.append(f"ideal: none that a PLC takes, as {self._unusable_times}; use the parallel form")
+            rows.append(
+                f"ideal: none that a PLC takes, as {self._unusable_times}; use the parallel form"
+            )
         elif self.kp and (self.ki or self.kd):
             times = [parts[0]]
             times += [f"Ti = {self.integral_time:.6g} s"] if self.ki else []
-            times += [f"Td = {self.derivative_time:.6g} s", f"Tf = {self.filter_time:.6g} s"] if self.kd else []
+            times += (
+                [f"Td = {self.derivative_time:.6g} s", f"Tf = {self.filter_time:.6g} s"]
+                if self.kd
+                else []
+            )
             form = "1" + " + 1/(Ti s)" * bool(self.ki) + " + Td s/(Tf s + 1)" * bool(self.kd)
             rows.append(f"ideal, Kp ({form}): {', '.join(times)}")
         elif self.ki or self.kd:
             rows.append("ideal: none, as Kp is zero")
         if self.dt:
-            rows.append(f"once a sample, at {1 / self.dt:.6g} Hz, e = r - y: {'; '.join(self.difference_equation())}")
+            rows.append(
+                f"once a sample, at {1 / self.dt:.6g} Hz, e = r - y:"
+                f" {'; '.join(self.difference_equation())}"
+            )
         return rows
 
     def __str__(self) -> str:
         return "\n".join(self.forms)
 
 
-def pid_gains(K: Controller, *, dt: float | None = None, unit: str = "") -> PidGains | tuple[PidGains, ...]:
-    """Return the gains of a controller that is a PID, or a part of one, in the form of a drive or a PLC.
+def pid_gains(
+    K: Controller, *, dt: float | None = None, unit: str = ""
+) -> PidGains | tuple[PidGains, ...]:
+    """Return the gains of a controller that is a PID, or a part of one, in the form of a drive or a
+    PLC.
 
     Use this to enter a designed controller by hand.
 
     Parameters
     ----------
     K : control.StateSpace, TransferFunction or float
-        Controller; for several channels without coupling, one loop for each. The gains of a sampled one are those of
-        the trapezoidal rule (Tustin), which is exact for it.
+        Controller; for several channels without coupling, one loop for each. The gains of a sampled
+        one are those of the trapezoidal rule (Tustin), which is exact for it.
     dt : float, optional
         Sampling time [s] of the difference equation of a continuous K.
     unit : str
@@ -182,14 +220,15 @@ def pid_gains(K: Controller, *, dt: float | None = None, unit: str = "") -> PidG
     Returns
     -------
     PidGains, or a tuple of them, one a loop, for several channels
-        Printed, it shows the parallel form, the ideal form, and the difference equation. A gain below about 1e-14 of
-        the terms to which it is added (for Kp: Ki dt/2, Kd/Tf and Kd/dt) is already lost to rounding in K, and is
-        returned as zero.
+        Printed, it shows the parallel form, the ideal form, and the difference equation. A gain
+        below about 1e-14 of the terms to which it is added (for Kp: Ki dt/2, Kd/Tf and Kd/dt) is
+        already lost to rounding in K, and is returned as zero.
 
     Raises
     ------
     ValueError
-        A controller that is not a PID: more than one integrator and one stable real pole. One with coupled channels.
+        A controller that is not a PID: more than one integrator and one stable real pole. One with
+        coupled channels.
 
     References
     ----------
@@ -222,12 +261,19 @@ def _loop_gains(K: control.StateSpace, dt: float | None, unit: str) -> PidGains:
     if sampled and dt is not None and abs(dt / sampled - 1) > 1e-9:
         raise ValueError(f"dt must be the sampling time of K, {sampled:g} s, got {dt:g} s")
     return PidGains(
-        kp=kp, ki=ki, kd=kd, filter_time=filter_time if kd else 0.0, dt=step, unit=inverse_unit(unit) if unit else ""
+        kp=kp,
+        ki=ki,
+        kd=kd,
+        filter_time=filter_time if kd else 0.0,
+        dt=step,
+        unit=inverse_unit(unit) if unit else "",
     )
 
 
 def format_gains(K: Controller, unit: str, *, plc: bool = False) -> str:
-    """Format the gains of a PID, one row each, also by the names of a PLC; empty for any other controller."""
+    """Format the gains of a PID, one row each, also by the names of a PLC; empty for any other
+    controller.
+    """
     with suppress(ValueError):
         found = pid_gains(K, unit=unit)
         loops = found if isinstance(found, tuple) else (found,)
@@ -242,7 +288,8 @@ def format_gains(K: Controller, unit: str, *, plc: bool = False) -> str:
 
 
 def reason_for_unusual_gains(K: Controller) -> str:
-    """Return the reason why gains of a controller cannot be built, with the remedy; empty if they can, or no PID.
+    """Return the reason why gains of a controller cannot be built, with the remedy; empty if they
+    can, or no PID.
 
     >>> reason_for_unusual_gains(control.tf([-2.0, 30.0], [1.0, 0.0]))
     'the PID has Kp = -2 and Ki = 30: no PLC takes gains of different signs; --positive keeps them positive'
@@ -265,19 +312,30 @@ def _unusual_signs(gains: PidGains) -> str:
     if len({gain > 0 for gain in named.values() if gain}) < 2:
         return ""
     parts = join_names([f"{name} = {gain:.4g}" for name, gain in named.items() if gain])
-    return f"the PID has {parts}: no PLC takes gains of different signs; --positive keeps them positive"
+    return (
+        f"the PID has {parts}: no PLC takes gains of different signs; --positive keeps them"
+        " positive"
+    )
 
 
 def _unusual_integral(gains: PidGains) -> str:
     """Describe an integral without effect; empty if it has one or there is none."""
     Ti = abs(gains.integral_time)
-    if gains.kp and gains.ki and (_NOTHING_IN_SAMPLES * gains.dt if gains.dt else _LONGEST_TIME) < Ti:
-        return f"Ti = {Ti:.4g} s: the integral is negligible; --structure {'PD' if gains.kd else 'P'} leaves it out"
+    if (
+        gains.kp
+        and gains.ki
+        and (_NOTHING_IN_SAMPLES * gains.dt if gains.dt else _LONGEST_TIME) < Ti
+    ):
+        return (
+            f"Ti = {Ti:.4g} s: the integral is negligible; --structure {'PD' if gains.kd else 'P'}"
+            " leaves it out"
+        )
     return ""
 
 
 def advice_on_structure(K: Controller, omega: np.ndarray) -> str:
-    """Return a proposal if Kp has no effect at the frequencies omega [rad/s]; empty if it has one, or no PID.
+    """Return a proposal if Kp has no effect at the frequencies omega [rad/s]; empty if it has one,
+    or no PID.
 
     >>> advice_on_structure(control.tf([1e-6, 20.0], [1.0, 0.0]), np.array([1.0, 100.0]))
     'Kp = 1e-06 is at most 0.0005 % of |K| on the lines: K is an integrator. Use --structure I'
@@ -297,8 +355,8 @@ def advice_on_structure(K: Controller, omega: np.ndarray) -> str:
             if np.all(np.abs(slope) <= _NEGLIGIBLE * size):
                 return f"{found}: K is an integrator. Use --structure I"
             return (
-                f"{found}: K is an integrator and a derivative, for which no PLC has Ti and Td. Use the parallel form, "
-                "or --structure PI or I"
+                f"{found}: K is an integrator and a derivative, for which no PLC has Ti and Td. Use"
+                " the parallel form, or --structure PI or I"
             )
     return ""
 
@@ -306,7 +364,8 @@ def advice_on_structure(K: Controller, omega: np.ndarray) -> str:
 def _pid_coefficients(
     K: control.StateSpace, dt: float, *, integrates: bool, filter_time: float
 ) -> tuple[float, float, float]:
-    """Return Kp, Ki and Kd from the value at infinity and the residues at the poles; zero if they are rounding.
+    """Return Kp, Ki and Kd from the value at infinity and the residues at the poles; zero if they
+    are rounding.
 
     K = Kp + Kd/Tf + Ki/s - Kd/Tf^2/(s + 1/Tf), in the s of the trapezoidal rule if K is sampled.
     """
@@ -315,14 +374,23 @@ def _pid_coefficients(
     p, V = np.linalg.eig(A) if K.nstates else (np.zeros(0), np.zeros((0, 0)))
     left, right = C @ V, np.linalg.solve(V, B)
     residues = unit * (left[0] * right[:, 0]).real
-    sure = _ROUNDING_TOLERANCE * unit * (np.abs(C) @ np.abs(V))[0] * (np.abs(np.linalg.inv(V)) @ np.abs(B))[:, 0]
+    sure = (
+        _ROUNDING_TOLERANCE
+        * unit
+        * (np.abs(C) @ np.abs(V))[0]
+        * (np.abs(np.linalg.inv(V)) @ np.abs(B))[:, 0]
+    )
     residues = np.where(np.abs(residues) > sure, residues, 0.0)
     slow = np.argsort(np.abs(p))  # the integrator first
     ki = float(residues[slow[0]]) if integrates else 0.0
     kd = float(-residues[slow[-1]] * filter_time**2) if filter_time else 0.0
     # for a sampled one D is the value at z = -1, from that at infinity and the rest
-    terms = abs(K.D[0, 0]) + abs(D[0, 0] - K.D[0, 0]) + (abs(kd) / filter_time if filter_time else 0.0)
-    terms += abs(kd) / dt if dt else 0.0  # a slow filter at a fast sampling rate shows in 1 - z alone
+    terms = (
+        abs(K.D[0, 0]) + abs(D[0, 0] - K.D[0, 0]) + (abs(kd) / filter_time if filter_time else 0.0)
+    )
+    terms += (
+        abs(kd) / dt if dt else 0.0
+    )  # a slow filter at a fast sampling rate shows in 1 - z alone
     kp = float(D[0, 0] - (kd / filter_time if filter_time else 0.0))
     return kp if abs(kp) > _ROUNDING_TOLERANCE * terms else 0.0, ki, kd
 
@@ -338,19 +406,32 @@ def _require_same_response(
     error = np.abs(kp + ki / s + kd * s / (filter_time * s + 1) - wanted)
     if not np.all(error <= _RESPONSE_TOLERANCE * np.abs(wanted)):
         worst = np.max(error / np.abs(wanted))
-        raise ValueError(f"K must be a PID, got one that differs from the nearest by {worst:.2g} of its size")
+        raise ValueError(
+            f"K must be a PID, got one that differs from the nearest by {worst:.2g} of its size"
+        )
 
 
 def _pid_structure(K: control.StateSpace, dt: float) -> tuple[bool, float]:
-    """Return True if a PID integrates, and its filter time [s] (0 without a filter); refuse anything else."""
+    """Return True if a PID integrates, and its filter time [s] (0 without a filter); refuse
+    anything else.
+    """
     p = poles(K).astype(complex)
     s = 2 / dt * (p - 1) / (p + 1) if dt else p
     size = np.abs(s)
-    zero = size * dt < _INTEGRATOR_TOLERANCE if dt else size <= _INTEGRATOR_TOLERANCE * np.max(size, initial=0.0)
+    zero = (
+        size * dt < _INTEGRATOR_TOLERANCE
+        if dt
+        else size <= _INTEGRATOR_TOLERANCE * np.max(size, initial=0.0)
+    )
     other = s[~zero]
-    if zero.sum() > 1 or other.size > 1 or np.any(other.real >= 0) or np.any(np.abs(other.imag) > 1e-6 * np.abs(other)):
+    if (
+        zero.sum() > 1
+        or other.size > 1
+        or np.any(other.real >= 0)
+        or np.any(np.abs(other.imag) > 1e-6 * np.abs(other))
+    ):
         raise ValueError(
-            f"K must be a PID (at most one integrator and one stable real pole), got {K.nstates} states with poles "
-            f"{', '.join(f'{root:.4g}' for root in p)}"
+            f"K must be a PID (at most one integrator and one stable real pole), got {K.nstates}"
+            f" states with poles {', '.join(f'{root:.4g}' for root in p)}"
         )
     return bool(zero.any()), float(-1 / other[0].real) if other.size else 0.0

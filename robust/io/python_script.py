@@ -20,13 +20,14 @@ from robust.models.sets.model import UncertaintyModel, require_parametric
 def export_python(model: UncertaintyModel, path: PathLike) -> None:
     """Write a model as a script for a colleague who has python-control and not this package.
 
-    The script has nominal and weights. It makes a plant of the set for any perturbation, draws plants at random, and
-    tries a controller on them. A trial is not a proof: `robust.check` proves.
+    The script has nominal and weights. It makes a plant of the set for any perturbation, draws
+    plants at random, and tries a controller on them. A trial is not a proof: `robust.check` proves.
 
     Parameters
     ----------
     model : UncertaintyModel
-        Model with a parametric nominal, continuous or sampled, with one or several channels and any form.
+        Model with a parametric nominal, continuous or sampled, with one or several channels and any
+        form.
     path : path
         The ``.py`` file.
 
@@ -68,16 +69,21 @@ def export_python(model: UncertaintyModel, path: PathLike) -> None:
             systems |= {"Ws": model.shaping, "N": factors[0], "M": factors[1]}
     else:
         sides = dict(zip(("Wl", "Wr"), model.side_weights(), strict=True))
-        if elements:  # column after column: Delta reads an input, and its output is added to a plant output
+        if (
+            elements
+        ):  # column after column: Delta reads an input, and its output is added to a plant output
             reads = np.repeat(np.eye(model.n_inputs), model.n_outputs, axis=0)
             adds = np.tile(np.eye(model.n_outputs), model.n_inputs)
             through = (control.StateSpace([], [], [], D, dt) for D in (reads, adds))
             sides = {"Wr": in_series(next(through), sides["Wr"]), "Wl": next(through)}
         systems |= sides
         block = BLOCK_FORMS[ADDITIVE if elements else model.form]
-        formula, measure = block.matlab_expression, f"np.linalg.norm(Wr @ ({block.python_measure}) @ Wl, 2)"
+        formula = block.matlab_expression
+        measure = f"np.linalg.norm(Wr @ ({block.python_measure}) @ Wl, 2)"
     # the MATLAB expression, except for its row vectors and quotients
-    formula = formula.replace("[1 0] * Delta", "Delta[0, 0]").replace("[0 1] * Delta", "Delta[1, 0]")
+    formula = formula.replace("[1 0] * Delta", "Delta[0, 0]").replace(
+        "[0 1] * Delta", "Delta[1, 0]"
+    )
     formula = formula.replace(") / (", ") * inverse(").replace(" / Ws", " * inverse(Ws)")
     shape = (2, 1) if model.scaling else (1, 1)
     if not single:
@@ -104,7 +110,9 @@ def export_python(model: UncertaintyModel, path: PathLike) -> None:
 
 def _system_text(name: str, system: control.StateSpace) -> str:
     """Return a system as a statement, exact to the bit."""
-    matrices = [getattr(system, key).tolist() if system.nstates or key == "D" else [] for key in "ABCD"]
+    matrices = [
+        getattr(system, key).tolist() if system.nstates or key == "D" else [] for key in "ABCD"
+    ]
     return f"{name} = control.ss({', '.join(map(repr, matrices))}, DT)"
 
 

@@ -1,18 +1,21 @@
-"""A sampled controller as statements in the arithmetic of its target: coefficients, their order, and bounded rounding.
+"""A sampled controller as statements in the arithmetic of its target: coefficients, their order,
+and bounded rounding.
 
-A section is written in powers of q = z - 1, or of q = z if all its roots are nearer to 0. With x its input:
+A section is written in powers of q = z - 1, or of q = z if all its roots are nearer to 0. With x
+its input:
 
     y  := b0 x + s1                        (b0 q^2 + b1 q + b2) / (q^2 + a1 q + a2)
     s1 := b1 x - a1 y + s2 (+ s1)          the old s1 and s2 in brackets are added for q = z - 1
     s2 := b2 x - a2 y (+ s2)
 
-Slow poles have a small q, whose coefficients keep their digits: in powers of z the distance of a pole from 1 is the
-difference of numbers near 2 (Middleton & Goodwin 1990). A balanced state space is worse in single precision. For 49
-random controllers of orders 1 to 20 its rounded coefficients changed K by 9 times as much (median; up to 2e7), and its
-operations moved u by 0.95 times as much (median), with n^2 products per step.
+Slow poles have a small q, whose coefficients keep their digits: in powers of z the distance of a
+pole from 1 is the difference of numbers near 2 (Middleton & Goodwin 1990). A balanced state space
+is worse in single precision. For 49 random controllers of orders 1 to 20 its rounded coefficients
+changed K by 9 times as much (median; up to 2e7), and its operations moved u by 0.95 times as much
+(median), with n^2 products per step.
 
-A single pole at z = 1 is split off by partial fractions. Its sum is compensated (Kahan 1965): otherwise single
-precision loses the part below 6e-8 of the integral.
+A single pole at z = 1 is split off by partial fractions. Its sum is compensated (Kahan 1965):
+otherwise single precision loses the part below 6e-8 of the integral.
 """
 
 from __future__ import annotations
@@ -24,7 +27,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import eig, null_space
 
-from nlfrf._base.arguments import data_warning, require_choice, require_positive, require_real_array, short_form
+from nlfrf._base.arguments import (
+    data_warning,
+    require_choice,
+    require_positive,
+    require_real_array,
+    short_form,
+)
 from nlfrf._base.values import ArrayField, value
 from robust._base.types import Controller
 from robust._base.warnings import DesignWarning
@@ -33,10 +42,15 @@ from robust.lti.connections import in_parallel
 from robust.lti.lti import poles, response, scale_states, timebase, with_names, zeros
 from robust.lti.realisation import multivariable
 
-_INTEGRATOR_TOLERANCES = 1e-10, 1e-7  # |z - 1| of one pole at 1, and of two: they come out with a distance of 1e-8
+_INTEGRATOR_TOLERANCES = (
+    1e-10,
+    1e-7,
+)  # |z - 1| of one pole at 1, and of two: they come out with a distance of 1e-8
 _LARGEST_ERROR = 1e-3  # error over |K| before rounding, above which the roots are not those of K
 _NEGLIGIBLE_GAIN = 1e-6  # share of the median |K|, the least unit for errors
-_NOTABLE_ERROR = 0.01  # of |K| by rounding, or of the largest output, above which there is a warning
+_NOTABLE_ERROR = (
+    0.01  # of |K| by rounding, or of the largest output, above which there is a warning
+)
 
 
 class Statement(NamedTuple):
@@ -53,7 +67,8 @@ class RoundedController:
     Fields
     ------
     K : control.StateSpace
-        The controller with the rounded coefficients, for `check`; its matrices are rounded once more, to float64.
+        The controller with the rounded coefficients, for `check`; its matrices are rounded once
+        more, to float64.
     dtype : str
         "float32" or "float64".
     before, after : tuple of Statement
@@ -65,16 +80,17 @@ class RoundedController:
     gain : float
         l1 norm from e to u, without the part split off: the largest |u| for |e| of at most one.
     rounding : float
-        Bound of the rounding of all operations at u, over the largest |e|: sum of l1 norms from each operation to u.
-        Infinite if a pole that is not split off lies on or outside the unit circle.
+        Bound of the rounding of all operations at u, over the largest |e|: sum of l1 norms from
+        each operation to u. Infinite if a pole that is not split off lies on or outside the unit
+        circle.
     facts : tuple of str
         These numbers, with their conditions.
 
     References
     ----------
-    R. H. Middleton, G. C. Goodwin, *Digital Control and Estimation*, 1990, 5 (delta operator).
-    K. J. Åström, B. Wittenmark, *Computer-Controlled Systems*, 3rd ed., 1997, 3.5 (anti-windup), 9.6 (word length).
-    W. Kahan, Further remarks on reducing truncation errors, *Comm. ACM* 8, 1965.
+    R. H. Middleton, G. C. Goodwin, *Digital Control and Estimation*, 1990, 5 (delta operator). K.
+    J. Åström, B. Wittenmark, *Computer-Controlled Systems*, 3rd ed., 1997, 3.5 (anti-windup), 9.6
+    (word length). W. Kahan, Further remarks on reducing truncation errors, *Comm. ACM* 8, 1965.
 
     Examples
     --------
@@ -104,8 +120,11 @@ class RoundedController:
         return "\n".join(self.facts)
 
 
-def round_controller(K: Controller, *, dtype: str, limit: ArrayLike | None = None) -> RoundedController:
-    """Return a sampled controller for one loop as statements with rounded coefficients, and bounds of their rounding.
+def round_controller(
+    K: Controller, *, dtype: str, limit: ArrayLike | None = None
+) -> RoundedController:
+    """Return a sampled controller for one loop as statements with rounded coefficients, and bounds
+    of their rounding.
 
     dtype : "float32" or "float64"; limit : a number, for -limit to limit, or (least, largest).
     """
@@ -119,42 +138,61 @@ def round_controller(K: Controller, *, dtype: str, limit: ArrayLike | None = Non
     error, omega = _largest_error(K, _realise(K, _chain(groups, scale), gain, pole))
     if not error <= _LARGEST_ERROR:
         raise ValueError(
-            f"K must be accurate as sections made of its roots, got an error of {error:.2g} of |K| at {omega:.3g} "
-            "rad/s: lower its order with robust.reduce_controller"
+            f"K must be accurate as sections made of its roots, got an error of {error:.2g} of |K|"
+            f" at {omega:.3g} rad/s: lower its order with robust.reduce_controller"
         )
     tracking = _tracking_gain(rest, gain, pole) if limited and gain else 0.0
-    chain = [_round_statement(row, kind) for row in _chain(_order_sections(groups, scale, unit), scale)]
+    chain = [
+        _round_statement(row, kind) for row in _chain(_order_sections(groups, scale, unit), scale)
+    ]
     after = [_round_statement(row, kind) for row in _integral(gain, pole, tracking)] if gain else []
     found = _realise(K, chain, float(kind(gain)), float(kind(pole)))
     (error, omega), (total, noise) = _largest_error(K, found), _bound_rounding(chain, unit)
     share = noise / total if np.isfinite(noise) and total else 0.0
     if not max(error, share) <= _NOTABLE_ERROR:
         data_warning(
-            f"K changes by up to {error:.2g} of |K| with coefficients in {dtype}, and u by up to {share:.2g} of its "
-            "largest value by rounded operations" + ": use dtype='float64'" * (dtype == "float32"),
+            f"K changes by up to {error:.2g} of |K| with coefficients in {dtype}, and u by up to"
+            f" {share:.2g} of its largest value by rounded operations"
+            + ": use dtype='float64'"
+            * (dtype == "float32"),
             DesignWarning,
         )
     outside = " outside the integral" * bool(gain)
     facts = [
-        f"sections: {len(groups)}, in powers of z - 1 (of z if all roots are nearer to 0), which keeps the digits "
-        "of slow poles; in the order with the least bound of rounding",
-        f"coefficients in {dtype} change |K| by at most {error:.2g} of itself, at {omega / 2 / np.pi:.4g} Hz",
-        f"operations in {dtype} move u by at most {noise:.2g} max|e|{outside}, {share:.2g} of the largest u that such "
-        "an e makes there (l1 norms from each operation to u)"
-        if np.isfinite(noise)
-        else "rounded operations have no bound for K alone: it has a pole on or outside the unit circle",
-        f"quantisation: an error q of e moves u by at most {total:.4g} q{outside} (l1 norm), an error q of u by q",
+        (
+            f"sections: {len(groups)}, in powers of z - 1 (of z if all roots are nearer to 0),"
+            " which keeps the digits of slow poles; in the order with the least bound of rounding"
+        ),
+        (
+            f"coefficients in {dtype} change |K| by at most {error:.2g} of itself, at"
+            f" {omega / 2 / np.pi:.4g} Hz"
+        ),
+        (
+            f"operations in {dtype} move u by at most {noise:.2g} max|e|{outside}, {share:.2g} of"
+            " the largest u that such an e makes there (l1 norms from each operation to u)"
+            if np.isfinite(noise)
+            else (
+                "rounded operations have no bound for K alone: it has a pole on or outside the unit"
+                " circle"
+            )
+        ),
+        (
+            f"quantisation: an error q of e moves u by at most {total:.4g} q{outside} (l1 norm), an"
+            " error q of u by q"
+        ),
     ]
     if gain:
         facts.append(
-            "integral: split off by partial fractions, its sum compensated; its rounding acts like an error of e of "
-            f"at most {(8 if pole else 4) * unit:.2g} max|e|"
+            "integral: split off by partial fractions, its sum compensated; its rounding acts like"
+            f" an error of e of at most {(8 if pole else 4) * unit:.2g} max|e|"
         )
     if limited:
         facts.append(
-            f"limit: u from {bounds[0]:.9g} to {bounds[1]:.9g}. Nothing is proved after u reaches it. "
+            f"limit: u from {bounds[0]:.9g} to {bounds[1]:.9g}. Nothing is proved after u reaches"
+            " it. "
             + (
-                f"The integral follows in {timebase(K) / tracking:.4g} s (anti-windup by back-calculation)"
+                f"The integral follows in {timebase(K) / tracking:.4g} s (anti-windup by"
+                " back-calculation)"
                 if tracking
                 else "K does not integrate: no anti-windup"
             )
@@ -182,7 +220,10 @@ def _limit_bounds(limit: ArrayLike | None) -> np.ndarray:
         return np.array([-largest, largest])
     bounds = require_real_array("limit", limit, ndim=1)
     if bounds.size != 2 or not bounds[0] < bounds[1]:
-        raise ValueError(f"limit must be a positive number, or the least and the largest u, got {short_form(limit)}")
+        raise ValueError(
+            "limit must be a positive number, or the least and the largest u, got"
+            f" {short_form(limit)}"
+        )
     return bounds
 
 
@@ -190,37 +231,51 @@ def _require_one_sampled_loop(K: control.StateSpace) -> None:
     """Refuse a controller for several channels, and a continuous one."""
     if (K.ninputs, K.noutputs) != (1, 1):
         raise ValueError(
-            f"K must have one input and one output to be written as code, got {K.ninputs} and {K.noutputs}: write each "
-            "loop of a diagonal K, such as K[0, 0], into its own file"
+            f"K must have one input and one output to be written as code, got {K.ninputs} and"
+            f" {K.noutputs}: write each loop of a diagonal K, such as K[0, 0], into its own file"
         )
     if not timebase(K):
         raise ValueError(
-            "K must be discrete to be written as code, got a continuous controller: use robust.lti.discretize(K, dt)"
+            "K must be discrete to be written as code, got a continuous controller: use"
+            " robust.lti.discretize(K, dt)"
         )
 
 
-def _split_slowest(K: control.StateSpace, *, limited: bool) -> tuple[control.StateSpace, float, float]:
-    """Return R, g and q of K = R + g/(z - 1 - q) for a single integrator, q = 0; g = 0 if nothing is split off.
+def _split_slowest(
+    K: control.StateSpace, *, limited: bool
+) -> tuple[control.StateSpace, float, float]:
+    """Return R, g and q of K = R + g/(z - 1 - q) for a single integrator, q = 0; g = 0 if nothing
+    is split off.
 
-    With a limit also the real lag with most of the gain at zero frequency: it winds up like an integrator.
+    With a limit also the real lag with most of the gain at zero frequency: it winds up like an
+    integrator.
     """
     A, B, C = scale_states(K.A, K.B, K.C) if K.nstates else (K.A, K.B, K.C)
     whole = control.StateSpace(A, B, C, K.D, K.dt, remove_useless_states=False), 0.0, 0.0
-    offsets, left, right = eig(A - np.eye(len(A)), left=True, right=True) if K.nstates else (np.zeros(0), A, A)
+    offsets, left, right = (
+        eig(A - np.eye(len(A)), left=True, right=True) if K.nstates else (np.zeros(0), A, A)
+    )
     n_integrators = int(_are_integrators(offsets).sum())
     real = np.flatnonzero(
-        (offsets.imag == 0) & (offsets.real > -0.5) & (_are_integrators(offsets) | (offsets.real < 0))
+        (offsets.imag == 0)
+        & (offsets.real > -0.5)
+        & (_are_integrators(offsets) | (offsets.real < 0))
     )
     if n_integrators > 1 and limited:
         raise ValueError(
-            f"limit must be left out for a controller with {n_integrators} integrators: it is for at most one"
+            f"limit must be left out for a controller with {n_integrators} integrators: it is for"
+            " at most one"
         )
     if n_integrators > 1 or not real.size:
         return whole
     k = real[np.argmin(np.abs(offsets[real]))]
     w, v = left[:, k].real, right[:, k].real
-    V, mode = null_space(w[None]), np.outer(v, w @ B) / (w @ v)  # the other modes, and B of this one
-    rest = control.StateSpace(V.T @ A @ V, V.T @ (B - mode), C @ V, K.D, K.dt, remove_useless_states=False)
+    # the other modes, and B of this one
+    V = null_space(w[None])
+    mode = np.outer(v, w @ B) / (w @ v)
+    rest = control.StateSpace(
+        V.T @ A @ V, V.T @ (B - mode), C @ V, K.D, K.dt, remove_useless_states=False
+    )
     gain, pole = float((C @ mode)[0, 0]), 0.0 if n_integrators else float(offsets[k].real)
     dominates = not pole or (limited and abs(gain / pole) > 2 * abs(_static_gain(rest)))
     return (rest, gain, pole) if dominates else whole
@@ -239,21 +294,27 @@ def _static_gain(system: control.StateSpace) -> float:
 def _tracking_gain(rest: control.StateSpace, gain: float, pole: float) -> float:
     """Return the share of the excess that the integral takes back in one step.
 
-    It puts the pole of the limited controller at the zero of g/(z - 1 - q) + R(1): for a PI, the tracking time is Ti. A
-    zero that is negative or unstable is replaced by z = 0.
+    It puts the pole of the limited controller at the zero of g/(z - 1 - q) + R(1): for a PI, the
+    tracking time is Ti. A zero that is negative or unstable is replaced by z = 0.
     """
     static = _static_gain(rest)
     ratio = gain / static if static else np.inf
     return ratio if 0 < ratio < 1 + pole else 1 + pole
 
 
-def _chain(groups: list[tuple[tuple[complex, ...], tuple[complex, ...]]], gain: float) -> list[Statement]:
-    """Return the statements of sections in series, from e to v, for zeros and poles minus one; the gain comes first."""
+def _chain(
+    groups: list[tuple[tuple[complex, ...], tuple[complex, ...]]], gain: float
+) -> list[Statement]:
+    """Return the statements of sections in series, from e to v, for zeros and poles minus one; the
+    gain comes first.
+    """
     rows: list[Statement] = []
     x, n = "e", 0
     for k, (above, below) in enumerate(groups, 1):
         origin = 1.0 if max(np.real([*above, *below]), default=-1.0) > -0.5 else 0.0
-        top, a = (np.atleast_1d(np.poly(np.array(roots) + 1 - origin).real) for roots in (above, below))
+        top, a = (
+            np.atleast_1d(np.poly(np.array(roots) + 1 - origin).real) for roots in (above, below)
+        )
         b = np.append(np.zeros(a.size - top.size), top) * (gain if k == 1 else 1.0)
         y, states = f"y{k}", [f"s{n + j}" for j in range(1, a.size)]
         rows.append(Statement(y, ((b[0], x), *((1.0, name) for name in states[:1]))))
@@ -266,7 +327,9 @@ def _chain(groups: list[tuple[tuple[complex, ...], tuple[complex, ...]]], gain: 
 
 
 def _integral(gain: float, pole: float, tracking: float) -> list[Statement]:
-    """Return the statements of the integral: the part lost when it grows by `change` is carried to the next step."""
+    """Return the statements of the integral: the part lost when it grows by `change` is carried to
+    the next step.
+    """
     terms = ((gain, "e"), (pole, "integral"), (tracking, "excess"), (1.0, "carry"))
     return [
         *([Statement("excess", ((1.0, "u"), (-1.0, "v")))] if tracking else []),
@@ -279,16 +342,26 @@ def _integral(gain: float, pole: float, tracking: float) -> list[Statement]:
 
 
 def _round_statement(statement: Statement, kind: type[np.floating]) -> Statement:
-    """Return a statement with rounded coefficients, without terms that vanish; refuse one too large."""
+    """Return a statement with rounded coefficients, without terms that vanish; refuse one too
+    large.
+    """
     largest, limit = max(abs(number) for number, _ in statement.terms), float(np.finfo(kind).max)
     if not largest <= limit:
-        raise ValueError(f"K must have coefficients of at most {limit:.2g} in {np.dtype(kind)}, got {largest:.3g}")
+        raise ValueError(
+            f"K must have coefficients of at most {limit:.2g} in {np.dtype(kind)}, got"
+            f" {largest:.3g}"
+        )
     terms = [(float(kind(number)), name) for number, name in statement.terms]
-    return Statement(statement.target, tuple(term for term in terms if term[0]) or ((0.0, statement.terms[0][1]),))
+    return Statement(
+        statement.target,
+        tuple(term for term in terms if term[0]) or ((0.0, statement.terms[0][1]),),
+    )
 
 
 def _propagate(chain: list[Statement]) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Return the new states and v, one row each, over (old states, e, an error of each statement); their terms."""
+    """Return the new states and v, one row each, over (old states, e, an error of each statement);
+    their terms.
+    """
     states = [row.target for row in chain if row.target[0] == "s"]
     unit = np.eye(len(states) + 1 + len(chain))
     rows = dict(zip((*states, "e"), unit, strict=False))
@@ -299,21 +372,32 @@ def _propagate(chain: list[Statement]) -> tuple[np.ndarray, list[np.ndarray]]:
     return np.array([rows[name] for name in (*states, "v")]), read
 
 
-def _realise(K: control.StateSpace, chain: list[Statement], gain: float, pole: float) -> control.StateSpace:
+def _realise(
+    K: control.StateSpace, chain: list[Statement], gain: float, pole: float
+) -> control.StateSpace:
     """Return the controller of the statements, with the names and the sampling time of K."""
     rows, _ = _propagate(chain)
     n = len(rows) - 1
     sections = control.StateSpace(
-        rows[:n, :n], rows[:n, n : n + 1], rows[n:, :n], rows[n:, n : n + 1], K.dt, remove_useless_states=False
+        rows[:n, :n],
+        rows[:n, n : n + 1],
+        rows[n:, :n],
+        rows[n:, n : n + 1],
+        K.dt,
+        remove_useless_states=False,
     )
     integral = control.StateSpace([[1 + pole]], [[1.0]], [[gain]], [[0.0]], K.dt)
-    return with_names(in_parallel(sections, integral) if gain else sections, K.input_labels, K.output_labels)
+    return with_names(
+        in_parallel(sections, integral) if gain else sections, K.input_labels, K.output_labels
+    )
 
 
 def _bound_rounding(chain: list[Statement], unit: float) -> tuple[float, float]:
-    """Return the l1 norm of a chain of sections, and a bound of its rounding at the output for |e| of at most one.
+    """Return the l1 norm of a chain of sections, and a bound of its rounding at the output for |e|
+    of at most one.
 
-    A term is rounded once as a product, and once in each addition that includes it: unit of its size each time.
+    A term is rounded once as a product, and once in each addition that includes it: unit of its
+    size each time.
     """
     rows, read = _propagate(chain)
     n = len(rows) - 1
@@ -334,24 +418,30 @@ def _bound_rounding(chain: list[Statement], unit: float) -> tuple[float, float]:
 def _bound_l1(A: np.ndarray, b: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Return (R,) upper bounds of sum_k |r A^k b|; infinite if A is not stable.
 
-    sum |h| <= sqrt(1/(1 - c)) sqrt(sum h^2 c^-k) for any c < 1 (Cauchy and Schwarz). The second root is of a Gramian.
-    The best of eight c between the square of the slowest pole and 1 is taken.
+    sum |h| <= sqrt(1/(1 - c)) sqrt(sum h^2 c^-k) for any c < 1 (Cauchy and Schwarz). The second
+    root is of a Gramian. The best of eight c between the square of the slowest pole and 1 is taken.
     """
     slowest = np.abs(np.linalg.eigvals(A)).max(initial=0.0) ** 2
     best = np.full(len(rows), np.inf)
     for share in np.geomspace(0.02, 0.98, 8) if slowest < 1 else ():
         c = 1 - share * (1 - slowest)
         power, gramian = A / np.sqrt(c), np.outer(b, b)
-        while np.abs(power).max(initial=0.0) > 1e-12:  # each round doubles the number of terms (Smith 1968)
+        while (
+            np.abs(power).max(initial=0.0) > 1e-12
+        ):  # each round doubles the number of terms (Smith 1968)
             gramian, power = gramian + power @ gramian @ power.T, power @ power
-        best = np.minimum(best, np.sqrt(np.maximum(np.sum(rows @ gramian * rows, axis=1), 0.0) / (1 - c)))
+        best = np.minimum(
+            best, np.sqrt(np.maximum(np.sum(rows @ gramian * rows, axis=1), 0.0) / (1 - c))
+        )
     return best
 
 
 def _order_sections(
     groups: list[tuple[tuple[complex, ...], tuple[complex, ...]]], gain: float, unit: float
 ) -> list[tuple[tuple[complex, ...], tuple[complex, ...]]]:
-    """Return the sections in an order of small rounding: each is placed where the bound is least."""
+    """Return the sections in an order of small rounding: each is placed where the bound is
+    least.
+    """
     found: list[tuple[tuple[complex, ...], tuple[complex, ...]]] = []
     for group in groups:
         trials = [[*found[:k], group, *found[k:]] for k in range(len(found) + 1)]
@@ -360,7 +450,9 @@ def _order_sections(
 
 
 def _largest_error(K: control.StateSpace, found: control.StateSpace) -> tuple[float, float]:
-    """Return the largest |found - K|/|K| over all speeds of K and at its resonances, and its frequency [rad/s]."""
+    """Return the largest |found - K|/|K| over all speeds of K and at its resonances, and its
+    frequency [rad/s].
+    """
     p, offsets = poles(K), np.concatenate([zeros(K), poles(K)]) - 1
     resonances = np.abs(np.angle(p[np.abs(np.abs(p) - 1) > _INTEGRATOR_TOLERANCES[1]]))
     slowest = comparison_angles(offsets[~_are_integrators(offsets)])
@@ -369,6 +461,8 @@ def _largest_error(K: control.StateSpace, found: control.StateSpace) -> tuple[fl
     wanted = response(K, omega)
     size = np.abs(wanted)
     with np.errstate(all="ignore"):
-        error = np.abs(response(found, omega) - wanted) / np.maximum(size, _NEGLIGIBLE_GAIN * np.median(size) + 1e-300)
+        error = np.abs(response(found, omega) - wanted) / np.maximum(
+            size, _NEGLIGIBLE_GAIN * np.median(size) + 1e-300
+        )
     k = int(np.argmax(np.where(np.isfinite(error), error, np.inf)))
     return float(error[k]), float(omega[k])

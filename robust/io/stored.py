@@ -32,7 +32,9 @@ def save_json(thing: object, path: PathLike, *, delay: float | None, unit: str) 
         save_controller(thing, path, delay=delay, unit=unit)
         return
     if delay is not None or unit:
-        raise ValueError(f"delay and unit must be left out except for a controller, got {delay!r} and {unit!r}")
+        raise ValueError(
+            f"delay and unit must be left out except for a controller, got {delay!r} and {unit!r}"
+        )
     if isinstance(thing, UncertaintyModel):
         save_model(thing, path)
         return
@@ -48,17 +50,20 @@ def save_json(thing: object, path: PathLike, *, delay: float | None, unit: str) 
         save_certificate(thing, path)
     elif isinstance(K := getattr(thing, "K", None), control.StateSpace):
         raise ValueError(
-            f"thing must be the controller, got a {type(thing).__name__}: save its K, of order {K.nstates}"
+            f"thing must be the controller, got a {type(thing).__name__}: save its K, of order"
+            f" {K.nstates}"
         )
     else:
         raise ValueError(
-            "thing must be a multisine, an experiment, a record, a BLA, an uncertainty model, a controller, a "
-            f"learning filter or a report of a proof, got {short_form(thing)}"
+            "thing must be a multisine, an experiment, a record, a BLA, an uncertainty model, a"
+            f" controller, a learning filter or a report of a proof, got {short_form(thing)}"
         )
 
 
 def load_json(path: PathLike) -> object:
-    """Read a model, a controller, a learning filter or the claim of a certificate, by the schema in the file."""
+    """Read a model, a controller, a learning filter or the claim of a certificate, by the schema in
+    the file.
+    """
     kinds = (MODEL_SCHEMA, MATRIX_SCHEMA, CONTROLLER_SCHEMA, LEARNING_SCHEMA, *CERTIFICATE_SCHEMAS)
     schema = parse_json_of(path, *kinds)["schema"]
     if schema == LEARNING_SCHEMA:

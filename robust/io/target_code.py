@@ -1,4 +1,6 @@
-"""A sampled controller as a C header or as a function block in structured text: the same statements in both."""
+"""A sampled controller as a C header or as a function block in structured text: the same statements
+in both.
+"""
 
 from __future__ import annotations
 
@@ -16,16 +18,25 @@ from robust.io.models import PathLike
 from robust.io.rounded import RoundedController, Statement, round_controller
 
 _WIDTH = 100
-_TYPES = {".h": {"float32": "float", "float64": "double"}, ".st": {"float32": "REAL", "float64": "LREAL"}}
+_TYPES = {
+    ".h": {"float32": "float", "float64": "double"},
+    ".st": {"float32": "REAL", "float64": "LREAL"},
+}
 
 
 def export_c(
-    K: Controller, path: PathLike, *, dtype: str = "float32", limit: ArrayLike | None = None, unit: str = ""
+    K: Controller,
+    path: PathLike,
+    *,
+    dtype: str = "float32",
+    limit: ArrayLike | None = None,
+    unit: str = "",
 ) -> RoundedController:
-    """Write a sampled controller for one loop as a C header: one struct, `init` and `step(e) -> u`, no allocation.
+    """Write a sampled controller for one loop as a C header: one struct, `init` and `step(e) -> u`,
+    no allocation.
 
-    Use this for a controller on a microcontroller. The coefficients are rounded to the arithmetic of the target. Check
-    the returned controller: it is the one that runs.
+    Use this for a controller on a microcontroller. The coefficients are rounded to the arithmetic
+    of the target. Check the returned controller: it is the one that runs.
 
     Parameters
     ----------
@@ -36,21 +47,24 @@ def export_c(
     dtype : str
         "float32" or "float64", in which the target computes.
     limit : float or (2,) sequence, optional
-        Largest |u|, or the least and the largest u, in the unit of u. An integrator then follows a limited u
-        (anti-windup by back-calculation), and so does a lag with most of the gain at zero frequency.
+        Largest |u|, or the least and the largest u, in the unit of u. An integrator then follows a
+        limited u (anti-windup by back-calculation), and so does a lag with most of the gain at zero
+        frequency.
     unit : str
         Unit of the plant, y over u, as in `UncertaintyModel.origin`; for the comment.
 
     Returns
     -------
     RoundedController
-        Its `K` is the controller with the rounded coefficients. Printed, it shows the bounds of rounding.
+        Its `K` is the controller with the rounded coefficients. Printed, it shows the bounds of
+        rounding.
 
     Raises
     ------
     ValueError
-        A continuous controller, one for several channels, one with two integrators and a limit, one whose sections do
-        not reproduce its response to 0.1 %, coefficients beyond the range of `dtype`; a path that does not end in .h.
+        A continuous controller, one for several channels, one with two integrators and a limit, one
+        whose sections do not reproduce its response to 0.1 %, coefficients beyond the range of
+        `dtype`; a path that does not end in .h.
 
     Warns
     -----
@@ -75,12 +89,17 @@ def export_c(
 
 
 def export_structured_text(
-    K: Controller, path: PathLike, *, dtype: str = "float64", limit: ArrayLike | None = None, unit: str = ""
+    K: Controller,
+    path: PathLike,
+    *,
+    dtype: str = "float64",
+    limit: ArrayLike | None = None,
+    unit: str = "",
 ) -> RoundedController:
     """Write a sampled controller for one loop as a function block in structured text (IEC 61131-3).
 
-    Use this for a controller on a PLC; a P-PI cascade has `robust.servo.structured_text`. The statements are those of
-    `export_c`, in REAL or LREAL. The block has an input `reset`.
+    Use this for a controller on a PLC; a P-PI cascade has `robust.servo.structured_text`. The
+    statements are those of `export_c`, in REAL or LREAL. The block has an input `reset`.
 
     Parameters
     ----------
@@ -105,7 +124,8 @@ def export_structured_text(
 
     References
     ----------
-    IEC 61131-3:2013, *Programmable controllers - Part 3: Programming languages*, 7.3 (structured text).
+    IEC 61131-3:2013, *Programmable controllers - Part 3: Programming languages*, 7.3 (structured
+    text).
 
     Examples
     --------
@@ -158,7 +178,10 @@ _C = _Language(
     local="const TYPE {}",
     assign=" = ",
     limits=("if (u < {0}) u = {0};", "if (u > {0}) u = {0};"),
-    advice="Compile with -ffp-contract=off, and without -ffast-math, which would remove the compensation of sums.",
+    advice=(
+        "Compile with -ffp-contract=off, and without -ffast-math, which would remove the"
+        " compensation of sums."
+    ),
     template="""/*
 COMMENT
 */
@@ -230,7 +253,13 @@ END_FUNCTION_BLOCK
 
 
 def _export(
-    K: Controller, path: PathLike, language: _Language, *, dtype: str, limit: ArrayLike | None, unit: str
+    K: Controller,
+    path: PathLike,
+    language: _Language,
+    *,
+    dtype: str,
+    limit: ArrayLike | None,
+    unit: str,
 ) -> RoundedController:
     """Round a controller, write it in a language, and return it."""
     path = to_path(path)
@@ -241,8 +270,11 @@ def _export(
     units = f" K is in {one_line(inverse_unit(unit))}, u over e." if unit else ""
     dt, kind = rounded.K.dt, language.types[dtype]
     lines = [
-        f"{one_line(path.name)}: controller u = K e with e = r - y, one step every {dt:.12g} s ({1 / dt:.6g} Hz)."
-        f"{units} Give the time from the sample of y to u as the delay of 'robust check'.",
+        (
+            f"{one_line(path.name)}: controller u = K e with e = r - y, one step every {dt:.12g} s"
+            f" ({1 / dt:.6g} Hz).{units} Give the time from the sample of y to u as the delay of"
+            " 'robust check'."
+        ),
         f"All arithmetic is in {kind} ({dtype}), in the written order. {language.advice}",
         *rounded.facts,
     ]
@@ -269,7 +301,11 @@ def _render_statements(rounded: RoundedController, language: _Language) -> dict[
 
     def term(value: float, name: str) -> str:
         factor = "" if abs(value) == 1 else f"{number(abs(value))} * "
-        return ("- " if value < 0 else "+ ") + factor + (language.state if name in states else "{}").format(name)
+        return (
+            ("- " if value < 0 else "+ ")
+            + factor
+            + (language.state if name in states else "{}").format(name)
+        )
 
     def assign(row: Statement) -> str:
         left = (language.state if row.target in states else language.local).format(row.target)

@@ -12,7 +12,9 @@ from robust.lti.lti import Matrices, is_constant
 
 
 def in_series(*systems: control.StateSpace, dt: float | None = None) -> control.StateSpace:
-    """Return the series connection, first system first: the output of each drives the next; all states are kept."""
+    """Return the series connection, first system first: the output of each drives the next; all
+    states are kept.
+    """
     total = systems[0]
     for system in systems[1:]:
         nt, ns = total.nstates, system.nstates
@@ -20,7 +22,9 @@ def in_series(*systems: control.StateSpace, dt: float | None = None) -> control.
         B = np.vstack([total.B, system.B @ total.D])
         C = np.hstack([system.D @ total.C, system.C])
         step = total.dt if is_constant(system) or total.dt is not None else system.dt
-        total = control.StateSpace(A, B, C, system.D @ total.D, system.dt if is_constant(total) else step)
+        total = control.StateSpace(
+            A, B, C, system.D @ total.D, system.dt if is_constant(total) else step
+        )
     return total if dt is None else control.StateSpace(total.A, total.B, total.C, total.D, dt)
 
 
@@ -45,7 +49,10 @@ def biproper_inverse(X: control.StateSpace) -> control.StateSpace:
 def inverse_system(X: control.StateSpace) -> control.StateSpace:
     """Return `biproper_inverse` of a divisor of a plant, or refuse it."""
     if abs(X.D[0, 0]) < 1e-9:
-        raise ValueError("form must leave the perturbed plant proper, got 1 + weight Delta = 0 at infinite frequency")
+        raise ValueError(
+            "form must leave the perturbed plant proper, got 1 + weight Delta = 0 at infinite"
+            " frequency"
+        )
     return biproper_inverse(X)
 
 
@@ -79,16 +86,20 @@ _OUTPUTS = ("u", "y", "e")
 def closed_loop(
     G: control.StateSpace, K: control.StateSpace, outputs: tuple[str, ...], inputs: tuple[str, ...]
 ) -> Matrices:
-    """Return the state space from the named inputs to the named outputs of the loop drawn above; each is a vector.
+    """Return the state space from the named inputs to the named outputs of the loop drawn above;
+    each is a vector.
 
-    A controller of another shape, and a loop without a solution (1 + D_K D_G singular), raise a ValueError.
+    A controller of another shape, and a loop without a solution (1 + D_K D_G singular), raise a
+    ValueError.
     """
     n_y, n_u = G.noutputs, G.ninputs
     require_shape(K, n_y, n_u)
     D, Dk = G.D, K.D
     return_difference = np.eye(n_u) + Dk @ D
     if np.linalg.norm(return_difference, -2) < 1e-12 * max(1.0, float(np.linalg.norm(Dk @ D, 2))):
-        raise ValueError("K must leave the loop well posed, got 1 + K G singular at infinite frequency")
+        raise ValueError(
+            "K must leave the loop well posed, got 1 + K G singular at infinite frequency"
+        )
     k = np.linalg.inv(return_difference)
     n, m = G.nstates, K.nstates
     one, none = np.eye(n_y), np.zeros((n_y, n_y))
@@ -100,10 +111,8 @@ def closed_loop(
     A = A + np.vstack([G.B @ u_x, K.B @ e_x])
     B = np.vstack([G.B @ (u_w + np.eye(n_u, n_u + 2 * n_y)), K.B @ e_w])
     C, W = np.vstack([u_x, y_x, e_x]), np.vstack([u_w, y_w, e_w])
-    rows, cols = (
-        _channel_indices(_OUTPUTS, outputs, (n_u, n_y, n_y)),
-        _channel_indices(_INPUTS, inputs, (n_u, n_y, n_y)),
-    )
+    rows = _channel_indices(_OUTPUTS, outputs, (n_u, n_y, n_y))
+    cols = _channel_indices(_INPUTS, inputs, (n_u, n_y, n_y))
     return A, B[:, cols], C[rows], W[np.ix_(rows, cols)]
 
 
@@ -111,24 +120,31 @@ def require_shape(K: control.StateSpace, n_y: int, n_u: int) -> None:
     """Refuse a controller that does not fit a plant with n_y outputs and n_u inputs."""
     if (K.ninputs, K.noutputs) != (n_y, n_u):
         raise ValueError(
-            f"K must have {n_y} inputs and {n_u} outputs, one for each output and input of the plant, "
-            f"got {K.ninputs} and {K.noutputs}"
+            f"K must have {n_y} inputs and {n_u} outputs, one for each output and input of the"
+            f" plant, got {K.ninputs} and {K.noutputs}"
         )
 
 
-def _channel_indices(names: tuple[str, ...], wanted: tuple[str, ...], sizes: tuple[int, ...]) -> np.ndarray:
+def _channel_indices(
+    names: tuple[str, ...], wanted: tuple[str, ...], sizes: tuple[int, ...]
+) -> np.ndarray:
     """Return the places of the channels of the wanted ports in a vector of all channels."""
     first = np.cumsum([0, *sizes])
     return np.concatenate([np.arange(first[k], first[k + 1]) for k in map(names.index, wanted)])
 
 
 def weighted_plant(
-    P: control.StateSpace, n_y: int, *, n_u: int, weights: list[tuple[str, control.StateSpace]], reference: bool = True
+    P: control.StateSpace,
+    n_y: int,
+    *,
+    n_u: int,
+    weights: list[tuple[str, control.StateSpace]],
+    reference: bool = True,
 ) -> control.StateSpace:
     """Return the system from (d, r, u) to (z, outputs of the weights on "e", "u" or "y", e).
 
-    The plant P is from (d, u) to (z, y); one without d and z is allowed. e = r - y is the input of a controller
-    u = K e; without `reference` r is left out.
+    The plant P is from (d, u) to (z, y); one without d and z is allowed. e = r - y is the input of
+    a controller u = K e; without `reference` r is left out.
     """
     n_d, n_z = P.ninputs - n_u, P.noutputs - n_y
     r = np.eye(n_y)[:, : n_y if reference else 0]
@@ -162,7 +178,8 @@ def weighted_plant(
 def worst_sensitivity(S: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return max |S_p| over |Delta| <= 1: |S| (|1 - a b*| + |a - b|)/(1 - |b|^2), inf for |b| >= 1.
 
-    The image of the disc under a bilinear map is a disc with centre (1 - a b*)/(1 - |b|^2) and radius
+    The image of the disc under a bilinear map is a disc with centre (1 - a b*)/(1 - |b|^2) and
+    radius
     |a - b|/(1 - |b|^2).
 
     >>> worst_sensitivity(np.array([0.5]), np.array([0.0]), np.array([0.5j])).tolist()   # |S|/(1 - |w T|)
@@ -178,30 +195,38 @@ def worst_perturbation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return the Delta of modulus one that attains `worst_sensitivity`."""
     centre, edge = 1 - a * b.conj(), a - b
     direction = np.where(np.abs(edge) > 0, edge, 1.0)
-    # Delta = exp(j psi): (1 + a D)/(1 + b D) = [centre + edge (D + b*)/(1 + b D)]/(1 - |b|^2). The last fraction is a
-    # point of the unit circle, which must be in line with the centre
+    # Delta = exp(j psi): (1 + a D)/(1 + b D) = [centre + edge (D + b*)/(1 + b D)]/(1 - |b|^2). The
+    # last fraction is a point of the unit circle, which must be in line with the centre
     target = np.exp(1j * (np.angle(centre) - np.angle(direction)))
     return (target - b.conj()) / (1 - b * target)
 
 
 def largest_allowed_factor(nominal: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return (W,) the largest x with nominal (|1 - x^2 a b*| + x |a - b|)/(1 - x^2 |b|^2) <= 1, by bisection."""
+    """Return (W,) the largest x with nominal (|1 - x^2 a b*| + x |a - b|)/(1 - x^2 |b|^2) <= 1, by
+    bisection.
+    """
     low, high = np.zeros(nominal.size), 1 / np.maximum(np.abs(b), 1e-12)
     for _ in range(60):
         x = (low + high) / 2
         with np.errstate(all="ignore"):
-            value = nominal * (np.abs(1 - x**2 * a * b.conj()) + x * np.abs(a - b)) / (1 - x**2 * np.abs(b) ** 2)
+            value = (
+                nominal
+                * (np.abs(1 - x**2 * a * b.conj()) + x * np.abs(a - b))
+                / (1 - x**2 * np.abs(b) ** 2)
+            )
         good = (value <= 1) & (x * np.abs(b) < 1)
         low, high = np.where(good, x, low), np.where(good, high, x)
     return np.maximum(low, 1e-12)
 
 
-# ---- Linear fractional transformations: systems with several inputs and outputs, closed through each other.
+# ---- Linear fractional transformations: systems with several inputs and outputs, closed through
+# each other.
 #
 #           +-----+                          +-------+
 #      z <--|     |<-- w              +----->| Delta |------+
 #           |  P  |                   |      +-------+      |
-#    +-- y--|     |<-- u --+        u_D <--+-----+<-- y_D   |   (the last inputs and outputs of P close with K,
+#    +-- y--|     |<-- u --+        u_D <--+-----+<-- y_D   |   (the last inputs and outputs of P
+#    close with K,
 #    |      +-----+        |               |  N  |              the first ones of N with Delta)
 #    +----->[  K  ]--------+          z <--+-----+<-- w
 #
@@ -224,7 +249,9 @@ def lower_lft(P: control.StateSpace, K: control.StateSpace) -> control.StateSpac
     if n_u and np.linalg.svd(return_difference, compute_uv=False)[-1] < 1e-12 * max(
         1.0, float(np.linalg.norm(return_difference))
     ):
-        raise ValueError("K must leave the loop well posed, got I - K P_22 singular at infinite frequency")
+        raise ValueError(
+            "K must leave the loop well posed, got I - K P_22 singular at infinite frequency"
+        )
     # u = gain [x; xk] + direct w, and everything else follows from u
     gain = np.linalg.solve(return_difference, np.hstack([K.D @ P.C[y], K.C]))
     direct = np.linalg.solve(return_difference, K.D @ P.D[y, w])
@@ -238,7 +265,9 @@ def lower_lft(P: control.StateSpace, K: control.StateSpace) -> control.StateSpac
 
 
 def upper_lft(N: control.StateSpace, Delta: control.StateSpace) -> control.StateSpace:
-    """Return F_u(N, Delta): the first inputs and outputs of N closed through Delta, with all states."""
+    """Return F_u(N, Delta): the first inputs and outputs of N closed through Delta, with all
+    states.
+    """
     k, m = Delta.noutputs, Delta.ninputs
     columns = np.r_[k : N.ninputs, :k]
     rows = np.r_[m : N.noutputs, :m]
@@ -249,5 +278,10 @@ def upper_lft(N: control.StateSpace, Delta: control.StateSpace) -> control.State
 def block_diagonal(parts: Sequence[control.StateSpace], dt: float) -> control.StateSpace:
     """Return all parts side by side, without coupling."""
     A, B, C, D = (block_diag(*(getattr(part, name) for part in parts)) for name in "ABCD")
-    n, n_in, n_out = (sum(sizes) for sizes in zip(*((p.nstates, p.ninputs, p.noutputs) for p in parts), strict=True))
-    return control.StateSpace(A.reshape(n, n), B.reshape(n, n_in), C.reshape(n_out, n), D.reshape(n_out, n_in), dt)
+    n, n_in, n_out = (
+        sum(sizes)
+        for sizes in zip(*((p.nstates, p.ninputs, p.noutputs) for p in parts), strict=True)
+    )
+    return control.StateSpace(
+        A.reshape(n, n), B.reshape(n, n_in), C.reshape(n_out, n), D.reshape(n_out, n_in), dt
+    )

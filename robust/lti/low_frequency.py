@@ -1,15 +1,17 @@
-"""A plant below the first line of its FRF: its number of integrators, its sign, and its response there.
+"""A plant below the first line of its FRF: its number of integrators, its sign, and its response
+there.
 
-Gain and phase of a plant with real coefficients belong together (Bode): log G is a sum over lags, modes and
-right-half-plane zeros, from the first line up,
+Gain and phase of a plant with real coefficients belong together (Bode): log G is a sum over lags,
+modes and right-half-plane zeros, from the first line up,
 
     log k + j alpha - nu log s - s tau - sum c log(1 + s/p) - sum m log(1 + 2 zeta s/q + s^2/q^2)
                                        + sum a log((1 - s/z)/(1 + s/z))
 
-which is linear in its coefficients. Least squares with a prior for each gives nu, the slope below the first line, and
-alpha, the phase that the gain does not explain, with their covariance. The sign of the plant is positive for alpha
-zero, and negative for alpha of pi. It has at most nu integrators, because a corner below the first line reduces the
-slope. Every (nu, alpha) within the bound is a reading. A loop counts as stable if it is stable with each of them.
+which is linear in its coefficients. Least squares with a prior for each gives nu, the slope below
+the first line, and alpha, the phase that the gain does not explain, with their covariance. The sign
+of the plant is positive for alpha zero, and negative for alpha of pi. It has at most nu
+integrators, because a corner below the first line reduces the slope. Every (nu, alpha) within the
+bound is a reading. A loop counts as stable if it is stable with each of them.
 
 References
 ----------
@@ -24,20 +26,22 @@ from nlfrf._base.values import value
 
 #: Highest frequency relative to the first line that is used, and logarithmic width of a bin.
 _READ_UP_TO, _BIN = 30.0, 0.15
-#: Spacing of lags and zeros [log], damping of the modes, and standard deviations of the prior: slope (around one),
-#: lags, modes, right-half-plane zeros, delay over the first line [rad], and free parameters. On 2000 machines of
-#: benchmarks.attack_met alpha is then 0.1 rad off (median) and 0.9 (99 %), at most 3.3 of its standard deviations.
+# : Spacing of lags and zeros [log], damping of the modes, and standard deviations of the prior:
+# slope (around one), : lags, modes, right-half-plane zeros, delay over the first line [rad], and
+# free parameters. On 2000 machines of : benchmarks.attack_met alpha is then 0.1 rad off (median)
+# and 0.9 (99 %), at most 3.3 of its standard deviations.
 _SPACING, _DAMPING = 0.5, (0.3, 0.1)
 _SLOPE, _LAGS, _MODES, _ZEROS, _DELAY, _FREE = 2.0, 0.5, 0.3, 0.1, 1.0, 1e3
 #: Error of the model of log G without noise.
 _LEFT_OVER = 0.05
 #: Contribution of each unstable pole, whose phase rises as that of a zero falls.
 _UNSTABLE = 0.4
-#: Rounds of weighting by Student's t with one degree of freedom: a mode too sharp for the model is an outlier. After 15
-#: rounds both signs are within the bound for 4 of 500 of those machines, after 5 rounds for 17.
+# : Rounds of weighting by Student's t with one degree of freedom: a mode too sharp for the model is
+# an outlier. After 15 : rounds both signs are within the bound for 4 of 500 of those machines,
+# after 5 rounds for 17.
 _ROUNDS, _FREEDOM = 15, 1.0
-#: Largest squared distance from the likeliest reading within the bound: odds of 500 to 1. The true integrators and sign
-#: of those 2000 machines are always within it; both signs are for 24.
+# : Largest squared distance from the likeliest reading within the bound: odds of 500 to 1. The true
+# integrators and sign : of those 2000 machines are always within it; both signs are for 24.
 _FARTHEST = 2 * np.log(500.0)
 _DECADES_BELOW, _POINTS_BELOW = 5.0, 160
 
@@ -46,7 +50,8 @@ _DECADES_BELOW, _POINTS_BELOW = 5.0, 160
 class Reading:
     """One continuation of an FRF below its first line."""
 
-    # n_integrators, sign: number of integrators, and sign of the gain at zero frequency without the integrators
+    # n_integrators, sign: number of integrators, and sign of the gain at zero frequency without the
+    # integrators
     n_integrators: int
     sign: int
     omega: np.ndarray  # (P,) frequencies below the first line [rad/s]
@@ -67,11 +72,13 @@ def read_below(
 ) -> tuple[Reading, ...]:
     """Return the readings of an FRF (W,) within its bound, the likeliest first.
 
-    radius : of the discs around G, at 95 %. n_unstable : number of unstable poles of the plant, whose phase rises.
-    n_integrators : number of integrators, if it is known.
+    radius : of the discs around G, at 95 %. n_unstable : number of unstable poles of the plant,
+    whose phase rises. n_integrators : number of integrators, if it is known.
     """
     at, g, scatter = _average_lines(omega, G, radius)
-    theta, C = _fit_phase_and_gain(at / omega[0], g, scatter, zeros=float(np.hypot(_ZEROS, _UNSTABLE * n_unstable)))
+    theta, C = _fit_phase_and_gain(
+        at / omega[0], g, scatter, zeros=float(np.hypot(_ZEROS, _UNSTABLE * n_unstable))
+    )
     first = _model_columns(np.ones(1), at[-1] / omega[0])[0].imag
     low = omega[0] * np.geomspace(10**-_DECADES_BELOW, 1, _POINTS_BELOW + 1)[:-1]
     slope_variance = float(C[0, 0] - C[0, 1] ** 2 / C[1, 1])
@@ -80,7 +87,9 @@ def read_below(
         away = np.angle(sign * np.exp(-1j * theta[1]))  # of alpha
         given_sign = theta + C[:, 1] / C[1, 1] * away
         slope, lag = float(given_sign[0]), float(first @ given_sign - given_sign[1])
-        lag += float(np.angle(sign * G[0] * np.exp(-1j * lag)))  # the lag of the first line, with turns as in the model
+        lag += float(
+            np.angle(sign * G[0] * np.exp(-1j * lag))
+        )  # the lag of the first line, with turns as in the model
         most = max(0, int(slope + np.sqrt(slope_variance * _FARTHEST)))
         for n in range(most + 1) if n_integrators is None else [n_integrators]:
             distance = away**2 / C[1, 1] + max(0.0, n - slope) ** 2 / slope_variance
@@ -94,14 +103,18 @@ def read_below(
 
 
 def radius_below(omega: np.ndarray, w: np.ndarray) -> float:
-    """Return the relative radius below the first line: the least of the first lines, because one may scatter low."""
+    """Return the relative radius below the first line: the least of the first lines, because one
+    may scatter low.
+    """
     return float(w[omega <= omega[0] * np.exp(_BIN)].min())
 
 
 def _average_lines(
     omega: np.ndarray, G: np.ndarray, radius: np.ndarray | float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return frequency, mean response and relative standard deviation of the lines of every bin, the lowest first."""
+    """Return frequency, mean response and relative standard deviation of the lines of every bin,
+    the lowest first.
+    """
     near = omega <= _READ_UP_TO * omega[0]
     omega, G = omega[near], np.where(G[near] == 0, 1e-300, G[near])
     scatter = np.broadcast_to(radius, near.shape)[near] / np.abs(G) / np.sqrt(-np.log(0.05))
@@ -115,12 +128,16 @@ def _average_lines(
     mean = (total(weight * (G / size).real) + 1j * total(weight * (G / size).imag)) / total(weight)
     at = np.exp(total(weight * np.log(omega)) / total(weight))
     first = np.unique(bins, return_index=True)[1]
-    spread = np.sqrt(total((weight * scatter) ** 2)) / total(weight) / np.maximum(np.abs(mean), 1e-3)
+    spread = (
+        np.sqrt(total((weight * scatter) ** 2)) / total(weight) / np.maximum(np.abs(mean), 1e-3)
+    )
     return at, mean * size[first], spread
 
 
 def _model_columns(x: np.ndarray, top: float) -> np.ndarray:
-    """Return (W, m) columns of log G at frequencies x over the first line: nu, alpha, log k, tau, c, a and m."""
+    """Return (W, m) columns of log G at frequencies x over the first line: nu, alpha, log k, tau,
+    c, a and m.
+    """
     s = 1j * x[:, None]
     corners, modes = _places(top)
     one = np.ones_like(s)
@@ -138,17 +155,25 @@ def _model_columns(x: np.ndarray, top: float) -> np.ndarray:
 
 
 def _places(top: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the places of lags and zeros, and of modes, over the first line, for lines up to `top`."""
-    return np.exp(np.arange(0, np.log(3 * top), _SPACING)), np.exp(np.arange(0, np.log(1.5 * top), 2 * _BIN))
+    """Return the places of lags and zeros, and of modes, over the first line, for lines up to
+    `top`.
+    """
+    return np.exp(np.arange(0, np.log(3 * top), _SPACING)), np.exp(
+        np.arange(0, np.log(1.5 * top), 2 * _BIN)
+    )
 
 
 def _fit_phase_and_gain(
     x: np.ndarray, g: np.ndarray, scatter: np.ndarray, *, zeros: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return coefficients (m,) of the model of log g and their covariance; the phase is unwrapped along the gain."""
+    """Return coefficients (m,) of the model of log g and their covariance; the phase is unwrapped
+    along the gain.
+    """
     columns, (corners, modes) = _model_columns(x, x[-1]), _places(x[-1])
     each = ((_LAGS, corners.size), (zeros, corners.size), (_MODES, len(_DAMPING) * modes.size))
-    deviations = np.concatenate([[_SLOPE, _FREE, _FREE, _DELAY], *(np.full(count, size) for size, count in each)])
+    deviations = np.concatenate(
+        [[_SLOPE, _FREE, _FREE, _DELAY], *(np.full(count, size) for size, count in each)]
+    )
     mean = np.zeros(deviations.size)
     mean[0] = 1.0
     weight = 1 / np.sqrt(scatter**2 / 2 + _LEFT_OVER**2)
@@ -156,7 +181,9 @@ def _fit_phase_and_gain(
 
     def solve(A: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         trust = np.ones(len(y))
-        for _ in range(_ROUNDS):  # by Student's t: a mode too sharp for the model is an outlier, with a small effect
+        for _ in range(
+            _ROUNDS
+        ):  # by Student's t: a mode too sharp for the model is an outlier, with a small effect
             of_data = A.T @ (trust[:, None] * A)
             C = np.linalg.inv(of_data + np.diag(deviations**-2.0))
             theta = C @ (A.T @ (trust * y) + mean / deviations**2)

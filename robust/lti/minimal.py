@@ -1,8 +1,9 @@
 """Sum the modes of the entries of a transfer matrix with a minimal number of states.
 
-Entries are split at their poles. Among poles of all entries that lie together, the states are kept that are reached
-from inputs and seen at outputs (Gilbert 1963 for simple poles, the staircase of Van Dooren 1981 for others). Each rank
-is decided among poles of one size, with scaled channels, so neither units nor the decades between poles matter.
+Entries are split at their poles. Among poles of all entries that lie together, the states are kept
+that are reached from inputs and seen at outputs (Gilbert 1963 for simple poles, the staircase of
+Van Dooren 1981 for others). Each rank is decided among poles of one size, with scaled channels, so
+neither units nor the decades between poles matter.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ _CANCELLED = 1e-9
 
 
 class EntryModes(NamedTuple):
-    """Modes of one entry of a transfer matrix: c (s - A)^-1 b in its row and column, and its numerator."""
+    """Modes of one entry of a transfer matrix: c (s - A)^-1 b in its row and column, and its
+    numerator.
+    """
 
     row: int
     column: int
@@ -52,21 +55,30 @@ def sum_modes(
     for inside in np.unique(near, axis=0):
         group, others = p[inside], p[~inside]
         is_real = bool(np.any(group.imag <= link * np.abs(group)))
-        parts = [part for one in modes if (part := _select_modes(one, group, others, is_real)).c.any()]
+        parts = [
+            part for one in modes if (part := _select_modes(one, group, others, is_real)).c.any()
+        ]
         if not parts:
             lost.append(group)
             continue
         A, B, C = _reach_and_see(parts, shape)
-        if not is_real:  # one z stands for a pair: its real and imaginary part are the states of both
+        if (
+            not is_real
+        ):  # one z stands for a pair: its real and imaginary part are the states of both
             A = np.block([[A.real, -A.imag], [A.imag, A.real]])
-            B, C = np.sqrt(2) * np.vstack([B.real, B.imag]), np.sqrt(2) * np.hstack([C.real, -C.imag])
+            B = np.sqrt(2) * np.vstack([B.real, B.imag])
+            C = np.sqrt(2) * np.hstack([C.real, -C.imag])
         groups.append((A, B, C))
     As, Bs, Cs = zip(*groups, strict=True)
     return block_diag(*As[1:] or As), np.vstack(Bs), np.hstack(Cs), np.concatenate(lost)
 
 
-def _select_modes(one: EntryModes, group: np.ndarray, others: np.ndarray, is_real: bool) -> EntryModes:
-    """Return the modes of an entry at a group of poles, those in the lower half plane only if the group is real."""
+def _select_modes(
+    one: EntryModes, group: np.ndarray, others: np.ndarray, is_real: bool
+) -> EntryModes:
+    """Return the modes of an entry at a group of poles, those in the lower half plane only if the
+    group is real.
+    """
 
     def belongs(re: complex, im: float = 0.0) -> bool:
         pole = complex(re) + 1j * im
@@ -76,16 +88,26 @@ def _select_modes(one: EntryModes, group: np.ndarray, others: np.ndarray, is_rea
 
     T, Z, k = schur(one.A, output="real" if is_real else "complex", sort=belongs)
     # T = [T11 T12; 0 T22] made block diagonal: T11 X - X T22 = -T12
-    X = solve_sylvester(T[:k, :k], -T[k:, k:], -T[:k, k:]) if 0 < k < len(T) else np.zeros((k, len(T) - k))
+    X = (
+        solve_sylvester(T[:k, :k], -T[k:, k:], -T[:k, k:])
+        if 0 < k < len(T)
+        else np.zeros((k, len(T) - k))
+    )
     forth = Z.conj().T @ one.b
     at, n = np.linalg.eigvals(T[:k, :k]), one.numerator
-    by_zero = _CANCELLED * np.abs(at * np.polyval(np.polyder(n), at))  # one step of Newton's method away
+    by_zero = _CANCELLED * np.abs(
+        at * np.polyval(np.polyder(n), at)
+    )  # one step of Newton's method away
     stays = np.abs(np.polyval(n, at)) > by_zero + 10 * EPS * np.polyval(np.abs(n), np.abs(at))
     return one._replace(A=T[:k, :k], b=forth[:k] - X @ forth[k:], c=stays.any() * one.c @ Z[:, :k])
 
 
-def _reach_and_see(parts: Sequence[EntryModes], shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (A, B, C) with the states of poles of one size that are reached from inputs and seen at outputs."""
+def _reach_and_see(
+    parts: Sequence[EntryModes], shape: tuple[int, int]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (A, B, C) with the states of poles of one size that are reached from inputs and seen
+    at outputs.
+    """
     size = np.zeros(shape)
     for one in parts:
         size[one.row, one.column] = np.linalg.norm(one.b) * np.linalg.norm(one.c)
@@ -95,8 +117,13 @@ def _reach_and_see(parts: Sequence[EntryModes], shape: tuple[int, int]) -> tuple
     first = 0
     for one in parts:
         at = slice(first, first + len(one.A))
-        level = np.sqrt(np.linalg.norm(one.c) / np.linalg.norm(one.b) * columns[one.column] / rows[one.row])
-        B[at, one.column], C[one.row, at] = level / columns[one.column] * one.b, one.c / level / rows[one.row]
+        level = np.sqrt(
+            np.linalg.norm(one.c) / np.linalg.norm(one.b) * columns[one.column] / rows[one.row]
+        )
+        B[at, one.column], C[one.row, at] = (
+            level / columns[one.column] * one.b,
+            one.c / level / rows[one.row],
+        )
         first = at.stop
     centre = np.trace(A) / len(A)
     N = A - centre * np.eye(len(A))
@@ -107,7 +134,9 @@ def _reach_and_see(parts: Sequence[EntryModes], shape: tuple[int, int]) -> tuple
 
 
 def channel_units(size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return scales of rows and columns for which entries of these sizes are alike; one if all are zero."""
+    """Return scales of rows and columns for which entries of these sizes are alike; one if all are
+    zero.
+    """
     known = size > 0
     logs = np.log(np.where(known, size, 1.0))
     rows, columns = np.zeros(len(size)), np.zeros(size.shape[1])

@@ -35,32 +35,50 @@ def multivariable(name: str, system: object) -> control.StateSpace:
     if isinstance(system, control.TransferFunction) and (system.ninputs, system.noutputs) == (1, 1):
         real = state_space(name, system)
         system = control.StateSpace(
-            real.A, real.B, real.C, real.D, real.dt, inputs=system.input_labels, outputs=system.output_labels
+            real.A,
+            real.B,
+            real.C,
+            real.D,
+            real.dt,
+            inputs=system.input_labels,
+            outputs=system.output_labels,
         )
     if isinstance(system, control.TransferFunction):
         system = _realise_transfer_matrix(name, system)
     if not isinstance(system, control.StateSpace):
         # a model or a fit, where a plant is needed
-        parts = [part for part in ("nominal", "G") if isinstance(getattr(system, part, None), control.StateSpace)]
+        parts = [
+            part
+            for part in ("nominal", "G")
+            if isinstance(getattr(system, part, None), control.StateSpace)
+        ]
         cure = f" Give its {parts[-1]}." if parts else ""
         raise ValueError(f"{name} must be a control.StateSpace, got {short_form(system)}.{cure}")
     return _require_complete(name, system)
 
 
-#: Poles closer than this, relative to their size, are summed together: poles of multiplicity 4 scatter by 1e-4. If the
-#: response shows that this was too close, all poles within a decade are summed together, and then all poles.
+# : Poles closer than this, relative to their size, are summed together: poles of multiplicity 4
+# scatter by 1e-4. If the : response shows that this was too close, all poles within a decade are
+# summed together, and then all poles.
 _LINKED_POLES = (1e-2, 0.9, np.inf)
-_LARGEST_RESPONSE_ERROR = 1e-6  # of a sum, relative to the entries, at the speeds of all poles and zeros
+_LARGEST_RESPONSE_ERROR = (
+    1e-6  # of a sum, relative to the entries, at the speeds of all poles and zeros
+)
 
 
 def _realise_transfer_matrix(name: str, system: control.TransferFunction) -> control.StateSpace:
-    """Return a minimal state space of a matrix of transfer functions; refuse one that hides an unstable mode.
+    """Return a minimal state space of a matrix of transfer functions; refuse one that hides an
+    unstable mode.
 
-    Modes that entries share are one mode. An unstable mode that cancels within an entry would be lost.
+    Modes that entries share are one mode. An unstable mode that cancels within an entry would be
+    lost.
     """
     shape = system.noutputs, system.ninputs
     fractions = [
-        tuple(np.trim_zeros(np.asarray(one[row][column], float), "f") for one in (system.num, system.den))
+        tuple(
+            np.trim_zeros(np.asarray(one[row][column], float), "f")
+            for one in (system.num, system.den)
+        )
         for row, column in np.ndindex(shape)
     ]
     entries = [from_polynomials(name, num, den=den, dt=system.dt) for num, den in fractions]
@@ -75,33 +93,47 @@ def _realise_transfer_matrix(name: str, system: control.TransferFunction) -> con
         if part.nstates
     ]
     points = speeds * np.exp(1j)
-    right = np.reshape([np.polyval(num, points) / np.polyval(den, points) for num, den in fractions], (*shape, -1))
+    right = np.reshape(
+        [np.polyval(num, points) / np.polyval(den, points) for num, den in fractions], (*shape, -1)
+    )
     for link in _LINKED_POLES:
         A, B, C, lost = sum_modes(modes, shape, link)
         found = control.StateSpace(speed * A, np.sqrt(speed) * B, np.sqrt(speed) * C, D, system.dt)
         error = np.moveaxis(evaluate_transfer(found.A, found.B, found.C, D, points), 0, 2) - right
         if np.all(np.abs(error) <= _LARGEST_RESPONSE_ERROR * np.abs(right)):
             break
-    hidden = np.real_if_close(speed * lost[np.abs(lost) >= 1 if timebase(system) else lost.real >= 0])
+    hidden = np.real_if_close(
+        speed * lost[np.abs(lost) >= 1 if timebase(system) else lost.real >= 0]
+    )
     if hidden.size:
-        raise ValueError(f"{name} must have no hidden unstable mode, got one that cancels at {hidden[0]:.4g}")
+        raise ValueError(
+            f"{name} must have no hidden unstable mode, got one that cancels at {hidden[0]:.4g}"
+        )
     return with_names(found, system.input_labels, system.output_labels)
 
 
 def _split_at_zero(
     name: str, num: np.ndarray, den: np.ndarray, speed: float
 ) -> list[tuple[control.StateSpace, np.ndarray]]:
-    """Return the parts of num / den with poles at zero and elsewhere, in time times `speed`, and their numerators.
+    """Return the parts of num / den with poles at zero and elsewhere, in time times `speed`, and
+    their numerators.
 
-    The polynomials show exactly which poles are zero: n/(s^k d) = h/s^k + (n - h d)/(s^k d), h the series of n/d.
+    The polynomials show exactly which poles are zero: n/(s^k d) = h/s^k + (n - h d)/(s^k d), h the
+    series of n/d.
     """
     order = den.size - 1
     num, den = (one * speed ** (np.arange(one.size)[::-1] - float(order)) for one in (num, den))
     k = order - int(np.flatnonzero(den)[-1])
     rest = den[: den.size - k]
-    series = lfilter(np.append(num[::-1], np.zeros(k)), rest[::-1], np.eye(1, k)[0]) if k else np.zeros(0)
+    series = (
+        lfilter(np.append(num[::-1], np.zeros(k)), rest[::-1], np.eye(1, k)[0])
+        if k
+        else np.zeros(0)
+    )
     others = np.polysub(num, np.polymul(series[::-1], rest))[: -k or None] if k else num
-    chain = control.StateSpace(np.eye(k, k=-1), np.eye(k, 1), series[None, ::-1], [[0.0]], remove_useless_states=False)
+    chain = control.StateSpace(
+        np.eye(k, k=-1), np.eye(k, 1), series[None, ::-1], [[0.0]], remove_useless_states=False
+    )
     return [(chain, np.ones(1)), (from_polynomials(name, others, den=rest, dt=None), others)]
 
 
@@ -109,14 +141,17 @@ def _gain_matrix(name: str, gain: object) -> np.ndarray:
     try:
         return np.atleast_2d(np.asarray(gain, dtype=float))
     except (TypeError, ValueError):
-        raise ValueError(f"{name} must be a system, a number or a matrix of numbers, got {short_form(gain)}") from None
+        raise ValueError(
+            f"{name} must be a system, a number or a matrix of numbers, got {short_form(gain)}"
+        ) from None
 
 
 def state_space(name: str, system: object) -> control.StateSpace:
-    """Return the system as a single-input single-output state space with all its states, or refuse it.
+    """Return the system as a single-input single-output state space with all its states, or refuse
+    it.
 
-    Transfer functions are realised without cancellation, so that the stability check finds a mode that is hidden in
-    G K. A number becomes a constant gain.
+    Transfer functions are realised without cancellation, so that the stability check finds a mode
+    that is hidden in G K. A number becomes a constant gain.
     """
     if isinstance(system, (numbers.Real, np.ndarray)) and not isinstance(system, bool):
         gain = np.asarray(system, dtype=float)
@@ -125,33 +160,48 @@ def state_space(name: str, system: object) -> control.StateSpace:
         system = control.StateSpace([], [], [], gain.reshape(1, 1), None)
     if isinstance(system, control.TransferFunction):
         if (system.ninputs, system.noutputs) != (1, 1):
-            raise ValueError(f"{name} must have one input and one output, got {system.ninputs} and {system.noutputs}")
+            raise ValueError(
+                f"{name} must have one input and one output, got {system.ninputs} and"
+                f" {system.noutputs}"
+            )
         system = from_polynomials(name, system.num[0][0], den=system.den[0][0], dt=system.dt)
     if not isinstance(system, control.StateSpace):
         raise ValueError(
-            f"{name} must be a control.StateSpace, a TransferFunction or a number, got {short_form(system)}"
-            + _controller_hint(system)
+            f"{name} must be a control.StateSpace, a TransferFunction or a number, got"
+            f" {short_form(system)}" + _controller_hint(system)
         )
     if (system.ninputs, system.noutputs) != (1, 1):
-        raise ValueError(f"{name} must have one input and one output, got {system.ninputs} and {system.noutputs}")
+        raise ValueError(
+            f"{name} must have one input and one output, got {system.ninputs} and {system.noutputs}"
+        )
     return _require_complete(name, system)
 
 
 def _controller_hint(thing: object) -> str:
-    """Return a hint for a message: a design has its controller in the field K; else an empty string."""
-    return "; its controller is its field K" if isinstance(getattr(thing, "K", None), control.StateSpace) else ""
+    """Return a hint for a message: a design has its controller in the field K; else an empty
+    string.
+    """
+    return (
+        "; its controller is its field K"
+        if isinstance(getattr(thing, "K", None), control.StateSpace)
+        else ""
+    )
 
 
 def split_diagonal(name: str, K: control.StateSpace) -> list[control.StateSpace]:
-    """Return the loops of a controller without coupling, each with the states it uses; refuse a coupled one."""
+    """Return the loops of a controller without coupling, each with the states it uses; refuse a
+    coupled one.
+    """
     if K.ninputs != K.noutputs:
-        raise ValueError(f"{name} must have as many inputs as outputs, got {K.ninputs} and {K.noutputs}")
+        raise ValueError(
+            f"{name} must have as many inputs as outputs, got {K.ninputs} and {K.noutputs}"
+        )
     parts = {(j, i): reachable_entry(K, j, i) for j in range(K.noutputs) for i in range(K.ninputs)}
     for (j, i), part in parts.items():
         if i != j and (part.nstates or part.D[0, 0]):
             raise ValueError(
-                f"{name} must be diagonal, a loop for each channel, got a coupling from {K.input_labels[i]} to "
-                f"{K.output_labels[j]}"
+                f"{name} must be diagonal, a loop for each channel, got a coupling from"
+                f" {K.input_labels[i]} to {K.output_labels[j]}"
             )
     return [parts[k, k] for k in range(K.ninputs)]
 
@@ -162,17 +212,23 @@ def reachable_entry(K: control.StateSpace, j: int, i: int) -> control.StateSpace
 
 
 def structurally_minimal(matrices: Matrices, dt: float | None) -> control.StateSpace:
-    """Return the system with the states that inputs reach and outputs see, by the zeros of A, B and C alone."""
+    """Return the system with the states that inputs reach and outputs see, by the zeros of A, B and
+    C alone.
+    """
     A, B, C, D = matrices
     links, reached, seen = A != 0, (B != 0).any(axis=1), (C != 0).any(axis=0)
     for _ in range(len(A)):
         reached, seen = reached | links @ reached, seen | seen @ links
     kept = np.flatnonzero(reached & seen)
-    return control.StateSpace(A[np.ix_(kept, kept)], B[kept], C[:, kept], D, dt, remove_useless_states=False)
+    return control.StateSpace(
+        A[np.ix_(kept, kept)], B[kept], C[:, kept], D, dt, remove_useless_states=False
+    )
 
 
 def _require_complete(name: str, system: control.StateSpace) -> control.StateSpace:
-    """Return a state space with a sampling time (unless it is a gain) and finite matrices, or refuse it."""
+    """Return a state space with a sampling time (unless it is a gain) and finite matrices, or
+    refuse it.
+    """
     if system.dt is True and system.nstates:
         raise ValueError(f"{name} must state its sampling time, got dt=True")
     if system.dt is True:  # a discrete gain without a rate: it fits any
@@ -185,29 +241,43 @@ def _require_complete(name: str, system: control.StateSpace) -> control.StateSpa
 
 
 def repeat_over_channels(name: str, weight: Weight, n: int) -> control.StateSpace:
-    """Return a weight for n signals; a weight with a single input and output is repeated on each of them."""
+    """Return a weight for n signals; a weight with a single input and output is repeated on each of
+    them.
+    """
     weight = multivariable(name, weight)
     if (weight.ninputs, weight.noutputs) == (1, 1) and n > 1:
         return block_diagonal([weight] * n, weight.dt)
     if weight.ninputs != n:
-        raise ValueError(f"{name} must have 1 input, for all channels alike, or {n}, got {weight.ninputs}")
+        raise ValueError(
+            f"{name} must have 1 input, for all channels alike, or {n}, got {weight.ninputs}"
+        )
     return weight
 
 
-def from_polynomials(name: str, num: np.ndarray, *, den: np.ndarray, dt: float | None) -> control.StateSpace:
-    """Return the controllable canonical form in scaled time, balanced, for coefficients over many decades."""
-    num, den = np.trim_zeros(np.asarray(num, float), "f"), np.trim_zeros(np.asarray(den, float), "f")
+def from_polynomials(
+    name: str, num: np.ndarray, *, den: np.ndarray, dt: float | None
+) -> control.StateSpace:
+    """Return the controllable canonical form in scaled time, balanced, for coefficients over many
+    decades.
+    """
+    num = np.trim_zeros(np.asarray(num, float), "f")
+    den = np.trim_zeros(np.asarray(den, float), "f")
     if den.size == 0 or not (np.isfinite(num).all() and np.isfinite(den).all()):
-        raise ValueError(f"{name} must have finite coefficients and a denominator, got {num} over {den}")
+        raise ValueError(
+            f"{name} must have finite coefficients and a denominator, got {num} over {den}"
+        )
     if num.size > den.size:
-        raise ValueError(f"{name} must be proper, got degree {num.size - 1} over degree {den.size - 1}")
+        raise ValueError(
+            f"{name} must be proper, got degree {num.size - 1} over degree {den.size - 1}"
+        )
     n = den.size - 1
     num = np.concatenate([np.zeros(n + 1 - num.size), num]) / den[0]
     den = den / den[0]
     D = np.array([[num[0]]])
     if n == 0:
         return control.StateSpace([], [], [], D, dt)
-    # scale = geometric mean of the nonzero roots: the polynomial in s / scale has coefficients near one
+    # scale = geometric mean of the nonzero roots: the polynomial in s / scale has coefficients near
+    # one
     last = np.flatnonzero(den)[-1]
     scale = abs(den[last]) ** (1 / last) if last else 1.0
     powers = scale ** -np.arange(1.0, n + 1)
@@ -217,16 +287,22 @@ def from_polynomials(name: str, num: np.ndarray, *, den: np.ndarray, dt: float |
     B = np.zeros((n, 1))
     B[0, 0] = 1.0
     A, B, C = scale_states(A, B, head[None, :])
-    _, unit = np.frexp(np.abs(C).max())  # scaled exactly, so that the squares of the numbers do not overflow
-    level = np.sqrt(np.ldexp(np.linalg.norm(np.ldexp(C, -unit)), unit) / np.linalg.norm(B)) if np.any(C) else 1.0
+    _, unit = np.frexp(
+        np.abs(C).max()
+    )  # scaled exactly, so that the squares of the numbers do not overflow
+    level = (
+        np.sqrt(np.ldexp(np.linalg.norm(np.ldexp(C, -unit)), unit) / np.linalg.norm(B))
+        if np.any(C)
+        else 1.0
+    )
     return control.StateSpace(A * scale, B * level * scale, C / level, D, dt)
 
 
 def from_roots(zeros: np.ndarray, poles: np.ndarray, gain: float, dt: float) -> control.StateSpace:
     """Return gain prod (s - zeros) / prod (s - poles), as a chain of sections without polynomials.
 
-    Both sets are closed under conjugation, with at most as many zeros as poles. Slow poles of a discrete system
-    crowd around z = 1. Polynomial coefficients lose them there, sections do not.
+    Both sets are closed under conjugation, with at most as many zeros as poles. Slow poles of a
+    discrete system crowd around z = 1. Polynomial coefficients lose them there, sections do not.
     """
     zero_pairs, zero_rest = pair_roots(zeros)
     pole_pairs, pole_rest = pair_roots(poles)
@@ -244,9 +320,11 @@ def from_roots(zeros: np.ndarray, poles: np.ndarray, gain: float, dt: float) -> 
 
 
 def _balance_states(system: control.StateSpace) -> control.StateSpace:
-    """Scale the states by powers of two, so that A, B and C are alike in size, before polynomials are made from them.
+    """Scale the states by powers of two, so that A, B and C are alike in size, before polynomials
+    are made from them.
 
-    A zero far outside the band leaves a B of 1e-20 and a C of 1e10, from which `tf` of SLICOT returned nothing.
+    A zero far outside the band leaves a B of 1e-20 and a C of 1e10, from which `tf` of SLICOT
+    returned nothing.
     """
     if not system.nstates or not (system.B.any() and system.C.any()):
         return system
@@ -261,16 +339,25 @@ def _balance_states(system: control.StateSpace) -> control.StateSpace:
 
 
 def pair_roots(roots: np.ndarray) -> tuple[list[tuple[complex, ...]], list[complex]]:
-    """Return conjugate pairs, then pairs of real roots in order of size; and the remaining real root, if any."""
+    """Return conjugate pairs, then pairs of real roots in order of size; and the remaining real
+    root, if any.
+    """
     real, upper = _split_conjugates(roots, 1e-12)
     alone = list(real)
     pairs: list[tuple[complex, ...]] = [(complex(r), complex(np.conj(r))) for r in upper]
     rest = [complex(alone.pop(0))] if len(alone) % 2 else []
-    return pairs + [(complex(a), complex(b)) for a, b in zip(alone[::2], alone[1::2], strict=True)], rest
+    return (
+        pairs + [(complex(a), complex(b)) for a, b in zip(alone[::2], alone[1::2], strict=True)],
+        rest,
+    )
 
 
-def _second_order_section(zeros: tuple[complex, ...], poles: tuple[complex, ...], dt: float) -> control.StateSpace:
-    """Return one section with one or two poles and at most as many zeros, with leading coefficients equal to one."""
+def _second_order_section(
+    zeros: tuple[complex, ...], poles: tuple[complex, ...], dt: float
+) -> control.StateSpace:
+    """Return one section with one or two poles and at most as many zeros, with leading coefficients
+    equal to one.
+    """
     if len(poles) == 1:
         p = poles[0].real
         if not zeros:
@@ -296,14 +383,22 @@ def _second_order_section(zeros: tuple[complex, ...], poles: tuple[complex, ...]
 
 
 def stable_weight(name: str, system: Weight, *, dt: float, n: int = 1) -> control.StateSpace:
-    """Return a stable weight on n signals, continuous or with the sampling time of the loop, or refuse it."""
+    """Return a stable weight on n signals, continuous or with the sampling time of the loop, or
+    refuse it.
+    """
     w = repeat_over_channels(name, system, n) if n > 1 else state_space(name, system)
     step = timebase(w)
     if step and not is_constant(w) and abs(step - dt) > 1e-9 * step:
         loop = f"{dt:g} s" if dt else "which is continuous"
-        raise ValueError(f"{name} must be continuous or have the sampling time of the loop, {loop}, got {step:g} s")
+        raise ValueError(
+            f"{name} must be continuous or have the sampling time of the loop, {loop}, got"
+            f" {step:g} s"
+        )
     if not is_stable(w):
-        raise ValueError(f"{name} must be stable, got poles {poles(w)}. Use a slow pole in place of an integrator.")
+        raise ValueError(
+            f"{name} must be stable, got poles {poles(w)}. Use a slow pole in place of an"
+            " integrator."
+        )
     return w
 
 
@@ -314,18 +409,28 @@ def rightmost_pole(system: control.StateSpace) -> complex:
 
 
 def frequency_response(
-    name: str, plant: AnySystem, omega: np.ndarray, other: tuple[AnySystem, ...] = (), shape: tuple[int, int] = (1, 1)
+    name: str,
+    plant: AnySystem,
+    omega: np.ndarray,
+    other: tuple[AnySystem, ...] = (),
+    shape: tuple[int, int] = (1, 1),
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies and complex response of an FRF, or of a system on omega; refuse another clock than `other`.
+    """Return frequencies and complex response of an FRF, or of a system on omega; refuse another
+    clock than `other`.
 
-    A system without a dt takes that clock. The response is (W,), or (n_y, n_u, W) for a shape with several channels.
+    A system without a dt takes that clock. The response is (W,), or (n_y, n_u, W) for a shape with
+    several channels.
     """
     if not isinstance(plant, control.FrequencyResponseData):
         plant = state_space(name, plant) if shape == (1, 1) else multivariable(name, plant)
     dt = common_sampling_time(*other)
     require_sampling_time(name, plant, reference="the nominal", wanted=dt)
     if (plant.noutputs, plant.ninputs) != shape:
-        wanted = "one input and one output" if shape == (1, 1) else f"{shape[1]} inputs and {shape[0]} outputs"
+        wanted = (
+            "one input and one output"
+            if shape == (1, 1)
+            else f"{shape[1]} inputs and {shape[0]} outputs"
+        )
         raise ValueError(f"{name} must have {wanted}, got {plant.ninputs} and {plant.noutputs}")
     if isinstance(plant, control.FrequencyResponseData):
         omega, G = np.asarray(plant.omega, dtype=float), np.asarray(plant.frdata, dtype=complex)
@@ -337,13 +442,17 @@ def frequency_response(
 
 
 def order_roots(roots: np.ndarray, tolerance: float = 1e-14) -> np.ndarray:
-    """Return real roots, then exactly conjugate pairs with the upper one first; real up to a relative tolerance."""
+    """Return real roots, then exactly conjugate pairs with the upper one first; real up to a
+    relative tolerance.
+    """
     real, upper = _split_conjugates(roots, tolerance)
     return np.concatenate([real + 0j, np.column_stack([upper, upper.conj()]).ravel()])
 
 
 def _split_conjugates(roots: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the real roots of a real polynomial, in order of size, and the upper roots of its pairs."""
+    """Return the real roots of a real polynomial, in order of size, and the upper roots of its
+    pairs.
+    """
     roots = np.asarray(roots, dtype=complex)
     real = np.abs(roots.imag) <= tolerance * np.abs(roots)
     return np.sort(roots[real].real), roots[~real & (roots.imag > 0)]

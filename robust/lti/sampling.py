@@ -1,4 +1,6 @@
-"""Discrete systems for a controller with a clock: plants with hold and delay, and discrete controllers."""
+"""Discrete systems for a controller with a clock: plants with hold and delay, and discrete
+controllers.
+"""
 
 from __future__ import annotations
 
@@ -13,19 +15,21 @@ from robust.lti.lti import poles, response, timebase, with_names, zeros
 from robust.lti.norms import to_discrete
 from robust.lti.realisation import from_roots, multivariable, state_space
 
-_ALLPASS_TOLERANCE = (
-    1e-4  # relative distance of a zero from the mirror image of a pole of an all-pass; eigenvalues move by 1e-9
-)
+# relative distance of a zero from the mirror image of a pole of an all-pass; eigenvalues move by
+# 1e-9
+_ALLPASS_TOLERANCE = 1e-4
 _DELAY_ORDER = 8  # of the Padé approximation of a delay in a continuous loop
 _SAMPLING_TOLERANCE = 1e-6  # relative difference up to which two sampling times are equal
 
 
 def sampled(system: LinearSystem, dt: float, delay: float = 0.0) -> control.StateSpace:
-    """Return a continuous plant with zero-order hold, computation delay and sampler as a discrete system, exactly.
+    """Return a continuous plant with zero-order hold, computation delay and sampler as a discrete
+    system, exactly.
 
-    Use this before a design or a check of a sampled controller. The delay [s] need not be a whole number of samples.
-    With delay = d dt + rest, the plant input changes inside the sampling interval from u[k-d-1] to u[k-d] (Åström &
-    Wittenmark, *Computer-Controlled Systems*, 3rd ed., 2.3).
+    Use this before a design or a check of a sampled controller. The delay [s] need not be a whole
+    number of samples. With delay = d dt + rest, the plant input changes inside the sampling
+    interval from u[k-d-1] to u[k-d] (Åström & Wittenmark, *Computer-Controlled Systems*, 3rd ed.,
+    2.3).
 
     Parameters
     ----------
@@ -80,11 +84,14 @@ def sampled(system: LinearSystem, dt: float, delay: float = 0.0) -> control.Stat
     if not all(np.isfinite(part).all() for part in (Phi, after, late, early)):
         fastest = np.linalg.eigvals(A).real.max()
         raise ValueError(
-            f"dt must keep the numbers within floating point, got {dt:g} s with a pole at {fastest:.4g} rad/s"
+            f"dt must keep the numbers within floating point, got {dt:g} s with a pole at"
+            f" {fastest:.4g} rad/s"
         )
     n_memory = whole + (rest > 0)
     if n_memory == 0:
-        return with_names(control.StateSpace(Phi, late, C, D, dt), system.input_labels, system.output_labels)
+        return with_names(
+            control.StateSpace(Phi, late, C, D, dt), system.input_labels, system.output_labels
+        )
     # states: x, then u[k-1], u[k-2], ..., u[k-n_memory]
     size = n + n_memory * m
     Ad, Bd, Cd = np.zeros((size, size)), np.zeros((size, m)), np.zeros((C.shape[0], size))
@@ -100,7 +107,11 @@ def sampled(system: LinearSystem, dt: float, delay: float = 0.0) -> control.Stat
     if rest > 0:
         Ad[:n, n + whole * m : n + (whole + 1) * m] = after @ early
     Cd[:, n + (n_memory - 1) * m :] = D
-    return with_names(control.StateSpace(Ad, Bd, Cd, np.zeros(D.shape), dt), system.input_labels, system.output_labels)
+    return with_names(
+        control.StateSpace(Ad, Bd, Cd, np.zeros(D.shape), dt),
+        system.input_labels,
+        system.output_labels,
+    )
 
 
 def delay_samples(name: str, delay: float, dt: float) -> int:
@@ -108,14 +119,18 @@ def delay_samples(name: str, delay: float, dt: float) -> int:
     whole = round(delay / dt)
     if abs(delay / dt - whole) > 1e-6:
         raise ValueError(
-            f"{name} must be a whole number of samples of {dt:g} s in discrete time, got {delay:g} s. "
-            "A continuous model takes any delay."
+            f"{name} must be a whole number of samples of {dt:g} s in discrete time, got {delay:g}"
+            " s. A continuous model takes any delay."
         )
     return whole
 
 
-def delayed(system: control.StateSpace, delay: float, *, order: int = _DELAY_ORDER) -> control.StateSpace:
-    """Return the system with a delay [s] at all inputs: z^-d in discrete time, otherwise Padé of that order."""
+def delayed(
+    system: control.StateSpace, delay: float, *, order: int = _DELAY_ORDER
+) -> control.StateSpace:
+    """Return the system with a delay [s] at all inputs: z^-d in discrete time, otherwise Padé of
+    that order.
+    """
     if delay == 0:
         return system
     dt = timebase(system)
@@ -123,16 +138,20 @@ def delayed(system: control.StateSpace, delay: float, *, order: int = _DELAY_ORD
         whole = delay_samples("delay", delay, dt)
         if whole == 0:
             return system
-        one = control.StateSpace(np.eye(whole, k=-1), np.eye(whole, 1), np.eye(1, whole, whole - 1), [[0.0]], dt)
+        one = control.StateSpace(
+            np.eye(whole, k=-1), np.eye(whole, 1), np.eye(1, whole, whole - 1), [[0.0]], dt
+        )
     else:
         one = pade(delay, order)
     return in_series(block_diagonal([one] * system.ninputs, one.dt), system)
 
 
 def pade(delay: float, order: int) -> control.StateSpace:
-    """Return the all-pass Padé approximation of exp(-s delay) with equal degrees, realised section by section.
+    """Return the all-pass Padé approximation of exp(-s delay) with equal degrees, realised section
+    by section.
 
-    Its poles are the roots of sum_k (2n-k)!/(k! (n-k)!) (s delay)^k; the zeros are their mirror images.
+    Its poles are the roots of sum_k (2n-k)!/(k! (n-k)!) (s delay)^k; the zeros are their mirror
+    images.
     """
     k = np.arange(order + 1)
     # coefficient ratios c_{k+1}/c_k = (n-k) / ((2n-k)(k+1)), from c_0 = 1: no factorial overflows
@@ -149,10 +168,11 @@ def pade(delay: float, order: int) -> control.StateSpace:
 
 
 def without_pade(system: control.StateSpace) -> tuple[control.StateSpace, float]:
-    """Return a continuous single-loop system without the Padé approximation in it, and the delay [s] of the latter.
+    """Return a continuous single-loop system without the Padé approximation in it, and the delay
+    [s] of the latter.
 
-    The all-pass factor is found by zeros that mirror poles. It counts as a delay only if its poles are those of the
-    approximation of its order. A system without one is returned unchanged.
+    The all-pass factor is found by zeros that mirror poles. It counts as a delay only if its poles
+    are those of the approximation of its order. A system without one is returned unchanged.
 
     >>> late = in_series(pade(5e-4, 4), control.ss(control.tf([1], [1, 4, 80e3])))
     >>> G, delay = without_pade(late)
@@ -162,7 +182,9 @@ def without_pade(system: control.StateSpace) -> tuple[control.StateSpace, float]
     p, z = poles(system), zeros(system)
     with np.errstate(divide="ignore", invalid="ignore"):  # a pole at zero mirrors no zero
         distance = np.abs(p[:, None] + z.conj()[None, :]) / np.abs(p)[:, None]
-    mirrored = (distance.min(axis=1, initial=1.0) < _ALLPASS_TOLERANCE) & (p.real < -_ALLPASS_TOLERANCE * np.abs(p))
+    mirrored = (distance.min(axis=1, initial=1.0) < _ALLPASS_TOLERANCE) & (
+        p.real < -_ALLPASS_TOLERANCE * np.abs(p)
+    )
     n = int(mirrored.sum())
     delay = float(np.sum(-2 * (1 / p[mirrored]).real))
     if not n or not _roots_match(p[mirrored], poles(pade(delay, n))):
@@ -178,12 +200,14 @@ def _roots_match(some: np.ndarray, other: np.ndarray) -> bool:
     """Return whether each root has one close to it in the other set."""
     distances = np.abs(some[:, None] - other[None, :]) / np.abs(some)[:, None]
     return bool(
-        distances.min(axis=1).max() < _ALLPASS_TOLERANCE and np.unique(distances.argmin(axis=1)).size == some.size
+        distances.min(axis=1).max() < _ALLPASS_TOLERANCE
+        and np.unique(distances.argmin(axis=1)).size == some.size
     )
 
 
 def discretize(K: LinearSystem, dt: float, *, prewarp: float = 0.0) -> control.StateSpace:
-    """Return a discrete form of a continuous controller by the bilinear map (Tustin), exact at one frequency.
+    """Return a discrete form of a continuous controller by the bilinear map (Tustin), exact at one
+    frequency.
 
     Parameters
     ----------
@@ -197,12 +221,14 @@ def discretize(K: LinearSystem, dt: float, *, prewarp: float = 0.0) -> control.S
     Returns
     -------
     control.StateSpace
-        Discrete controller. Check it with `check`, which adds hold and delay. A design on `sampled` is better.
+        Discrete controller. Check it with `check`, which adds hold and delay. A design on `sampled`
+        is better.
 
     Raises
     ------
     ValueError
-        A controller that is discrete already, a prewarp frequency beyond Nyquist, or a pole at 2/dt.
+        A controller that is discrete already, a prewarp frequency beyond Nyquist, or a pole at
+        2/dt.
 
     References
     ----------
@@ -220,30 +246,37 @@ def discretize(K: LinearSystem, dt: float, *, prewarp: float = 0.0) -> control.S
     if timebase(K):
         raise ValueError(f"K must be continuous, got one sampled at {timebase(K):g} s")
     if prewarp * dt >= np.pi:
-        raise ValueError(f"prewarp must lie below the Nyquist frequency {np.pi / dt:g} rad/s, got {prewarp:g} rad/s")
+        raise ValueError(
+            f"prewarp must lie below the Nyquist frequency {np.pi / dt:g} rad/s, got {prewarp:g}"
+            " rad/s"
+        )
     scale = prewarp / np.tan(prewarp * dt / 2) if prewarp else 2 / dt
     image = to_discrete(K.A / scale, K.B / np.sqrt(scale), K.C / np.sqrt(scale), K.D)
     return with_names(control.StateSpace(*image, dt), K.input_labels, K.output_labels)
 
 
 def hold_response(omega: np.ndarray, dt: float) -> np.ndarray:
-    """Return (W,) response of a zero-order hold of dt [s] and a sampler, sin(x)/x exp(-j x) with x = omega dt/2.
+    """Return (W,) response of a zero-order hold of dt [s] and a sampler, sin(x)/x exp(-j x) with x
+    = omega dt/2.
 
-    The aliases from above the Nyquist frequency are left out: the line alone does not determine them.
+    The aliases from above the Nyquist frequency are left out: the line alone does not determine
+    them.
     """
     x = np.asarray(omega, dtype=float) * dt / 2
     return np.asarray(np.sinc(x / np.pi) * np.exp(-1j * x))
 
 
 def hold_correction(omega: np.ndarray, hold: str, *, fs: float, dt: float) -> np.ndarray:
-    """Return (W,) the factor from an FRF measured with one hold to a model of sampling time dt (0: continuous).
+    """Return (W,) the factor from an FRF measured with one hold to a model of sampling time dt (0:
+    continuous).
 
     Parameters
     ----------
     omega : (W,) ndarray
         Frequencies [rad/s].
     hold : str
-        Hold of the record: "zoh" (of 1/fs, contained in the FRF), "band-limited" (none), "unknown" (no correction).
+        Hold of the record: "zoh" (of 1/fs, contained in the FRF), "band-limited" (none), "unknown"
+        (no correction).
     fs : float
         Sampling frequency of the record [Hz].
     dt : float

@@ -22,13 +22,17 @@ class StabilityResult:
     """Stability of a system, and the pole that decides it; its text is for people."""
 
     state: Stability
-    # complex the pole nearest to the stability boundary, or farthest beyond it; nan if none is named
+    # complex the pole nearest to the stability boundary, or farthest beyond it; nan if none is
+    # named
     pole: complex = complex(np.nan, np.nan)
     of_loop: bool = False  # True for a pole of the nominal loop; the text then names the loop
     without_delay: bool = False  # True for a pole of the loop without its delay
-    # True if exact arithmetic found it on the boundary or beyond it, where rounding is too large to decide
+    # True if exact arithmetic found it on the boundary or beyond it, where rounding is too large to
+    # decide
     at_boundary: bool = False
-    n_unstable: float = np.nan  # number of unstable poles of a loop with its delay, if they were counted; else nan
+    n_unstable: float = (
+        np.nan
+    )  # number of unstable poles of a loop with its delay, if they were counted; else nan
 
     @property
     def stable(self) -> bool:
@@ -47,7 +51,9 @@ class StabilityResult:
         if self.stable:
             return f"{self.state}"
         named = not np.isnan(self.pole)
-        where = (f" at {self.pole:.4g}" if named else "") + (" without its delay" if self.without_delay else "")
+        where = (f" at {self.pole:.4g}" if named else "") + (
+            " without its delay" if self.without_delay else ""
+        )
         if self.unstable and not np.isnan(self.n_unstable):
             what = f"the nominal loop with its delay has {self.n_unstable:g} unstable poles"
         elif self.unstable:
@@ -55,7 +61,8 @@ class StabilityResult:
             what = f"{'the nominal loop has ' if self.of_loop else ''}a pole{where}{beyond}"
         elif named:
             what = (
-                f"a pole{' of the nominal loop' if self.of_loop else ''}{where} lies within rounding of the stability "
+                f"a pole{' of the nominal loop' if self.of_loop else ''}{where} lies within"
+                " rounding of the stability "
             )
             what += "boundary"
         else:
@@ -64,7 +71,8 @@ class StabilityResult:
 
 
 def delay_pole_count(L: control.StateSpace, delay: float) -> float:
-    """Return the number of poles of 1 + L exp(-s delay) that the delay [s] moves out of the left half plane, net.
+    """Return the number of poles of 1 + L exp(-s delay) that the delay [s] moves out of the left
+    half plane, net.
 
     inf if |L| > 1 at infinite frequency, nan if rounding decides.
 
@@ -115,7 +123,8 @@ def poles_with_rounding(system: control.StateSpace) -> tuple[np.ndarray, np.ndar
 def eigenvalues_with_rounding(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the eigenvalues of a real matrix, and the possible shift of each by rounding.
 
-    States without a path back to themselves (a weight outside the loop) are treated separately: their poles are exact.
+    States without a path back to themselves (a weight outside the loop) are treated separately:
+    their poles are exact.
     """
     poles, moved = [np.zeros(0, complex)], [np.zeros(0)]
     for part in connected_components(matrix):
@@ -124,12 +133,18 @@ def eigenvalues_with_rounding(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarra
         cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
         poles.append(found)
         alone = A.shape[0] == 1
-        moved.append(0.0 * cosine if alone else 100 * EPS * np.linalg.norm(A) / np.maximum(cosine, np.sqrt(EPS)))
+        moved.append(
+            0.0 * cosine
+            if alone
+            else 100 * EPS * np.linalg.norm(A) / np.maximum(cosine, np.sqrt(EPS))
+        )
     return np.concatenate(poles), np.concatenate(moved)
 
 
 def connected_components(A: np.ndarray) -> list[np.ndarray]:
-    """Return the states of each part of a system whose states all act on each other, directly or not."""
+    """Return the states of each part of a system whose states all act on each other, directly or
+    not.
+    """
     reach = ((A != 0) | np.eye(len(A), dtype=bool)).astype(np.float32)
     for _ in range(len(A).bit_length()):  # paths of twice the length each time
         reach = (reach @ reach > 0).astype(np.float32)
@@ -138,7 +153,9 @@ def connected_components(A: np.ndarray) -> list[np.ndarray]:
 
 
 def assess_stability(system: control.StateSpace) -> StabilityResult:
-    """Return whether every pole is stable beyond rounding, one is unstable, or rounding leaves it undecided."""
+    """Return whether every pole is stable beyond rounding, one is unstable, or rounding leaves it
+    undecided.
+    """
     poles, moved = poles_with_rounding(system)
     excess = np.abs(poles) - 1 if timebase(system) else poles.real
     if not poles.size or np.all(excess < -moved):
@@ -155,7 +172,9 @@ LARGEST_JUMP, _SMALL_LOOP = 2 * np.pi / 3, 0.01
 
 
 def unstable_poles(K: control.StateSpace, dt: float) -> int:
-    """Return the number of poles of the controller strictly outside the stability region, without integrators."""
+    """Return the number of poles of the controller strictly outside the stability region, without
+    integrators.
+    """
     return int(unstable_pole_values(K, dt).size)
 
 
@@ -165,20 +184,34 @@ def unstable_pole_values(K: control.StateSpace, dt: float) -> np.ndarray:
 
 
 def winding_number(
-    omega: np.ndarray, G: np.ndarray, *, K: control.StateSpace, dt: float, readings: Sequence[Reading] = ()
+    omega: np.ndarray,
+    G: np.ndarray,
+    *,
+    K: control.StateSpace,
+    dt: float,
+    readings: Sequence[Reading] = (),
 ) -> tuple[int, bool]:
-    """Return unstable open-loop minus closed-loop poles from 1 + G K, and whether lines and readings determine it.
+    """Return unstable open-loop minus closed-loop poles from 1 + G K, and whether lines and
+    readings determine it.
 
-    readings : of the plant below its first line, the likeliest first; by default those of the FRF without a bound.
+    readings : of the plant below its first line, the likeliest first; by default those of the FRF
+    without a bound.
     """
     turns, clear = windings(omega, G, K=K, dt=dt, readings=readings or read_below(omega, G))
     return turns[0], clear and len(set(turns)) == 1
 
 
 def windings(
-    omega: np.ndarray, G: np.ndarray, *, K: control.StateSpace, dt: float, readings: Sequence[Reading]
+    omega: np.ndarray,
+    G: np.ndarray,
+    *,
+    K: control.StateSpace,
+    dt: float,
+    readings: Sequence[Reading],
 ) -> tuple[tuple[int, ...], bool]:
-    """Return the winding number of every reading of a plant below its first line; and True if the lines resolve it."""
+    """Return the winding number of every reading of a plant below its first line; and True if the
+    lines resolve it.
+    """
     L = G * response(K, omega)
     jump = np.abs(np.angle(G[1:] / G[:-1])) > LARGEST_JUMP
     large = np.abs(L) > _SMALL_LOOP
@@ -203,7 +236,8 @@ def windings(
 
 
 def describe_unresolved(omega: np.ndarray, F: np.ndarray, size: np.ndarray, who: str = "") -> str:
-    """Describe lines that do not resolve the turns of F = 1 + L or det(I + L), (W,), and the options that help.
+    """Describe lines that do not resolve the turns of F = 1 + L or det(I + L), (W,), and the
+    options that help.
 
     size : (W,) |L|, or its largest singular value.
 
@@ -218,19 +252,22 @@ def describe_unresolved(omega: np.ndarray, F: np.ndarray, size: np.ndarray, who:
     between = " and ".join(map(format_hertz, omega[k : k + 2]))
     most = f"it turns by {np.degrees(turn[k]):.0f} deg between {between}, and " if turn.size else ""
     first, last = (
-        f"{size[i]:.3g} on the {word}, {format_hertz(omega[i])}" for i, word in ((0, "first line"), (-1, "last"))
+        f"{size[i]:.3g} on the {word}, {format_hertz(omega[i])}"
+        for i, word in ((0, "first line"), (-1, "last"))
     )
     return (
-        f"the lines{who} do not show the winding number of 1 + L: {most}|L| is {first}, and {last}. Use closer lines "
-        "(a longer --period), lower or higher lines (--f-min, --f-max), or a nominal model (robust model)"
+        f"the lines{who} do not show the winding number of 1 + L: {most}|L| is {first}, and {last}."
+        " Use closer lines (a longer --period), lower or higher lines (--f-min, --f-max), or a"
+        " nominal model (robust model)"
     )
 
 
 def _passes_clear_of_minus_one(L: np.ndarray) -> bool:
-    """Return whether L passes -1 on a side that the lines determine, at every crossing of the negative real axis.
+    """Return whether L passes -1 on a side that the lines determine, at every crossing of the
+    negative real axis.
 
-    A mode between two lines takes L along an arc. If the phase falls by d, |L| may reach |L|/cos(d/2) on the way; if it
-    rises (an anti-resonance), |L| may come down to |L| cos(d/2).
+    A mode between two lines takes L along an arc. If the phase falls by d, |L| may reach
+    |L|/cos(d/2) on the way; if it rises (an anti-resonance), |L| may come down to |L| cos(d/2).
     """
     turn = np.angle(L[1:] / L[:-1])
     before = np.angle(-L[:-1])
@@ -243,11 +280,13 @@ def _passes_clear_of_minus_one(L: np.ndarray) -> bool:
 
 
 def count_half_turns(F: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return (...,) half turns of (..., W) curves F = 1 + L about zero from zero to infinite frequency, and if whole.
+    """Return (...,) half turns of (..., W) curves F = 1 + L about zero from zero to infinite
+    frequency, and if whole.
 
-    The phase of F turns by pi for each unstable pole that is stabilised, and by another pi/2 for each of the n
-    integrators of L, which count as stable. It is followed from line to line. From the first line it is continued to
-    the axis on which F begins with the integrators, from the last one to the real axis.
+    The phase of F turns by pi for each unstable pole that is stabilised, and by another pi/2 for
+    each of the n integrators of L, which count as stable. It is followed from line to line. From
+    the first line it is continued to the axis on which F begins with the integrators, from the last
+    one to the real axis.
     """
     steps = np.angle(F[..., 1:] / F[..., :-1])
     start = F[..., 0] * np.exp(1j * n * np.pi / 2)
@@ -262,13 +301,19 @@ def count_half_turns(F: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
 def integrator_poles(system: control.StateSpace, dt: float) -> int:
     """Return the number of poles at zero frequency."""
     p = poles(system)
-    return int(np.sum(np.abs(p - 1) < 1e-6)) if dt else int(np.sum(np.abs(p) < 1e-9 * (1 + np.abs(p).max(initial=0))))
+    return (
+        int(np.sum(np.abs(p - 1) < 1e-6))
+        if dt
+        else int(np.sum(np.abs(p) < 1e-9 * (1 + np.abs(p).max(initial=0))))
+    )
 
 
 def _is_resolved(F: np.ndarray, x: np.ndarray) -> bool:
-    """Return whether the polygon through the lines is farther from zero than the curve may bulge between them.
+    """Return whether the polygon through the lines is farther from zero than the curve may bulge
+    between them.
 
-    The bulge h^2/8 |F''| is estimated from second differences over x, the logarithm of frequency, and doubled.
+    The bulge h^2/8 |F''| is estimated from second differences over x, the logarithm of frequency,
+    and doubled.
     """
     if F.size < 4:
         return False

@@ -1,9 +1,11 @@
-"""Model reduction by balanced truncation: of a system itself, with weights, or of its coprime factors.
+"""Model reduction by balanced truncation: of a system itself, with weights, or of its coprime
+factors.
 
-Gramians P (how far states are driven) and Q (how much they show) are made equal and diagonal; the states with the
-smallest entries are removed. Truncation leaves them out, and is exact at high frequencies. Residualisation takes them
-as settled, and is exact at zero frequency, so integral action of the factors is kept. Modes that are not stable are
-kept as they are (Moore 1981; Enns 1984 for weights; Meyer 1990 for coprime factors; SP 11.2 to 11.4).
+Gramians P (how far states are driven) and Q (how much they show) are made equal and diagonal; the
+states with the smallest entries are removed. Truncation leaves them out, and is exact at high
+frequencies. Residualisation takes them as settled, and is exact at zero frequency, so integral
+action of the factors is kept. Modes that are not stable are kept as they are (Moore 1981; Enns 1984
+for weights; Meyer 1990 for coprime factors; SP 11.2 to 11.4).
 """
 
 from __future__ import annotations
@@ -11,17 +13,29 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.linalg import block_diag, schur, solve_continuous_are, solve_continuous_lyapunov, solve_sylvester
+from scipy.linalg import (
+    block_diag,
+    schur,
+    solve_continuous_are,
+    solve_continuous_lyapunov,
+    solve_sylvester,
+)
 
 from robust.lti.lti import Matrices
 
 _AXIS_TOLERANCE = 1e-9  # of the size of A: modes closer to the axis are kept as they are
 
 
-def _split_modes(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
-    """Return (A, B, C) of the modes that are kept because they are not strictly stable, and of the others."""
+def _split_modes(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray
+) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+    """Return (A, B, C) of the modes that are kept because they are not strictly stable, and of the
+    others.
+    """
     n, size = A.shape[0], _AXIS_TOLERANCE * max(float(np.linalg.norm(A)), 1e-300)
-    T, Z, k = schur(A, output="real", sort=lambda re, im=0.0: re >= -size) if n else (A, np.eye(0), 0)
+    T, Z, k = (
+        schur(A, output="real", sort=lambda re, im=0.0: re >= -size) if n else (A, np.eye(0), 0)
+    )
     # T = [T11 T12; 0 T22] made block diagonal: T11 X - X T22 = -T12
     X = solve_sylvester(T[:k, :k], -T[k:, k:], -T[:k, k:]) if 0 < k < n else np.zeros((k, n - k))
     forth, back = Z.T.copy(), Z.copy()
@@ -32,7 +46,9 @@ def _split_modes(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[tuple[np.
 
 
 def balanced_candidates(K: Matrices) -> Iterator[tuple[str, int, Matrices]]:
-    """Yield (way, order, system) for every order: the strictly stable part is reduced, the rest is added."""
+    """Yield (way, order, system) for every order: the strictly stable part is reduced, the rest is
+    added.
+    """
     A, B, C, D = K
     kept, (A, B, C) = _split_modes(A, B, C)
     P, Q = solve_continuous_lyapunov(A, -B @ B.T), solve_continuous_lyapunov(A.T, -C.T @ C)
@@ -40,8 +56,12 @@ def balanced_candidates(K: Matrices) -> Iterator[tuple[str, int, Matrices]]:
         yield f"balanced, {way}", small[0].shape[0] + kept[0].shape[0], _add_systems(kept, small)
 
 
-def weighted_candidates(K: Matrices, before: Matrices, behind: Matrices) -> Iterator[tuple[str, int, Matrices]]:
-    """Yield reductions K_r of each order, for a small norm of behind (K - K_r) before with stable weights (Enns)."""
+def weighted_candidates(
+    K: Matrices, before: Matrices, behind: Matrices
+) -> Iterator[tuple[str, int, Matrices]]:
+    """Yield reductions K_r of each order, for a small norm of behind (K - K_r) before with stable
+    weights (Enns).
+    """
     A, B, C, D = K
     kept, (A, B, C) = _split_modes(A, B, C)
     n, (Ab, Bb, Cb, Db), (Aa, Ba, Ca, _) = A.shape[0], before, behind
@@ -51,18 +71,29 @@ def weighted_candidates(K: Matrices, before: Matrices, behind: Matrices) -> Iter
     P = solve_continuous_lyapunov(driven, -into @ into.T)[:n, :n]
     Q = solve_continuous_lyapunov(A_weighted.T, -out.T @ out)[:n, :n]
     for way, small in _truncations((A, B, C, D), P, Q):
-        yield f"weighted by the loop, {way}", small[0].shape[0] + kept[0].shape[0], _add_systems(kept, small)
+        yield (
+            f"weighted by the loop, {way}",
+            small[0].shape[0] + kept[0].shape[0],
+            _add_systems(kept, small),
+        )
 
 
 def coprime_factor_candidates(K: Matrices) -> Iterator[tuple[str, int, Matrices]]:
-    """Yield reductions of K of each order by truncating its normalised left coprime factors, unstable modes too."""
+    """Yield reductions of K of each order by truncating its normalised left coprime factors,
+    unstable modes too.
+    """
     A, B, C, D = K
     R, S = np.eye(D.shape[0]) + D @ D.T, np.eye(D.shape[1]) + D.T @ D
     drift = A - B @ np.linalg.solve(S, D.T @ C)
     Y = solve_continuous_are(drift.T, C.T, B @ np.linalg.solve(S, B.T), R)
     H = -np.linalg.solve(R, (B @ D.T + Y @ C.T).T).T
     root = np.linalg.cholesky(np.linalg.inv(R)).T
-    factors = A + H @ C, np.hstack([B + H @ D, H]), root @ C, root @ np.hstack([D, np.eye(D.shape[0])])
+    factors = (
+        A + H @ C,
+        np.hstack([B + H @ D, H]),
+        root @ C,
+        root @ np.hstack([D, np.eye(D.shape[0])]),
+    )
     P = solve_continuous_lyapunov(factors[0], -factors[1] @ factors[1].T)
     Q = solve_continuous_lyapunov(factors[0].T, -factors[2].T @ factors[2])
     m = B.shape[1]
@@ -71,15 +102,23 @@ def coprime_factor_candidates(K: Matrices) -> Iterator[tuple[str, int, Matrices]
         if np.linalg.cond(M) < 1e12:
             back = np.linalg.solve(M, np.hstack([Cr, N]))
             C_K, D_K = back[:, : Cr.shape[1]], back[:, Cr.shape[1] :]
-            yield f"coprime factors, {way}", Ar.shape[0], (Ar - into @ C_K, Br[:, :m] - into @ D_K, C_K, D_K)
+            yield (
+                f"coprime factors, {way}",
+                Ar.shape[0],
+                (Ar - into @ C_K, Br[:, :m] - into @ D_K, C_K, D_K),
+            )
 
 
 def _truncations(system: Matrices, P: np.ndarray, Q: np.ndarray) -> Iterator[tuple[str, Matrices]]:
-    """Yield every smaller order, truncated and residualised, from Gramians of a system (square root, Tombs 1987)."""
+    """Yield every smaller order, truncated and residualised, from Gramians of a system (square
+    root, Tombs 1987).
+    """
     A, B, C, D = system
     Lc, Lo = gramian_root(P), gramian_root(Q)
     U, sizes, V = np.linalg.svd(Lo.T @ Lc)
-    n = int(np.sum(sizes > 1e-12 * sizes.max(initial=0.0)))  # undriven and unseen states are removed exactly
+    n = int(
+        np.sum(sizes > 1e-12 * sizes.max(initial=0.0))
+    )  # undriven and unseen states are removed exactly
     scale = np.sqrt(sizes[:n])
     forth, back = (U[:, :n] / scale).T @ Lo.T, Lc @ V[:n].T / scale
     A, B, C = forth @ A @ back, forth @ B, C @ back

@@ -1,4 +1,6 @@
-"""Systems joined by the names of their signals, with ports for parts that are tuned or known on lines."""
+"""Systems joined by the names of their signals, with ports for parts that are tuned or known on
+lines.
+"""
 
 from __future__ import annotations
 
@@ -18,45 +20,61 @@ _WELL_POSED = 1e-9
 
 @value
 class Port:
-    """A place in a wiring for a later part: the signals that the part reads, and those that it drives."""
+    """A place in a wiring for a later part: the signals that the part reads, and those that it
+    drives.
+    """
 
     reads: tuple[str, ...]
     drives: tuple[str, ...]
 
 
 def join_by_name(
-    parts: Sequence[control.StateSpace], ports: Sequence[Port], *, external: Sequence[str], looked_at: Sequence[str]
+    parts: Sequence[control.StateSpace],
+    ports: Sequence[Port],
+    *,
+    external: Sequence[str],
+    looked_at: Sequence[str],
 ) -> control.StateSpace:
-    """Join parts and ports by name: an input is the sum of all outputs and external inputs of its name.
+    """Join parts and ports by name: an input is the sum of all outputs and external inputs of its
+    name.
 
-    The result is from (external inputs, signals that the ports drive) to (signals in `looked_at`, signals that the
-    ports read). A signal in `looked_at` is the sum of all outputs of its name, without the external input of that
-    name, as in `control.interconnect`.
+    The result is from (external inputs, signals that the ports drive) to (signals in `looked_at`,
+    signals that the ports read). A signal in `looked_at` is the sum of all outputs of its name,
+    without the external input of that name, as in `control.interconnect`.
 
     Raises
     ------
     ValueError
-        An unknown signal, an input of a port that no output drives, sampling times that differ, or an algebraic loop
-        among the fixed parts that has no solution.
+        An unknown signal, an input of a port that no output drives, sampling times that differ, or
+        an algebraic loop among the fixed parts that has no solution.
     """
     dt = shared_timebase(parts)
     part_in = [label for part in parts for label in part.input_labels]
     part_out = [label for part in parts for label in part.output_labels]
     port_in = [label for port in ports for label in port.reads]
     port_out = [label for port in ports for label in port.drives]
-    _require_signals(part_in, part_out, port_in=port_in, port_out=port_out, external=external, looked_at=looked_at)
+    _require_signals(
+        part_in,
+        part_out,
+        port_in=port_in,
+        port_out=port_out,
+        external=external,
+        looked_at=looked_at,
+    )
     G = block_diagonal(parts, dt)
     into_parts, into_ports = _same_name(part_in, external), _same_name(port_in, external)
-    parts_from_ports, ports_from_parts = _same_name(part_in, port_out), _same_name(port_in, part_out)
+    parts_from_ports = _same_name(part_in, port_out)
+    ports_from_parts = _same_name(port_in, part_out)
     seen_parts, seen_ports = _same_name(looked_at, part_out), _same_name(looked_at, port_out)
     inside = _same_name(part_in, part_out)
     around = np.eye(len(part_out)) - G.D @ inside
     if not is_well_posed(around):
         raise ValueError(
-            "systems must leave every loop among them well posed, got an algebraic loop of gain one. Break it with a "
-            "delay, or leave out the part that closes it"
+            "systems must leave every loop among them well posed, got an algebraic loop of gain"
+            " one. Break it with a delay, or leave out the part that closes it"
         )
-    # inputs i = inside o + drive v, outputs o = C x + D i, with v the external inputs and the outputs of the ports
+    # inputs i = inside o + drive v, outputs o = C x + D i, with v the external inputs and the
+    # outputs of the ports
     drive = np.hstack([into_parts, parts_from_ports])
     o_x, o_v = np.linalg.solve(around, G.C), np.linalg.solve(around, G.D @ drive)
     sense = np.vstack([seen_parts, ports_from_parts])
@@ -69,7 +87,9 @@ def join_by_name(
 
 
 def is_well_posed(around: np.ndarray) -> bool:
-    """Return whether I - D K can be inverted, by its determinant, which does not depend on units of the signals."""
+    """Return whether I - D K can be inverted, by its determinant, which does not depend on units of
+    the signals.
+    """
     return bool(abs(np.linalg.det(around)) > _WELL_POSED)
 
 
@@ -86,24 +106,26 @@ def _require_signals(
     for label in external:
         if label not in inputs:
             raise ValueError(
-                f"inputs must be inputs of a system, plant or block ({join_names(sorted(inputs))}), got {label!r}"
+                f"inputs must be inputs of a system, plant or block ({join_names(sorted(inputs))}),"
+                f" got {label!r}"
             )
     for label in looked_at:
         if label not in outputs:
             raise ValueError(
-                f"outputs must be outputs of a system, plant or block ({join_names(sorted(outputs))}), got {label!r}"
+                "outputs must be outputs of a system, plant or block"
+                f" ({join_names(sorted(outputs))}), got {label!r}"
             )
     for label in port_in:
         if label not in outputs and label not in external and label not in part_in:
             raise ValueError(
-                f"reads must name outputs of the systems, plant and blocks, or external inputs, got {label!r}, "
-                "which no output drives"
+                "reads must name outputs of the systems, plant and blocks, or external inputs, got"
+                f" {label!r}, which no output drives"
             )
     for label in port_out:
         if label not in inputs and label not in looked_at:
             raise ValueError(
-                f"drives must name inputs of the systems, plant and blocks, or outputs of a limit, got {label!r}, "
-                "which no input reads"
+                "drives must name inputs of the systems, plant and blocks, or outputs of a limit,"
+                f" got {label!r}, which no input reads"
             )
 
 
@@ -112,7 +134,8 @@ def shared_timebase(parts: Sequence[control.StateSpace]) -> float:
     steps = sorted({timebase(part) for part in parts if not is_clockless(part)})
     if len(steps) > 1 and max(abs(step / steps[-1] - 1) for step in steps) > 1e-9:
         raise ValueError(
-            f"systems must have one sampling time (0: continuous), got {join_names([f'{step:g} s' for step in steps])}"
+            "systems must have one sampling time (0: continuous), got"
+            f" {join_names([f'{step:g} s' for step in steps])}"
         )
     return steps[-1] if steps else 0.0
 

@@ -1,4 +1,6 @@
-"""``LpvModel``: a plant or a controller with matrices that are polynomials of an operating point."""
+"""``LpvModel``: a plant or a controller with matrices that are polynomials of an operating
+point.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,13 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike
 
-from nlfrf._base.arguments import require_choice, require_integer, require_kind, require_real, require_real_array
+from nlfrf._base.arguments import (
+    require_choice,
+    require_integer,
+    require_kind,
+    require_real,
+    require_real_array,
+)
 from nlfrf._base.values import value
 from robust._base.types import SystemField, Weight
 from robust.lti.lti import one_sampling_time, timebase
@@ -20,11 +28,13 @@ _LEVELS = ("level", "amplitude", "excitation", "excitation level")
 
 @value
 class LpvModel:
-    """A state space with matrices that are polynomials of theta in [-1, 1], the operating point on its range.
+    """A state space with matrices that are polynomials of theta in [-1, 1], the operating point on
+    its range.
 
-    theta = (2 p - low - high)/(high - low) for an operating point p in [low, high]. The states are those of one
-    realisation for all operating points: x' = A(theta) x + B(theta) u also holds while theta moves. Frozen models do
-    not show this (Tóth 2010); whoever chooses the realisation assumes it.
+    theta = (2 p - low - high)/(high - low) for an operating point p in [low, high]. The states are
+    those of one realisation for all operating points: x' = A(theta) x + B(theta) u also holds while
+    theta moves. Frozen models do not show this (Tóth 2010); whoever chooses the realisation assumes
+    it.
 
     Fields
     ------
@@ -39,10 +49,12 @@ class LpvModel:
     weight : control.StateSpace or None
         Weight W of the set of plants around it, for every operating point.
     form : str
-        How W Delta enters: "multiplicative" (at the input of the plant), "additive", "inverse-multiplicative" or
-        "inverse-additive". Delta is any causal operator with a gain of at most one.
+        How W Delta enters: "multiplicative" (at the input of the plant), "additive",
+        "inverse-multiplicative" or "inverse-additive". Delta is any causal operator with a gain of
+        at most one.
     held_out : float
-        Largest error at an operating point that was left out, in units of the weight; nan if none was.
+        Largest error at an operating point that was left out, in units of the weight; nan if none
+        was.
 
     References
     ----------
@@ -75,16 +87,24 @@ class LpvModel:
     def __post_init__(self) -> None:
         if self.over in _LEVELS:
             raise ValueError(
-                f"over must be a position, a load or another state of the machine, got {self.over!r}: "
-                "a BLA at a level is an average over its record, and the plant had it at no time"
+                "over must be a position, a load or another state of the machine, got"
+                f" {self.over!r}: a BLA at a level is an average over its record, and the plant had"
+                " it at no time"
             )
         require_increasing(self.points)
-        require_choice("form", self.form, tuple(name for name, form in FORMS.items() if "M" not in form.rs_factors))
+        require_choice(
+            "form",
+            self.form,
+            tuple(name for name, form in FORMS.items() if "M" not in form.rs_factors),
+        )
         n, (p, m) = np.shape(self.A)[-1], np.shape(self.D)[1:]
         for name, shape in {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}.items():
             array = getattr(self, name)
             if array.shape != (len(self.A), *shape) or not np.isfinite(array).all():
-                raise ValueError(f"{name} must be finite numbers of shape {(len(self.A), *shape)}, got {array.shape}")
+                raise ValueError(
+                    f"{name} must be finite numbers of shape {(len(self.A), *shape)}, got"
+                    f" {array.shape}"
+                )
 
     @classmethod
     def from_points(
@@ -98,13 +118,15 @@ class LpvModel:
         weight: Weight | None = None,
         form: str = DEFAULT_FORM,
     ) -> LpvModel:
-        """Return the polynomials through given systems in one realisation; of a lower degree, the closest ones.
+        """Return the polynomials through given systems in one realisation; of a lower degree, the
+        closest ones.
 
         Parameters
         ----------
         systems : list of control.StateSpace
-            One at each operating point, all with the same states, inputs, outputs and sampling time. The states must
-            mean the same at every point (displacement and velocity of each mode, for example).
+            One at each operating point, all with the same states, inputs, outputs and sampling
+            time. The states must mean the same at every point (displacement and velocity of each
+            mode, for example).
         at : (N,) array_like
             Operating points, increasing.
         degree : int, optional
@@ -123,8 +145,8 @@ class LpvModel:
         Raises
         ------
         ValueError
-            One operating point, points that do not increase, another number of systems, or systems that differ in
-            order, channels or sampling time.
+            One operating point, points that do not increase, another number of systems, or systems
+            that differ in order, channels or sampling time.
 
         Examples
         --------
@@ -136,19 +158,27 @@ class LpvModel:
         at = require_real_array("at", at, ndim=1)
         require_increasing(at)
         if len(systems) != at.size:
-            raise ValueError(f"at must have one operating point for each system, got {at.size} for {len(systems)}")
+            raise ValueError(
+                f"at must have one operating point for each system, got {at.size} for"
+                f" {len(systems)}"
+            )
         degree = at.size - 1 if degree is None else require_integer("degree", degree, least=0)
         if degree > at.size - 1:
-            raise ValueError(f"degree must be at most {at.size - 1} for {at.size} operating points, got {degree}")
+            raise ValueError(
+                f"degree must be at most {at.size - 1} for {at.size} operating points, got {degree}"
+            )
         found = [multivariable("systems", system) for system in systems]
         sizes = {(system.nstates, system.ninputs, system.noutputs) for system in found}
         if len(sizes) > 1:
             raise ValueError(
-                "systems must have the same states, inputs and outputs at every operating point, got "
+                "systems must have the same states, inputs and outputs at every operating point,"
+                " got "
                 + " and ".join(f"{n} states, {m} inputs, {p} outputs" for n, m, p in sorted(sizes))
             )
         A, B, C, D = (
-            polynomials_through(np.array([getattr(system, name) for system in found], dtype=float), at, at, degree)
+            polynomials_through(
+                np.array([getattr(system, name) for system in found], dtype=float), at, at, degree
+            )
             for name in "ABCD"
         )
         return cls(
@@ -171,7 +201,9 @@ class LpvModel:
 
     @property
     def half_range(self) -> float:
-        """Half of the range of operating points: theta moves at the rate of the operating point divided by it."""
+        """Half of the range of operating points: theta moves at the rate of the operating point
+        divided by it.
+        """
         return float(self.points[-1] - self.points[0]) / 2
 
     def at(self, point: float) -> control.StateSpace:
@@ -204,22 +236,34 @@ class LpvModel:
 
     def __str__(self) -> str:
         clock = f"{1 / self.dt:g} Hz" if self.dt else "continuous"
-        text = f"order {self.order}, {clock}, polynomials of degree {len(self.A) - 1} of {self.describe_range()}"
+        text = (
+            f"order {self.order}, {clock}, polynomials of degree {len(self.A) - 1} of"
+            f" {self.describe_range()}"
+        )
         text += "" if self.weight is None else f"; {self.form} weight"
-        return text if np.isnan(self.held_out) else f"{text}\n  left-out point: {self.held_out:.2g} of the weight"
+        return (
+            text
+            if np.isnan(self.held_out)
+            else f"{text}\n  left-out point: {self.held_out:.2g} of the weight"
+        )
 
 
 def constant_model(name: str, system: object, like: LpvModel) -> LpvModel:
-    """Return an `LpvModel` as it is, and one system as a model that does not go with the operating point."""
+    """Return an `LpvModel` as it is, and one system as a model that does not go with the operating
+    point.
+    """
     if isinstance(system, LpvModel):
         return system
     if isinstance(system, list | tuple):
         raise ValueError(
-            f"{name} must be an LpvModel, got {len(system)} systems: LpvModel.from_points(systems, at=points)"
+            f"{name} must be an LpvModel, got {len(system)} systems: LpvModel.from_points(systems,"
+            " at=points)"
         )
     real = multivariable(name, system)
     A, B, C, D = (np.array(getattr(real, each), dtype=float)[None] for each in "ABCD")
-    return LpvModel(A=A, B=B, C=C, D=D, points=like.points, dt=timebase(real), over=like.over, unit=like.unit)
+    return LpvModel(
+        A=A, B=B, C=C, D=D, points=like.points, dt=timebase(real), over=like.over, unit=like.unit
+    )
 
 
 def require_lpv(name: str, model: object) -> LpvModel:
@@ -228,10 +272,14 @@ def require_lpv(name: str, model: object) -> LpvModel:
     return model  # type: ignore[return-value]
 
 
-def polynomials_through(values: np.ndarray, at: np.ndarray, span: np.ndarray, degree: int) -> np.ndarray:
-    """Return (d + 1, ...) coefficients in theta of the polynomials closest to values (N, ...) at operating points.
+def polynomials_through(
+    values: np.ndarray, at: np.ndarray, span: np.ndarray, degree: int
+) -> np.ndarray:
+    """Return (d + 1, ...) coefficients in theta of the polynomials closest to values (N, ...) at
+    operating points.
 
-    span : operating points whose ends are the range. What is the same at all points does not go with theta, exactly.
+    span : operating points whose ends are the range. What is the same at all points does not go
+    with theta, exactly.
     """
     powers = _theta(at, span)[:, None] ** np.arange(degree + 1)
     known = np.nan_to_num(values.reshape(len(at), -1))

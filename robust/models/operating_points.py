@@ -1,13 +1,14 @@
-"""One model of a plant measured at several operating points: modes paired by frequency, polynomials, one weight.
+"""One model of a plant measured at several operating points: modes paired by frequency,
+polynomials, one weight.
 
-Local FRFs show the plant with the operating point held, up to a change of states that may itself go with the operating
-point. So a realisation has to be assumed (De Caigny, Camino & Swevers 2011; Tóth 2010): displacement of each mode, and
-velocity,
+Local FRFs show the plant with the operating point held, up to a change of states that may itself go
+with the operating point. So a realisation has to be assumed (De Caigny, Camino & Swevers 2011; Tóth
+2010): displacement of each mode, and velocity,
 
     x1' = -a1 x1 + x2 + c1 u,  x2' = -a0 x1 + c0 u,  y = sum of all x1,    (c1 s + c0)/(s^2 + a1 s + a0) for each pair
 
-with polynomials of the operating point for a0, a1, c1 and c0. Two real poles are a pair too; one that is left over has
-a section of its own.
+with polynomials of the operating point for a0, a1, c1 and c0. Two real poles are a pair too; one
+that is left over has a section of its own.
 """
 
 from __future__ import annotations
@@ -21,7 +22,13 @@ from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
 from nlfrf import Bla
-from nlfrf._base.arguments import data_warning, require_integer, require_kind, require_nonnegative, require_real_array
+from nlfrf._base.arguments import (
+    data_warning,
+    require_integer,
+    require_kind,
+    require_nonnegative,
+    require_real_array,
+)
 from robust._base.warnings import DesignWarning
 from robust.lti.lti import response
 from robust.models.fit.nominal import NominalFit, fit_nominal
@@ -47,12 +54,14 @@ def interpolate(
     over: str = "operating point",
     unit: str = "",
 ) -> LpvModel:
-    """Make one model of a plant from its BLAs at several operating points: a polynomial plant with one weight.
+    """Make one model of a plant from its BLAs at several operating points: a polynomial plant with
+    one weight.
 
-    A nominal is fitted at each point, its poles are paired by frequency, and their coefficients are polynomials of the
-    operating point. The weight is above the local bounds of all points, each around the interpolated model, so that it
-    contains the error of the interpolation there. In between, each inner point is left out in turn: the largest error
-    of the model from the others is `held_out`, in units of the weight. It should be below one.
+    A nominal is fitted at each point, its poles are paired by frequency, and their coefficients are
+    polynomials of the operating point. The weight is above the local bounds of all points, each
+    around the interpolated model, so that it contains the error of the interpolation there. In
+    between, each inner point is left out in turn: the largest error of the model from the others is
+    `held_out`, in units of the weight. It should be below one.
 
     Parameters
     ----------
@@ -65,9 +74,11 @@ def interpolate(
     degree : int
         Degree of the polynomials, at most N - 1.
     dt : float
-        Sampling time of the controller that the weight is for [s]; 0 for a continuous one. The plant is continuous.
+        Sampling time of the controller that the weight is for [s]; 0 for a continuous one. The
+        plant is continuous.
     delay : float
-        Known delay of the plant in the records [s], which is not in the model: give it to `prove_schedule`.
+        Known delay of the plant in the records [s], which is not in the model: give it to
+        `prove_schedule`.
     form : str
         Form of the set, as in `LpvModel`.
     order : int, optional
@@ -91,12 +102,14 @@ def interpolate(
     Raises
     ------
     ValueError
-        One operating point, points that do not increase, another number of BLAs, lines that differ, modes that come too
-        close to be told apart, an interpolated plant that is unstable where the fits are not.
+        One operating point, points that do not increase, another number of BLAs, lines that differ,
+        modes that come too close to be told apart, an interpolated plant that is unstable where the
+        fits are not.
 
     References
     ----------
-    De Caigny, Camino & Swevers, "Interpolation-based modeling of MIMO LPV systems", IEEE TCST, 2011.
+    De Caigny, Camino & Swevers, "Interpolation-based modeling of MIMO LPV systems", IEEE TCST,
+    2011.
 
     Examples
     --------
@@ -112,14 +125,21 @@ def interpolate(
     points = require_real_array("at", at, ndim=1)
     require_increasing(points)
     if len(blas) != points.size:
-        raise ValueError(f"at must have one operating point for each BLA, got {points.size} for {len(blas)}")
+        raise ValueError(
+            f"at must have one operating point for each BLA, got {points.size} for {len(blas)}"
+        )
     for bla in blas:
         require_kind("blas", bla, Bla)
-        if bla.omega.shape != blas[0].omega.shape or not np.allclose(bla.omega, blas[0].omega, rtol=1e-9):
+        if bla.omega.shape != blas[0].omega.shape or not np.allclose(
+            bla.omega, blas[0].omega, rtol=1e-9
+        ):
             raise ValueError("blas must have the same lines at every operating point, got others")
     degree = require_integer("degree", degree, least=0)
     if degree > points.size - 1:
-        raise ValueError(f"degree must be at most {points.size - 1} for {points.size} operating points, got {degree}")
+        raise ValueError(
+            f"degree must be at most {points.size - 1} for {points.size} operating points, got"
+            f" {degree}"
+        )
     dt = require_nonnegative("dt", dt)
     fits = [fit_nominal(bla, n_poles=n_poles, delay=delay) for bla in blas]
     sections = np.array([_sections(fit.G) for fit in fits])
@@ -136,23 +156,30 @@ def interpolate(
     held_out = _held_out(sections, points, degree, fits, weight, omega, form)
     if held_out > 1:
         data_warning(
-            f"a left-out operating point deviates from the model of the others by {held_out:.2g} times the weight: "
-            "add operating points, or change the degree",
+            f"a left-out operating point deviates from the model of the others by {held_out:.2g}"
+            " times the weight: add operating points, or change the degree",
             DesignWarning,
         )
     return replace(plant, weight=weight, held_out=held_out)
 
 
 def _sections(G: control.StateSpace) -> np.ndarray:
-    """Return (S, 4) a0, a1, c0, c1 of each pair of poles, the slowest first; a1 and c1 of a single pole are nan."""
+    """Return (S, 4) a0, a1, c0, c1 of each pair of poles, the slowest first; a1 and c1 of a single
+    pole are nan.
+    """
     poles, modes = np.linalg.eig(G.A)
     residues = (G.C @ modes).ravel() * np.linalg.solve(modes, G.B).ravel()
     real = np.flatnonzero(np.abs(poles.imag) <= 1e-9 * np.abs(poles))
     real = real[np.argsort(np.abs(poles[real]))]
     upper = np.flatnonzero(poles.imag > 1e-9 * np.abs(poles))
     pairs = [(poles[i], poles[i].conj(), residues[i], residues[i].conj()) for i in upper]
-    pairs += [(poles[i], poles[j], residues[i], residues[j]) for i, j in zip(real[::2], real[1::2], strict=False)]
-    made = [[(p * q).real, -(p + q).real, -(r * q + s * p).real, (r + s).real] for p, q, r, s in pairs]
+    pairs += [
+        (poles[i], poles[j], residues[i], residues[j])
+        for i, j in zip(real[::2], real[1::2], strict=False)
+    ]
+    made = [
+        [(p * q).real, -(p + q).real, -(r * q + s * p).real, (r + s).real] for p, q, r, s in pairs
+    ]
     made.sort(key=lambda row: abs(row[0]))
     if real.size % 2:
         made.append([-poles[real[-1]].real, np.nan, residues[real[-1]].real, np.nan])
@@ -163,7 +190,8 @@ def _require_apart(sections: np.ndarray, points: np.ndarray, over: str, unit: st
     """Refuse sections that cannot be told apart from point to point by their frequency."""
     if np.any(np.isnan(sections).any(axis=2) != np.isnan(sections[0]).any(axis=1)):
         raise ValueError(
-            "n_poles must give poles of the same kinds at every operating point, got real and complex ones"
+            "n_poles must give poles of the same kinds at every operating point, got real and"
+            " complex ones"
         )
     pairs = np.flatnonzero(~np.isnan(sections[0, :, 1]))
     size = np.log(np.maximum(np.abs(sections[:, pairs, 0]), 1e-300)) / 2
@@ -173,8 +201,10 @@ def _require_apart(sections: np.ndarray, points: np.ndarray, over: str, unit: st
             if max(moves[k, i], moves[k, i + 1]) >= min(gaps[k, i], gaps[k + 1, i]):
                 f = np.exp(size[k, [i, i + 1]]) / 2 / np.pi
                 raise ValueError(
-                    f"at must have more operating points between {points[k]:g} and {points[k + 1]:g} {unit}".rstrip()
-                    + f": the modes at {f[0]:.3g} and {f[1]:.3g} Hz move as far as they are apart, and may cross"
+                    f"at must have more operating points between {points[k]:g} and"
+                    f" {points[k + 1]:g} {unit}".rstrip()
+                    + f": the modes at {f[0]:.3g} and {f[1]:.3g} Hz move as far as they are apart,"
+                    " and may cross"
                 )
 
 
@@ -188,7 +218,9 @@ def _plant(
     form: str,
     span: np.ndarray | None = None,
 ) -> LpvModel:
-    """Return the polynomial plant; span: operating points whose ends are the range, by default the points."""
+    """Return the polynomial plant; span: operating points whose ends are the range, by default the
+    points.
+    """
     span = points if span is None else span
     coefficients = polynomials_through(sections, points, span, degree)
     parts: dict[str, list[np.ndarray]] = {name: [] for name in "ABC"}
@@ -206,7 +238,9 @@ def _plant(
         parts["C"].append(np.array(C)[None])
     made = {name: np.array(part) for name, part in parts.items()}
     D = np.zeros((degree + 1, 1, 1))
-    return LpvModel(A=made["A"], B=made["B"], C=made["C"], D=D, points=span, over=over, unit=unit, form=form)
+    return LpvModel(
+        A=made["A"], B=made["B"], C=made["C"], D=D, points=span, over=over, unit=unit, form=form
+    )
 
 
 def _held_out(
@@ -218,14 +252,24 @@ def _held_out(
     omega: np.ndarray,
     form: str,
 ) -> float:
-    """Return the largest error at an inner point of the model from the others, in units of the weight; nan without."""
+    """Return the largest error at an inner point of the model from the others, in units of the
+    weight; nan without.
+    """
     found = [np.nan]
     W = np.abs(response(weight, omega))
     for k in range(1, points.size - 1):
         others = np.arange(points.size) != k
         plant = _plant(
-            sections[others], points[others], min(degree, points.size - 2), over="", unit="", form=form, span=points
+            sections[others],
+            points[others],
+            min(degree, points.size - 2),
+            over="",
+            unit="",
+            form=form,
+            span=points,
         )
-        error = FORMS[form].deviation(response(fits[k].G, omega), response(plant.at(points[k]), omega))
+        error = FORMS[form].deviation(
+            response(fits[k].G, omega), response(plant.at(points[k]), omega)
+        )
         found.append(float(np.max(np.abs(error) / W)))
     return float(np.nanmax(found)) if len(found) > 1 else np.nan

@@ -1,4 +1,6 @@
-"""Comparison of a second record, of another day or level, with a model: change and membership in the set."""
+"""Comparison of a second record, of another day or level, with a model: change and membership in
+the set.
+"""
 
 from __future__ import annotations
 
@@ -22,15 +24,18 @@ from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.models.sets.radius import nominal_response, smooth_covariance
 from robust.models.sets.records import LEVEL_DOF, RecordSummary, summarize_record
 
-# The test is about the difference between the two records, d = G_2 - G_1: both scatter about one BLA if the machine has
-# not changed. Divided by its standard deviation d is white: z_k, with independent phases whatever their sizes are. For
-# several channels its covariance is the sum of those of both records, which includes noise and distortion of both; the
-# bound of one record alone is for a new realisation without measurement noise. d can deviate in two ways, which are
+# The test is about the difference between the two records, d = G_2 - G_1: both scatter about one
+# BLA if the machine has not changed. Divided by its standard deviation d is white: z_k, with
+# independent phases whatever their sizes are. For several channels its covariance is the sum of
+# those of both records, which includes noise and distortion of both; the bound of one record alone
+# is for a new realisation without measurement noise. d can deviate in two ways, which are
 # separated:
 #
-# shape   d follows a change of gain, delay or frequency, x_k = dG_k/dtheta over the same deviation. By chance the
-#         score s = sum Re(conj(x_k) z_k) has the covariance C = 1/2 sum |z_k|^2 Re(conj(x_k) x_k^T), given the sizes
-#         |z_k|: then s^T C^-1 s is chi-square with three degrees of freedom. It needs no level: a wrong one drops out.
+# shape   d follows a change of gain, delay or frequency, x_k = dG_k/dtheta over the same deviation.
+# By chance the
+#         score s = sum Re(conj(x_k) z_k) has the covariance C = 1/2 sum |z_k|^2 Re(conj(x_k)
+#         x_k^T), given the sizes |z_k|: then s^T C^-1 s is chi-square with three degrees of
+#         freedom. It needs no level: a wrong one drops out.
 # level   the remainder of d is larger than the scatter of both records.
 
 _WINDOW = 9  # lines over which the slope of an FRF is estimated
@@ -41,39 +46,46 @@ _SAME_LINE = 1e-9  # relative difference of equal lines
 _VARIANCE_FLOOR = 1e-8  # relative to the largest eigenvalue of a covariance
 _CONFIDENCE = 0.95  # for a record against a record
 _DIFFERENCE_STEP = 1e-5
-_CHANGED = 0.01  # p below which the conclusion reports a change; a choice, nothing else depends on it
+_CHANGED = (
+    0.01  # p below which the conclusion reports a change; a choice, nothing else depends on it
+)
 _LINE_TOLERANCE = 1e-6  # relative distance to a line of the FRF that a model is made around
 
 
 @value
 class Validation:
-    """Comparison of a second record with a model, or with a first record; for any number of channels.
+    """Comparison of a second record with a model, or with a first record; for any number of
+    channels.
 
     Fields
     ------
     n_outside : int
-        Number of lines on which the record differs from the one behind the model by more than both scatter, at the
-        confidence of the model (95 % against a record); for several channels the lines whose whole matrix differs.
+        Number of lines on which the record differs from the one behind the model by more than both
+        scatter, at the confidence of the model (95 % against a record); for several channels the
+        lines whose whole matrix differs.
     n_expected : float
         Expected number of such lines without a change.
     p_value : float
-        Probability that two records of one machine differ as much along a change of gain, delay and frequency
-        together, which all entries share. It is uniform without a change if the distortion is white over the lines; 1
-        for the record behind the model itself, nan for fewer than eight lines.
+        Probability that two records of one machine differ as much along a change of gain, delay and
+        frequency together, which all entries share. It is uniform without a change if the
+        distortion is white over the lines; 1 for the record behind the model itself, nan for fewer
+        than eight lines.
     omega_outside : (n_outside,) ndarray
         Frequencies of these lines [rad/s].
     n_lines : int
-        Lines of the record; those outside the band of the model are left out. Records with different lines are compared
-        on fewer, and `n_expected` refers to those.
+        Lines of the record; those outside the band of the model are left out. Records with
+        different lines are compared on fewer, and `n_expected` refers to those.
     omega, distance : (n_lines,) ndarray
-        The lines [rad/s], and the distance of each from the nominal, in units of the weight; nan against a record.
+        The lines [rad/s], and the distance of each from the nominal, in units of the weight; nan
+        against a record.
     gain, frequency : float
-        The change with the best fit, relative: a resonance that rose by 1 % has a frequency of 0.01.
+        The change with the best fit, relative: a resonance that rose by 1 % has a frequency of
+        0.01.
     delay : float
         The change of the delay with the best fit [s].
     level, p_level : float
-        Rms of the remaining difference over the scatter expected from both records, and the probability of as much or
-        more without a change.
+        Rms of the remaining difference over the scatter expected from both records, and the
+        probability of as much or more without a change.
     entries_outside : (n_y, n_u) int ndarray or None
         `n_outside` for each entry, with several channels; `n_expected` holds for each.
     p_values : (n_y, n_u) ndarray or None
@@ -85,8 +97,9 @@ class Validation:
 
     References
     ----------
-    C. R. Rao, *Linear Statistical Inference and Its Applications*, 2nd ed., 6e (score tests); H. White, Econometrica
-    48, 817 (1980) (their covariance for unknown variances); Khatri 1964 for whole matrices, as `Bla.block`.
+    C. R. Rao, *Linear Statistical Inference and Its Applications*, 2nd ed., 6e (score tests); H.
+    White, Econometrica 48, 817 (1980) (their covariance for unknown variances); Khatri 1964 for
+    whole matrices, as `Bla.block`.
 
     Examples
     --------
@@ -138,33 +151,60 @@ class Validation:
 
     def __str__(self) -> str:
         """Return the result in a few lines."""
-        where = f", worst at {format_hertz(float(self.omega[np.argmax(self.distance)]))}" if self.n_outside_set else ""
+        where = (
+            f", worst at {format_hertz(float(self.omega[np.argmax(self.distance)]))}"
+            if self.n_outside_set
+            else ""
+        )
         shares, entry, entries, what = "", "", "", "lines beyond both discs"
         rows = [f"validation: {self.n_outside_set} of {self.n_lines} lines outside the set{where}"]
         if self.p_values is not None and self.entries_outside is not None:
-            rows = [f"validation of {len(self.outputs)} outputs by {len(self.inputs)} inputs on {self.n_lines} lines"]
-            rows[0] += "" if np.isnan(self.distance).all() else f": {self.n_outside_set} outside the set{where}"
+            rows = [
+                f"validation of {len(self.outputs)} outputs by {len(self.inputs)} inputs on"
+                f" {self.n_lines} lines"
+            ]
+            rows[0] += (
+                ""
+                if np.isnan(self.distance).all()
+                else f": {self.n_outside_set} outside the set{where}"
+            )
             shares, what = " of all entries", "matrices beyond both"
-            place = np.unravel_index(np.argmin(np.nan_to_num(self.p_values, nan=1.0)), self.p_values.shape)
+            place = np.unravel_index(
+                np.argmin(np.nan_to_num(self.p_values, nan=1.0)), self.p_values.shape
+            )
             j, i = map(int, place)
-            entry = f"the entry that changed most: {self.outputs[j]} by {self.inputs[i]}, p = {self.p_values[j, i]:.2g}"
+            entry = (
+                f"the entry that changed most: {self.outputs[j]} by {self.inputs[i]}, p ="
+                f" {self.p_values[j, i]:.2g}"
+            )
             low, high = int(self.entries_outside.min()), int(self.entries_outside.max())
             entries = f"; entries {low} to {high}"
         rows.append(
-            f"shape: p = {self.p_value:.2g}; best change{shares}: gain {100 * self.gain:+.2g} %, frequency "
-            f"{100 * self.frequency:+.2g} %, delay {1e3 * self.delay:+.2g} ms"
+            f"shape: p = {self.p_value:.2g}; best change{shares}: gain {100 * self.gain:+.2g} %,"
+            f" frequency {100 * self.frequency:+.2g} %, delay {1e3 * self.delay:+.2g} ms"
         )
         rows += [entry] * bool(entry)
         rows.append(
-            f"level: the remainder is {self.level:.2g} times the scatter of both records, p = {self.p_level:.2g}; "
-            f"{self.n_outside} {what}, {self.n_expected:.3g} expected{entries}"
+            f"level: the remainder is {self.level:.2g} times the scatter of both records, p ="
+            f" {self.p_level:.2g}; {self.n_outside} {what}, {self.n_expected:.3g} expected{entries}"
         )
-        return "\n  ".join([*rows, f"conclusion: {self.conclusion}", *(f"warning: {text}" for text in self.warnings)])
+        return "\n  ".join(
+            [
+                *rows,
+                f"conclusion: {self.conclusion}",
+                *(f"warning: {text}" for text in self.warnings),
+            ]
+        )
 
     @property
     def conclusion(self) -> str:
-        """Return the conclusion: a change of shape or scatter, and the membership of all lines in the set."""
-        seen = {"the FRF has another shape": self.p_value, "it scatters more than both records": self.p_level}
+        """Return the conclusion: a change of shape or scatter, and the membership of all lines in
+        the set.
+        """
+        seen = {
+            "the FRF has another shape": self.p_value,
+            "it scatters more than both records": self.p_level,
+        }
         changed = [what for what, p in seen.items() if p < _CHANGED]
         words = ", and ".join(changed) if changed else "no significant change"
         if np.isnan(self.distance).all():
@@ -177,13 +217,15 @@ class Validation:
 def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
     """Compare a second record (another day, another level, closed loop) with a model.
 
-    Use this to decide if an old model still holds for a machine, or if the set holds at another level.
+    Use this to decide if an old model still holds for a machine, or if the set holds at another
+    level.
 
-    The record is compared line by line with the record behind the model; if their lines differ, on the lines of the one
-    with fewer, with the other one interpolated. Among several levels the most similar record is taken. A model without
-    a record is taken as exact. The p-values are valid if the distortion is white over the lines. It is for the rig with
-    friction; a static cubic shifts all lines of one realisation together, which looks like a small change of gain (see
-    the guide on bounds).
+    The record is compared line by line with the record behind the model; if their lines differ, on
+    the lines of the one with fewer, with the other one interpolated. Among several levels the most
+    similar record is taken. A model without a record is taken as exact. The p-values are valid if
+    the distortion is white over the lines. It is for the rig with friction; a static cubic shifts
+    all lines of one realisation together, which looks like a small change of gain (see the guide on
+    bounds).
 
     Parameters
     ----------
@@ -199,8 +241,8 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
     Raises
     ------
     ValueError
-        No line inside the band of the model, lines between those of an FRF that the model is made around, a model
-        without a confidence, a record with other inputs and outputs.
+        No line inside the band of the model, lines between those of an FRF that the model is made
+        around, a model without a confidence, a record with other inputs and outputs.
 
     References
     ----------
@@ -224,8 +266,8 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
     (require_matrix if several else require_single)("bla", bla)
     if (bla.n_outputs, bla.n_inputs) != (model.n_outputs, model.n_inputs):
         raise ValueError(
-            f"bla must have {model.n_outputs} outputs and {model.n_inputs} inputs, as the model, got {bla.n_outputs} "
-            f"and {bla.n_inputs}"
+            f"bla must have {model.n_outputs} outputs and {model.n_inputs} inputs, as the model,"
+            f" got {bla.n_outputs} and {bla.n_inputs}"
         )
     if several:
         require_same_channels(bla, model, "the model")
@@ -233,7 +275,9 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
         require_same_units([model, bla])
     elif bla.is_single and units_differ(model.origin.unit, bla.unit):
         raise ValueError(f"bla must be in {model.origin.unit}, as the model, got {bla.unit}")
-    inside = (bla.omega >= model.omega[0] * (1 - 1e-9)) & (bla.omega <= model.omega[-1] * (1 + 1e-9))
+    inside = (bla.omega >= model.omega[0] * (1 - 1e-9)) & (
+        bla.omega <= model.omega[-1] * (1 + 1e-9)
+    )
     if not inside.any():
         raise ValueError("bla must have lines inside the band of the model, got none")
     confidence, simultaneous = _CONFIDENCE, False
@@ -260,29 +304,41 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
         lines = shared_lines(first.omega, second.omega)
         p = confidence ** (1 / lines.size) if simultaneous else confidence
         pair = first.on_lines(lines), second.on_lines(lines)
-        tried.append(_compare_matrix_records(*pair, p) if several else _compare_records(model, *pair, p))
+        tried.append(
+            _compare_matrix_records(*pair, p) if several else _compare_records(model, *pair, p)
+        )
     best = max(tried, key=lambda one: (np.nan_to_num(one.p_value), one.p_level))
     best = replace(best, omega=second.omega, n_lines=second.omega.size, distance=distance)
     return replace(best, inputs=bla.inputs, outputs=bla.outputs)
 
 
 def _hold_factor(model: UncertaintyModel, bla: Bla, inside: np.ndarray) -> np.ndarray:
-    """Return (F,) the factor from the hold of a record to that of the model's FRF; one if a hold is unknown."""
+    """Return (F,) the factor from the hold of a record to that of the model's FRF; one if a hold is
+    unknown.
+    """
     at = np.asarray(model.nominal.omega)
     if np.abs(np.log(bla.omega[inside, None] / at[at > 0])).min(axis=1).max() > _LINE_TOLERANCE:
         raise ValueError(
-            "bla must have lines of the FRF on which the model is based, got others: between its lines the FRF is "
-            "unknown. A model based on a fit (fit_nominal) takes any lines"
+            "bla must have lines of the FRF on which the model is based, got others: between its"
+            " lines the FRF is unknown. A model based on a fit (fit_nominal) takes any lines"
         )
     if "unknown" in (model.origin.hold, bla.hold):
         return np.ones(bla.omega.size)
-    own, other = (hold_correction(bla.omega, one.hold, fs=one.fs, dt=0.0) for one in (bla, model.origin))
+    own, other = (
+        hold_correction(bla.omega, one.hold, fs=one.fs, dt=0.0) for one in (bla, model.origin)
+    )
     return np.asarray(own / other)
 
 
 def _records_near(model: UncertaintyModel, second: RecordSummary) -> tuple[RecordSummary, ...]:
-    """Return the records behind a model that share lines with another record; otherwise the nominal, as exact."""
-    reach = [one for one in model.records if one.omega[0] <= second.omega[-1] and one.omega[-1] >= second.omega[0]]
+    """Return the records behind a model that share lines with another record; otherwise the
+    nominal, as exact.
+    """
+    reach = [
+        one
+        for one in model.records
+        if one.omega[0] <= second.omega[-1] and one.omega[-1] >= second.omega[0]
+    ]
     G = np.moveaxis(nominal_response(model.nominal, second.omega), -1, 0)
     return tuple(reach) or (replace(second, G=G, variance=0 * second.variance),)
 
@@ -290,13 +346,16 @@ def _records_near(model: UncertaintyModel, second: RecordSummary) -> tuple[Recor
 def shared_lines(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Return (n,) frequencies at which two records on lines (F,) of their own are compared.
 
-    These are the lines of the one with fewer, in the band of both. So no line of the other is used twice: its scatter
-    would count twice, and the difference would not be white.
+    These are the lines of the one with fewer, in the band of both. So no line of the other is used
+    twice: its scatter would count twice, and the difference would not be white.
     """
-    low, high = max(first[0], second[0]) * (1 - _SAME_LINE), min(first[-1], second[-1]) * (1 + _SAME_LINE)
+    low = max(first[0], second[0]) * (1 - _SAME_LINE)
+    high = min(first[-1], second[-1]) * (1 + _SAME_LINE)
     inside = [omega[(omega >= low) & (omega <= high)] for omega in (first, second)]
     fewer, other = (
-        (inside[0], second) if 0 < inside[0].size < inside[1].size or not inside[1].size else (inside[1], first)
+        (inside[0], second)
+        if 0 < inside[0].size < inside[1].size or not inside[1].size
+        else (inside[1], first)
     )
     last = np.clip(np.searchsorted(other, fewer * (1 - _SAME_LINE)), 0, other.size - 1)
     begin = np.where(np.abs(other[last] - fewer) <= _SAME_LINE * fewer, last, last - 1)
@@ -319,8 +378,12 @@ class _Change(TypedDict, total=False):
     p_values: np.ndarray
 
 
-def fit_shape_and_level(x: np.ndarray, units: np.ndarray, *, z: np.ndarray, n_lines: int | None = None) -> _Change:
-    """Return shape and level of whitened differences z (n,) along directions x (3, n), on n lines or fewer."""
+def fit_shape_and_level(
+    x: np.ndarray, units: np.ndarray, *, z: np.ndarray, n_lines: int | None = None
+) -> _Change:
+    """Return shape and level of whitened differences z (n,) along directions x (3, n), on n lines
+    or fewer.
+    """
     n_lines = z.size if n_lines is None else n_lines
     if n_lines < _MIN_SHARED_LINES:
         return {"p_value": float("nan")}
@@ -350,8 +413,11 @@ def local_slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.asarray((np.linalg.pinv(powers) @ y[window][..., None])[:, 1, 0])
 
 
-def _change_directions(omega: np.ndarray, G: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (3, F, ...) derivatives of responses (F, ...) by gain, delay and frequency, and units of these changes.
+def _change_directions(
+    omega: np.ndarray, G: np.ndarray, slope: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (3, F, ...) derivatives of responses (F, ...) by gain, delay and frequency, and units
+    of these changes.
 
     slope : d log G / d log omega.
     """
@@ -361,7 +427,9 @@ def _change_directions(omega: np.ndarray, G: np.ndarray, slope: np.ndarray) -> t
 
 def _measured_slope(omega: np.ndarray, G: np.ndarray) -> np.ndarray:
     """Return (F,) d log G / d log omega of an FRF on its lines."""
-    return local_slope(np.log(omega), np.log(np.maximum(np.abs(G), 1e-300)) + 1j * np.unwrap(np.angle(G)))
+    return local_slope(
+        np.log(omega), np.log(np.maximum(np.abs(G), 1e-300)) + 1j * np.unwrap(np.angle(G))
+    )
 
 
 def _compare_records(
@@ -400,9 +468,12 @@ def _compare_matrix_records(first: RecordSummary, second: RecordSummary, p: floa
     before = np.einsum("fjj,fii->fji", first.variance, gamma).real
     after = np.einsum("fjj,fii->fji", second.variance, later_gamma).real
     variance = np.maximum(before + after, np.finfo(float).tiny)
-    L = _welch_satterthwaite_dof(before, after, dof_a=dof[:, None, None], dof_b=later_dof[:, None, None])
+    L = _welch_satterthwaite_dof(
+        before, after, dof_a=dof[:, None, None], dof_b=later_dof[:, None, None]
+    )
     entries = np.abs(d) ** 2 > _f_quantile(p, L) * variance
-    # for inputs along the same directions both times the sum is a product again; otherwise it lies above
+    # for inputs along the same directions both times the sum is a product again; otherwise it lies
+    # above
     turned = np.linalg.eigvals(np.linalg.solve(gamma, later_gamma)).real.max(axis=1)
     C = [first.variance, turned[:, None, None] * second.variance]
     before, after = (np.einsum("fjj->f", one).real for one in C)
@@ -413,10 +484,14 @@ def _compare_matrix_records(first: RecordSummary, second: RecordSummary, p: floa
     if not np.all(np.abs(d) <= 1e-9 * np.abs(second.G)):
         found = _entry_changes(first, second, d=d, C=C[0] + C[1])
     outside = np.linalg.norm(Z, 2, (1, 2)) ** 2 > limit
-    return replace(_make_validation(omega, outside, p=p, found=found), entries_outside=entries.sum(axis=0))
+    return replace(
+        _make_validation(omega, outside, p=p, found=found), entries_outside=entries.sum(axis=0)
+    )
 
 
-def _make_validation(omega: np.ndarray, outside: np.ndarray, *, p: float, found: _Change) -> Validation:
+def _make_validation(
+    omega: np.ndarray, outside: np.ndarray, *, p: float, found: _Change
+) -> Validation:
     """Make the result on the shared lines of two records."""
     return Validation(
         n_outside=int(outside.sum()),
@@ -436,7 +511,9 @@ def _f_quantile(p: float, dof: Dof) -> Dof:
     return dof * np.expm1(-np.log1p(-p) / dof)
 
 
-def _welch_satterthwaite_dof(a: np.ndarray, b: np.ndarray, *, dof_a: np.ndarray, dof_b: np.ndarray) -> np.ndarray:
+def _welch_satterthwaite_dof(
+    a: np.ndarray, b: np.ndarray, *, dof_a: np.ndarray, dof_b: np.ndarray
+) -> np.ndarray:
     """Return degrees of freedom of the sum of two estimated variances (Welch and Satterthwaite)."""
     tiny = np.finfo(float).tiny ** 0.25
     scale = np.maximum(a + b, tiny)
@@ -448,7 +525,9 @@ def _inverse_hermitian_root(X: np.ndarray) -> np.ndarray:
     return hermitian_power(X, -0.5, share=_VARIANCE_FLOOR, least=np.finfo(float).tiny)
 
 
-def _entry_changes(first: RecordSummary, second: RecordSummary, *, d: np.ndarray, C: np.ndarray) -> _Change:
+def _entry_changes(
+    first: RecordSummary, second: RecordSummary, *, d: np.ndarray, C: np.ndarray
+) -> _Change:
     """Return the change that all entries share, and p-values for a change of each entry."""
     omega, (F, n_y, n_u) = second.omega, d.shape
     G = (first.G + second.G) / 2
@@ -458,7 +537,9 @@ def _entry_changes(first: RecordSummary, second: RecordSummary, *, d: np.ndarray
     own = np.einsum("fii->fi", first.gamma).real
     level = smooth_covariance(C, np.moveaxis(G, 0, 2), own.T)
     left, right = _inverse_hermitian_root(level), _inverse_hermitian_root(first.gamma)
-    shared = fit_shape_and_level((left @ x @ right).reshape(3, -1), units, z=(left @ d @ right).ravel(), n_lines=F)
+    shared = fit_shape_and_level(
+        (left @ x @ right).reshape(3, -1), units, z=(left @ d @ right).ravel(), n_lines=F
+    )
     size = np.sqrt(np.einsum("fjj->fj", level).real[:, :, None] * own[:, None])
     each = [
         fit_shape_and_level((x / size)[:, :, j, i], units, z=(d / size)[:, j, i])["p_value"]

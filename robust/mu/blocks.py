@@ -1,6 +1,7 @@
 """The block structure of a perturbation, and the scalings that commute with it.
 
-N is partitioned as Delta^T: a block (rows, cols) reads `rows` outputs of N and drives `cols` inputs of it.
+N is partitioned as Delta^T: a block (rows, cols) reads `rows` outputs of N and drives `cols` inputs
+of it.
 """
 
 from __future__ import annotations
@@ -20,13 +21,14 @@ KINDS = ("full", "repeated", "real")
 class BlockStructure:
     """Blocks of a perturbation along the diagonal."""
 
-    # "full" (any complex matrix), "repeated" (a complex number times the identity), "real" (a real one)
+    # "full" (any complex matrix), "repeated" (a complex number times the identity), "real" (a real
+    # one)
     kinds: tuple[str, ...]
     # rows, cols: outputs of N that each block reads, and inputs of N that it drives
     rows: tuple[slice, ...]
     cols: tuple[slice, ...]
-    # left, right: (K, ., .) basis of the Hermitian scalings that commute with the blocks, on the outputs and the inputs
-    # of N
+    # left, right: (K, ., .) basis of the Hermitian scalings that commute with the blocks, on the
+    # outputs and the inputs of N
     left: np.ndarray
     right: np.ndarray
     skew: np.ndarray  # (L, n_cols, n_rows) basis of the Hermitian G for the real blocks
@@ -39,13 +41,18 @@ class BlockStructure:
     @property
     def scalar(self) -> bool:
         """True if the scaling is one number for each block."""
-        return all(kind == "full" or r.stop - r.start == 1 for kind, r in zip(self.kinds, self.rows, strict=True))
+        return all(
+            kind == "full" or r.stop - r.start == 1
+            for kind, r in zip(self.kinds, self.rows, strict=True)
+        )
 
 
 def block_structure(name: str, blocks: Blocks) -> BlockStructure:
     """Return the blocks, checked, with the bases of their scalings."""
     if not isinstance(blocks, Sequence) or isinstance(blocks, str) or not len(blocks):
-        raise ValueError(f"{name} must be a list of (rows, cols), (n, n, 'repeated') or (n, n, 'real')")
+        raise ValueError(
+            f"{name} must be a list of (rows, cols), (n, n, 'repeated') or (n, n, 'real')"
+        )
     kinds, rows, cols, r, c = [], [], [], 0, 0
     for k, block in enumerate(blocks):
         n, m, kind = _check_block(f"{name}[{k}]", block)
@@ -79,12 +86,18 @@ def _check_block(name: str, block: object) -> tuple[int, int, str]:
     """Return rows, columns and kind of one block, or refuse it."""
     parts = block if isinstance(block, (tuple, list)) and len(block) in (2, 3) else ()
     if not parts or not all(isinstance(n, (int, np.integer)) and n >= 1 for n in parts[:2]):
-        raise ValueError(f"{name} must be (rows, cols) with whole numbers of at least 1, got {short_form(block)}")
+        raise ValueError(
+            f"{name} must be (rows, cols) with whole numbers of at least 1, got {short_form(block)}"
+        )
     kind = parts[2] if len(parts) == 3 else "full"
     if kind not in KINDS:
-        raise ValueError(f"{name} must be of the kind 'full', 'repeated' or 'real', got {short_form(kind)}")
+        raise ValueError(
+            f"{name} must be of the kind 'full', 'repeated' or 'real', got {short_form(kind)}"
+        )
     if kind != "full" and parts[0] != parts[1]:
-        raise ValueError(f"{name} must be square to be {kind}, got {parts[0]} rows and {parts[1]} columns")
+        raise ValueError(
+            f"{name} must be square to be {kind}, got {parts[0]} rows and {parts[1]} columns"
+        )
     if kind == "repeated" and parts[0] == 1:
         kind = "full"  # one complex number is a full block too
     return int(parts[0]), int(parts[1]), kind
@@ -95,14 +108,16 @@ def blocks_with_kinds(blocks: Blocks) -> list[tuple[int, int, str]]:
     return [_check_block(f"blocks[{k}]", block) for k, block in enumerate(blocks)]
 
 
-def structure_for(name: str, blocks: Blocks, shape: tuple[int, int], *, of: str = "N") -> BlockStructure:
+def structure_for(
+    name: str, blocks: Blocks, shape: tuple[int, int], *, of: str = "N"
+) -> BlockStructure:
     """Return the structure; refuse one that does not match the outputs and inputs of the system."""
     found = block_structure(name, blocks)
     if found.shape != tuple(shape):
         raise ValueError(
-            f"{name} must add up to the {shape[0]} outputs and {shape[1]} inputs of {of}, "
-            f"got {found.shape[0]} rows and {found.shape[1]} columns. A block is (rows, cols) as {of} is cut: "
-            "the outputs it reads, the inputs it drives."
+            f"{name} must add up to the {shape[0]} outputs and {shape[1]} inputs of {of}, got"
+            f" {found.shape[0]} rows and {found.shape[1]} columns. A block is (rows, cols) as {of}"
+            " is cut: the outputs it reads, the inputs it drives."
         )
     return found
 
@@ -114,7 +129,9 @@ def with_performance_block(blocks: Blocks, shape: tuple[int, int]) -> tuple[Bloc
     return whole, np.arange(len(whole)) == len(blocks)
 
 
-def _place_block(block: np.ndarray, shape: tuple[int, int], *, row: slice, col: slice) -> np.ndarray:
+def _place_block(
+    block: np.ndarray, shape: tuple[int, int], *, row: slice, col: slice
+) -> np.ndarray:
     out = np.zeros(shape, complex)
     out[row, col] = block
     return out

@@ -1,4 +1,5 @@
-"""Both bounds of mu, or of the worst gain over a set, in one call, with the perturbation that attains the lower one.
+"""Both bounds of mu, or of the worst gain over a set, in one call, with the perturbation that
+attains the lower one.
 
 For a system the upper bound is proved at all frequencies, and the lower one is followed to its peak
 (`robust.mu.skewed`).
@@ -33,7 +34,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 _N_STARTS = 6  # random starts of `lower`
-_GAP = 0.05  # relative distance of both bounds of a system at which the box of real parameters is cut no more
+# relative distance of both bounds of a system at which the box of real parameters is cut no more
+_GAP = 0.05
 _EXACT_INTERVALS = 60  # largest number of intervals for a proof over the rationals: a second
 
 
@@ -44,19 +46,21 @@ class StructuredBounds:
     Fields
     ------
     omega : (W,) ndarray or None
-        Frequencies [rad/s]; None for an array without them. For a system without `omega=` they include the peak found.
+        Frequencies [rad/s]; None for an array without them. For a system without `omega=` they
+        include the peak found.
     lower, upper : (W,) ndarray
-        The structured singular value, or the worst gain over the set, lies between them. With `certificates` the
-        largest `upper`, at the peak, is proved to hold at every frequency.
+        The structured singular value, or the worst gain over the set, lies between them. With
+        `certificates` the largest `upper`, at the peak, is proved to hold at every frequency.
     delta : (n_in, n_out, W) ndarray
-        For mu: the smallest perturbation found with det(I - N delta) = 0, of size 1/lower; nan if none was found. For a
-        gain: the perturbation of size at most one with the gain `lower`; for a lower bound of inf it makes the loop
-        singular.
+        For mu: the smallest perturbation found with det(I - N delta) = 0, of size 1/lower; nan if
+        none was found. For a gain: the perturbation of size at most one with the gain `lower`; for
+        a lower bound of inf it makes the loop singular.
     quantity : str
         "mu" or "worst gain".
     certificates : tuple of Certificate
-        The proof, one for every part of the box of real parameters: mu stays below one with the outputs of all blocks
-        (for a gain: of the performance) divided by the largest `upper`. Empty if there is no proof.
+        The proof, one for every part of the box of real parameters: mu stays below one with the
+        outputs of all blocks (for a gain: of the performance) divided by the largest `upper`. Empty
+        if there is no proof.
     reason : str
         Reason why a system has no proof, or why the bounds are more than 5 % apart.
 
@@ -81,7 +85,13 @@ class StructuredBounds:
     def __str__(self) -> str:
         k, W = int(np.argmax(self.upper)), self.upper.size
         attained = np.isinf(self.lower.max())  # true at any number of frequencies
-        where = " at every frequency" if self.certificates else f" on {W} lines" if W > 1 and not attained else ""
+        where = (
+            " at every frequency"
+            if self.certificates
+            else f" on {W} lines"
+            if W > 1 and not attained
+            else ""
+        )
         at = "" if self.omega is None else f", largest at {self.omega[k]:.4g} rad/s"
         text = f"{self.quantity} between {self.lower.max():.4g} and {self.upper[k]:.4g}{where}{at}"
         return "; ".join(filter(None, (text, self.reason)))
@@ -92,8 +102,8 @@ def bounds(
 ) -> StructuredBounds:
     """Bound the structured singular value of a system from both sides.
 
-    Use this for the size of the smallest structured perturbation that makes a loop unstable. For a bound of a gain over
-    a set of perturbations use `worst_gain`.
+    Use this for the size of the smallest structured perturbation that makes a loop unstable. For a
+    bound of a gain over a set of perturbations use `worst_gain`.
 
     Parameters
     ----------
@@ -102,17 +112,17 @@ def bounds(
     blocks : list
         As for `upper`: (rows, cols) as N is cut, (n, n, "repeated") or (n, n, "real").
     omega : (W,) array_like, optional
-        Frequencies [rad/s] at which the system is evaluated, and no others. A frequency response has its own by
-        default; for an array they are labels.
+        Frequencies [rad/s] at which the system is evaluated, and no others. A frequency response
+        has its own by default; for an array they are labels.
     rng : Generator, int or None
         For the random starts of the lower bound.
 
     Returns
     -------
     StructuredBounds
-        upper : as from `upper`. lower, delta : as from `lower`. For a system without `omega=` the largest values hold
-        for all frequencies: the upper one is proved, the lower one is that of a perturbation that takes a pole to the
-        stability boundary.
+        upper : as from `upper`. lower, delta : as from `lower`. For a system without `omega=` the
+        largest values hold for all frequencies: the upper one is proved, the lower one is that of a
+        perturbation that takes a pole to the stability boundary.
 
     Raises
     ------
@@ -147,7 +157,9 @@ def bounds(
     on_lines = StructuredBounds(omega=omega, lower=found.value, upper=above, delta=found.delta)
     if omega_given or omega is None or isinstance(N, control.FrequencyResponseData):
         return on_lines
-    return _at_every_frequency(on_lines, multivariable("N", N), blocks, growing=np.ones(len(s.kinds), bool))
+    return _at_every_frequency(
+        on_lines, multivariable("N", N), blocks, growing=np.ones(len(s.kinds), bool)
+    )
 
 
 def worst_gain(
@@ -158,8 +170,8 @@ def worst_gain(
     Parameters
     ----------
     N : control.StateSpace, TransferFunction, FrequencyResponseData or (n_out, n_in, W) ndarray
-        Its first outputs and inputs belong to the perturbations, the others are the performance; otherwise as for
-        `bounds`.
+        Its first outputs and inputs belong to the perturbations, the others are the performance;
+        otherwise as for `bounds`.
     blocks : list
         The perturbations, of size at most one, as for `upper`.
     omega : (W,) array_like, optional
@@ -170,8 +182,8 @@ def worst_gain(
     Returns
     -------
     StructuredBounds
-        upper : skewed mu, by scalings. lower : the gain with `delta`, of size at most one. Both are inf if a
-        perturbation of the set makes the loop singular.
+        upper : skewed mu, by scalings. lower : the gain with `delta`, of size at most one. Both are
+        inf if a perturbation of the set makes the loop singular.
 
     Raises
     ------
@@ -194,7 +206,9 @@ def worst_gain(
     omega_given = omega is not None
     omega, M = _sampled_response(N, omega)
     bound = gain_bound(M, blocks)
-    reached, delta = search_worst_case(response_matrices("N", M), blocks, upper=bound, rng=random_generator("rng", rng))
+    reached, delta = search_worst_case(
+        response_matrices("N", M), blocks, upper=bound, rng=random_generator("rng", rng)
+    )
     on_lines = StructuredBounds(
         omega=omega,
         lower=reached,
@@ -211,12 +225,22 @@ def worst_gain(
 def _at_every_frequency(
     found: StructuredBounds, N: control.StateSpace, blocks: Blocks, *, growing: np.ndarray
 ) -> StructuredBounds:
-    """Add the bounds over all frequencies, at the peak: 1 over the largest size of the blocks that grow."""
+    """Add the bounds over all frequencies, at the peak:
+
+    1 over the largest size of the blocks that grow.
+    """
     margin = skewed_margin(N, blocks, growing=growing, gap=_GAP)
     of_gain, nominal = not growing.all(), decide_stability(N)
     if of_gain and nominal.unstable:  # the gain of an unstable system
         at = abs(to_s_plane(np.atleast_1d(nominal.pole), timebase(N))[0].imag)
-        margin = replace(margin, level=0.0, broken=0.0, omega=at, delta=0 * np.nan_to_num(margin.delta), reason="")
+        margin = replace(
+            margin,
+            level=0.0,
+            broken=0.0,
+            omega=at,
+            delta=0 * np.nan_to_num(margin.delta),
+            reason="",
+        )
     with np.errstate(divide="ignore"):
         reached, proved = 1 / np.array([margin.broken, margin.level])
     omega = found.omega
@@ -237,12 +261,20 @@ def _at_every_frequency(
             upper=np.insert(upper, at, max(above, reached)),
             delta=np.insert(found.delta, at, margin.delta[:cols, :rows], axis=2),
         )
-    reason = margin.reason if margin.level or not margin.reason else f"not proved between lines: {margin.reason}"
+    reason = (
+        margin.reason
+        if margin.level or not margin.reason
+        else f"not proved between lines: {margin.reason}"
+    )
     return replace(found, certificates=_exact_certificates(N, blocks, margin), reason=reason)
 
 
-def _exact_certificates(N: control.StateSpace, blocks: Blocks, margin: SkewedMargin) -> tuple[Certificate, ...]:
-    """Return the proof over the rationals if the box of parameters is whole and few intervals suffice."""
+def _exact_certificates(
+    N: control.StateSpace, blocks: Blocks, margin: SkewedMargin
+) -> tuple[Certificate, ...]:
+    """Return the proof over the rationals if the box of parameters is whole and few intervals
+    suffice.
+    """
     if len(margin.certificates) == 1 and not margin.n_unstable:
         system, given = scaled_system(margin, margin.level), blocks_with_kinds(blocks)
         exact = certify_intervals(system, given, 1 - SLACK, most=_EXACT_INTERVALS)
@@ -250,28 +282,44 @@ def _exact_certificates(N: control.StateSpace, blocks: Blocks, margin: SkewedMar
     return margin.certificates
 
 
-def _sampled_response(N: AnySystem | np.ndarray, omega: ArrayLike | None) -> tuple[np.ndarray | None, np.ndarray]:
+def _sampled_response(
+    N: AnySystem | np.ndarray, omega: ArrayLike | None
+) -> tuple[np.ndarray | None, np.ndarray]:
     """Return frequencies, and the response (n_out, n_in, W) at them."""
     if omega is not None:
         omega = np.atleast_1d(np.asarray(omega, dtype=float))
         if omega.ndim != 1 or not np.isfinite(omega).all():
-            raise ValueError(f"omega must be a list of finite frequencies [rad/s], got shape {omega.shape}")
+            raise ValueError(
+                f"omega must be a list of finite frequencies [rad/s], got shape {omega.shape}"
+            )
     if isinstance(N, control.FrequencyResponseData):
         own = np.asarray(N.omega, dtype=float)
-        where = np.arange(own.size) if omega is None else np.searchsorted(own, omega).clip(0, own.size - 1)
+        where = (
+            np.arange(own.size)
+            if omega is None
+            else np.searchsorted(own, omega).clip(0, own.size - 1)
+        )
         if omega is not None and not np.allclose(own[where], omega, rtol=1e-9, atol=0):
             raise ValueError(
-                f"omega must hold frequencies of N, which has {own.size} from {own.min():.4g} to {own.max():.4g} rad/s"
+                f"omega must hold frequencies of N, which has {own.size} from {own.min():.4g} to"
+                f" {own.max():.4g} rad/s"
             )
         return own[where], np.asarray(N.frdata)[:, :, where]
     if isinstance(N, control.lti.LTI):
         system = multivariable("N", N)
         if not system.nstates:
-            return (None, system.D[:, :, None]) if omega is None else (omega, response_by_channel(system, omega))
+            return (
+                (None, system.D[:, :, None])
+                if omega is None
+                else (omega, response_by_channel(system, omega))
+            )
         at = structure_grid(system)[1:] if omega is None else omega
         return at, response_by_channel(system, at)
     M = np.asarray(N)
     M = M[:, :, None] if M.ndim == 2 else M
     if omega is not None and (M.ndim != 3 or M.shape[2] != omega.size):
-        raise ValueError(f"omega must have one frequency for each matrix of N, got {omega.size} for shape {M.shape}")
+        raise ValueError(
+            f"omega must have one frequency for each matrix of N, got {omega.size} for shape"
+            f" {M.shape}"
+        )
     return omega, np.moveaxis(response_matrices("N", M), 0, 2)

@@ -1,9 +1,10 @@
 """A level for the structured singular value proved at every frequency, not only on a grid.
 
-First one scaling for all frequencies is searched (`robust.proofs.search.scaled_kyp`); if none is found, one for each
-interval of the frequency axis (`robust.mu.intervals`). Anyone can repeat either proof over the rationals. Repeated
-parameters may need thousands of intervals. Then the scaling of one frequency is used on the whole range on which exact
-arithmetic proves the level with it (`robust.mu.pieces`). This is faster, but leaves no claim to repeat.
+First one scaling for all frequencies is searched (`robust.proofs.search.scaled_kyp`); if none is
+found, one for each interval of the frequency axis (`robust.mu.intervals`). Anyone can repeat either
+proof over the rationals. Repeated parameters may need thousands of intervals. Then the scaling of
+one frequency is used on the whole range on which exact arithmetic proves the level with it
+(`robust.mu.pieces`). This is faster, but leaves no claim to repeat.
 """
 
 from __future__ import annotations
@@ -36,7 +37,9 @@ from robust.proofs.search.stability import decide_stability
 _MAX_INTERVALS = 2000  # with one scaling each
 
 
-def certify(N_ss: LinearSystem, blocks: Blocks, level: float = 1.0, *, solver: str | None = None) -> Certificate:
+def certify(
+    N_ss: LinearSystem, blocks: Blocks, level: float = 1.0, *, solver: str | None = None
+) -> Certificate:
     """Prove that the structured singular value of a system stays below a level at every frequency.
 
     Use this for robust stability (level one) of a loop whose perturbation has several blocks.
@@ -48,20 +51,22 @@ def certify(N_ss: LinearSystem, blocks: Blocks, level: float = 1.0, *, solver: s
     blocks : list
         As for `upper`.
     level : float
-        If mu < level everywhere, the loop is stable for every stable linear perturbation of the structure with a gain
-        of at most 1/level (with a block for performance: and its gain stays below the level).
+        If mu < level everywhere, the loop is stable for every stable linear perturbation of the
+        structure with a gain of at most 1/level (with a block for performance: and its gain stays
+        below the level).
     solver : str, optional
-        "CLARABEL" or "SCS" of cvxpy, for one scaling at all frequencies; by default CLARABEL, then SCS, after a
-        scaling without a solver.
+        "CLARABEL" or "SCS" of cvxpy, for one scaling at all frequencies; by default CLARABEL, then
+        SCS, after a scaling without a solver.
 
     Returns
     -------
     Certificate
-        If it does not hold, its reason is: the system is not stable, the upper bound reaches the level at a frequency,
-        or there are too many intervals, or too narrow ones; the reason names one that is
-        still open. intervals : (I, 2) frequencies [rad/s] that are proved. A proof by
-        "scaled KYP" (one scaling) or "generalised KYP" (one for each interval) is exact over the rationals, and
-        `verify` repeats it. A proof by "scalings, each where it holds" is exact too, but `verify` cannot repeat it.
+        If it does not hold, its reason is: the system is not stable, the upper bound reaches the
+        level at a frequency, or there are too many intervals, or too narrow ones; the reason names
+        one that is still open. intervals : (I, 2) frequencies [rad/s] that are proved. A proof by
+        "scaled KYP" (one scaling) or "generalised KYP" (one for each interval) is exact over the
+        rationals, and `verify` repeats it. A proof by "scalings, each where it holds" is exact too,
+        but `verify` cannot repeat it.
 
     Raises
     ------
@@ -70,9 +75,8 @@ def certify(N_ss: LinearSystem, blocks: Blocks, level: float = 1.0, *, solver: s
 
     References
     ----------
-    Packard & Doyle 1993 (the theorem); Boyd, El Ghaoui, Feron & Balakrishnan 1994, 8.1 (one scaling);
-    Iwasaki & Hara 2005 (intervals); Young, Newlin & Doyle 1991
-    (real blocks as a norm).
+    Packard & Doyle 1993 (the theorem); Boyd, El Ghaoui, Feron & Balakrishnan 1994, 8.1 (one
+    scaling); Iwasaki & Hara 2005 (intervals); Young, Newlin & Doyle 1991 (real blocks as a norm).
 
     Examples
     --------
@@ -89,7 +93,8 @@ def certify(N_ss: LinearSystem, blocks: Blocks, level: float = 1.0, *, solver: s
     nominal = decide_stability(N)
     if not nominal.stable:
         return failed_certificate(LEVEL, level, f"the system is not stable: {nominal}")
-    # exact for N as given, but N was rounded when it was assembled: the slack on the level covers that
+    # exact for N as given, but N was rounded when it was assembled: the slack on the level covers
+    # that
     slack, given = level * (1 - SLACK), blocks_with_kinds(blocks)
     found = certify_scaled(N, given, slack, solver=solver)
     if found is None:
@@ -103,7 +108,9 @@ def certify(N_ss: LinearSystem, blocks: Blocks, level: float = 1.0, *, solver: s
 def certify_by_intervals(
     N: control.StateSpace, blocks: Blocks, level: float, *, most: int = _MAX_INTERVALS
 ) -> Certificate:
-    """Return `certify` for a stable system with at most `most` scalings, each on the pieces that it proves."""
+    """Return `certify` for a stable system with at most `most` scalings, each on the pieces that it
+    proves.
+    """
     s, dt = structure_for("blocks", blocks, (N.noutputs, N.ninputs), of="N_ss"), timebase(N)
     H, units = TransferMatrix.of(to_matrices(N)), np.full(N.ninputs, level * (1 - SLACK))
     first = _middle_of_poles(H)
@@ -115,7 +122,9 @@ def certify_by_intervals(
         found = upper_bound(response, blocks, target=1.0)
         if not found.value[0] < 1:
             there = f"at {format_hertz(omega)} it is {found.value[0]:.6g}"
-            return failed_certificate(LEVEL, level, f"the bound does not stay below the level: {there}")
+            return failed_certificate(
+                LEVEL, level, f"the bound does not stay below the level: {there}"
+            )
         pieces = cut_by_scaling(H, s, found, units=units, x=x, band=(low, high))
         if isinstance(pieces, str):
             return failed_certificate(LEVEL, level, pieces)

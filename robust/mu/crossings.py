@@ -1,10 +1,11 @@
 """The smallest perturbation found that takes a pole of a loop to its stability boundary.
 
-Real parameters make a loop singular at isolated frequencies only, which a grid of frequencies misses. Poles need no
-grid. They are followed from the nominal loop outwards: along the corners of the box of parameters, along directions
-inside it, along the perturbations that move each pole most, and from the best of these uphill (corners: de Gaston &
-Safonov 1988; first-order moves: Seiler 2010; structured pseudospectral abscissa: Guglielmi, Rehman & Kressner 2017).
-The frequency is that of the pole, at its peak. A perturbation that is found is a fact about the loop; a search without
+Real parameters make a loop singular at isolated frequencies only, which a grid of frequencies
+misses. Poles need no grid. They are followed from the nominal loop outwards: along the corners of
+the box of parameters, along directions inside it, along the perturbations that move each pole most,
+and from the best of these uphill (corners: de Gaston & Safonov 1988; first-order moves: Seiler
+2010; structured pseudospectral abscissa: Guglielmi, Rehman & Kressner 2017). The frequency is that
+of the pole, at its peak. A perturbation that is found is a fact about the loop; a search without
 result proves nothing.
 """
 
@@ -50,7 +51,8 @@ class PerturbedLoop:
     C: np.ndarray
     D: np.ndarray
     s: BlockStructure  # the blocks
-    # (n_in, n_out) entries of the blocks whose size is searched; the other blocks have size at most one
+    # (n_in, n_out) entries of the blocks whose size is searched; the other blocks have size at most
+    # one
     growing: np.ndarray
     dt: float  # sampling time [s], 0 for continuous
     n_unstable: int  # number of poles beyond the stability boundary without a perturbation
@@ -82,12 +84,15 @@ class PerturbedLoop:
     def closed(self, delta: np.ndarray) -> np.ndarray:
         """Return (K, n, n) state matrices."""
         loop = np.linalg.solve(
-            np.eye(self.D.shape[0]) - self.D @ delta, np.broadcast_to(self.C, (len(delta), *self.C.shape))
+            np.eye(self.D.shape[0]) - self.D @ delta,
+            np.broadcast_to(self.C, (len(delta), *self.C.shape)),
         )
         return np.asarray(self.A + self.B @ (delta @ loop))
 
     def excess(self, E: np.ndarray, size: float) -> np.ndarray:
-        """Return (K,) the distance of a pole beyond the stability boundary; inf if the loop has no solution."""
+        """Return (K,) the distance of a pole beyond the stability boundary; inf if the loop has no
+        solution.
+        """
         try:
             beyond = boundary_excess(np.linalg.eigvals(self.closed(self.sized(E, size))), self)
         except np.linalg.LinAlgError:
@@ -98,7 +103,9 @@ class PerturbedLoop:
         return np.where((beyond > 0).sum(axis=1) == self.n_unstable, -nearest, nearest)
 
     def towards_boundary(self, delta: np.ndarray, which: np.ndarray | None = None) -> np.ndarray:
-        """Return (K, n_in, n_out) of size one that move the pole nearest to the boundary, or `which`, most."""
+        """Return (K, n_in, n_out) of size one that move the pole nearest to the boundary, or
+        `which`, most.
+        """
         values, right = np.linalg.eig(self.closed(delta))
         beyond, each = boundary_excess(values, self), np.arange(len(delta))
         if which is None:
@@ -124,18 +131,24 @@ class PerturbedLoop:
         moved = E.copy()
         for share in MOVES:
             tried = (1 - share) * E + share * np.nan_to_num(corner)
-            tried = tried if set(self.s.kinds) == {"real"} else normalize_perturbation(tried, self.s)
+            tried = (
+                tried if set(self.s.kinds) == {"real"} else normalize_perturbation(tried, self.s)
+            )
             reached = self.excess(tried, size)
             moved[reached > now], now = tried[reached > now], np.maximum(now, reached)
         return moved, now
 
     def crossing_size(self, E: np.ndarray, inner: float, outer: float) -> float:
-        """Return an upper bound of the size at which E crosses, between one inside and one beyond the boundary."""
+        """Return an upper bound of the size at which E crosses, between one inside and one beyond
+        the boundary.
+        """
         if self.excess(E[None], 0.0)[0] > 0:
             return 0.0
         for _ in range(50):
             middle = (inner + outer) / 2
-            inner, outer = (inner, middle) if self.excess(E[None], middle)[0] > 0 else (middle, outer)
+            inner, outer = (
+                (inner, middle) if self.excess(E[None], middle)[0] > 0 else (middle, outer)
+            )
             if outer - inner <= 1e-12 * outer:
                 break
         return outer
@@ -160,7 +173,8 @@ def find_crossing(
     least, limit : float
         Range of sizes for the search.
     growing : (K,) bool ndarray, optional
-        Blocks whose size is searched, down to zero; the other blocks have size at most one. All by default.
+        Blocks whose size is searched, down to zero; the other blocks have size at most one. All by
+        default.
     seeds : (S, n_in, n_out) ndarray, optional
         Perturbations of size one as additional starts.
     """
@@ -200,7 +214,9 @@ def _moved_states(N: control.StateSpace) -> np.ndarray:
 
 
 def _first_perturbations(loop: PerturbedLoop, seeds: np.ndarray | None) -> np.ndarray:
-    """Return (K, n_in, n_out) of size one: parameters alone, perturbations that move each pole most, and the seeds."""
+    """Return (K, n_in, n_out) of size one: parameters alone, perturbations that move each pole
+    most, and the seeds.
+    """
     s = loop.s
     real = [k for k, kind in enumerate(s.kinds) if kind == "real"]
     starts = []
@@ -208,7 +224,9 @@ def _first_perturbations(loop: PerturbedLoop, seeds: np.ndarray | None) -> np.nd
         directions = _search_directions(len(real))
         starts.append(np.zeros((len(directions), *s.shape[::-1]), complex))
         for x, k in zip(directions.T, real, strict=True):
-            starts[0][:, s.cols[k], s.rows[k]] = x[:, None, None] * np.eye(s.rows[k].stop - s.rows[k].start)
+            starts[0][:, s.cols[k], s.rows[k]] = x[:, None, None] * np.eye(
+                s.rows[k].stop - s.rows[k].start
+            )
     if len(real) < len(s.kinds):
         upper = np.flatnonzero(np.linalg.eigvals(loop.A).imag >= 0)
         starts.append(loop.towards_boundary(np.zeros((upper.size, *s.shape[::-1])), upper))
@@ -218,7 +236,9 @@ def _first_perturbations(loop: PerturbedLoop, seeds: np.ndarray | None) -> np.nd
 
 
 def _search_directions(n: int) -> np.ndarray:
-    """Return (K, n) directions: corners of the box, all or some; each parameter alone; and points inside."""
+    """Return (K, n) directions: corners of the box, all or some; each parameter alone; and points
+    inside.
+    """
     rng = np.random.default_rng(0)
     corners = (
         np.array(list(product((-1.0, 1.0), repeat=n)))
@@ -230,8 +250,12 @@ def _search_directions(n: int) -> np.ndarray:
     return np.concatenate([corners, np.eye(n), -np.eye(n), inside]) if n > 1 else corners
 
 
-def _improve(loop: PerturbedLoop, starts: np.ndarray, *, E: np.ndarray, size: float) -> tuple[np.ndarray, float]:
-    """Return a perturbation that crosses at a smaller size, found uphill just below the present one, and its size."""
+def _improve(
+    loop: PerturbedLoop, starts: np.ndarray, *, E: np.ndarray, size: float
+) -> tuple[np.ndarray, float]:
+    """Return a perturbation that crosses at a smaller size, found uphill just below the present
+    one, and its size.
+    """
     for closer in _CLOSER:
         for _ in range(_N_IMPROVEMENTS if size else 0):
             below = (1 - closer) * size
@@ -244,8 +268,12 @@ def _improve(loop: PerturbedLoop, starts: np.ndarray, *, E: np.ndarray, size: fl
     return E, size
 
 
-def verified_crossing(N: control.StateSpace, loop: PerturbedLoop, E: np.ndarray, size: float) -> Crossing | None:
-    """Return the crossing if the loop is singular at the frequency of the pole, or unstable beyond; else None."""
+def verified_crossing(
+    N: control.StateSpace, loop: PerturbedLoop, E: np.ndarray, size: float
+) -> Crossing | None:
+    """Return the crossing if the loop is singular at the frequency of the pole, or unstable beyond;
+    else None.
+    """
     if not size:  # the blocks that do not grow suffice: find their size
         loop = replace(loop, growing=~loop.growing)
         E = np.where(loop.growing, E, 0)

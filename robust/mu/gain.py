@@ -1,12 +1,14 @@
-"""The worst gain over a set of perturbations: a bound by one semidefinite program, and a perturbation that attains it.
+"""The worst gain over a set of perturbations: a bound by one semidefinite program, and a
+perturbation that attains it.
 
-With scalings X > 0 that commute with the perturbations and Hermitian G for the real blocks, the gain from the inputs to
-the outputs that no block closes stays below sqrt(gamma) if
+With scalings X > 0 that commute with the perturbations and Hermitian G for the real blocks, the
+gain from the inputs to the outputs that no block closes stays below sqrt(gamma) if
 
     N^H diag(X_L, I) N + j (G N - N^H G^H) <= diag(X_R, gamma I).
 
-This is linear in X, G and gamma together, so skewed mu needs no bisection. It is solved by a primal-dual interior-point
-method for all frequencies at once, and the bound is recomputed from the scalings.
+This is linear in X, G and gamma together, so skewed mu needs no bisection. It is solved by a
+primal-dual interior-point method for all frequencies at once, and the bound is recomputed from the
+scalings.
 """
 
 from __future__ import annotations
@@ -15,7 +17,12 @@ import numpy as np
 
 from robust._base.types import Blocks
 from robust.mu.blocks import BlockStructure, block_structure
-from robust.mu.perturbations import MOVES, align_perturbation, search_perturbation, without_real_blocks
+from robust.mu.perturbations import (
+    MOVES,
+    align_perturbation,
+    search_perturbation,
+    without_real_blocks,
+)
 from robust.mu.scalings import (
     bound_from_scalings,
     conjugate_transpose,
@@ -40,18 +47,20 @@ _MAX_ENTRIES = 500_000  # of the arrays of one step, a fraction of a second
 
 
 def gain_bound(N: np.ndarray, blocks: Blocks) -> np.ndarray:
-    """Return an upper bound on the gain from the inputs to the outputs that no block closes, over all perturbations.
+    """Return an upper bound on the gain from the inputs to the outputs that no block closes, over
+    all perturbations.
 
-    N (n_out, n_in, W): its first outputs and inputs belong to the perturbations, of size at most one; the others are
-    the performance. The bound is inf if the perturbations may make the loop singular.
+    N (n_out, n_in, W): its first outputs and inputs belong to the perturbations, of size at most
+    one; the others are the performance. The bound is inf if the perturbations may make the loop
+    singular.
     """
     M = response_matrices("N", N)
     rows, cols = block_structure("blocks", blocks).shape
     W, n_out, n_in = M.shape
     if rows >= n_out or cols >= n_in:
         raise ValueError(
-            f"blocks must leave some of the {n_out} outputs and {n_in} inputs of N to the performance, "
-            f"got {rows} rows and {cols} columns"
+            f"blocks must leave some of the {n_out} outputs and {n_in} inputs of N to the"
+            f" performance, got {rows} rows and {cols} columns"
         )
     gain = np.full(W, np.inf)
     stable = upper_bound(M[:, :rows, :cols], blocks, target=1.0)
@@ -60,7 +69,9 @@ def gain_bound(N: np.ndarray, blocks: Blocks) -> np.ndarray:
         return gain
     assert stable.scaling is not None  # for an upper bound
     s = block_structure("blocks", blocks)
-    for at in np.array_split(open_, max(1, open_.size * (len(s.left) + len(s.skew)) * n_in**2 // _MAX_ENTRIES)):
+    for at in np.array_split(
+        open_, max(1, open_.size * (len(s.left) + len(s.skew)) * n_in**2 // _MAX_ENTRIES)
+    ):
         D_L, D_R, G = (np.moveaxis(each, 2, 0)[at] for each in stable.scaling)
         gain[at] = _least_gain(M[at], (D_L, D_R, G), slack=1 - stable.value[at] ** 2, s=s)
     return gain
@@ -69,7 +80,9 @@ def gain_bound(N: np.ndarray, blocks: Blocks) -> np.ndarray:
 def _least_gain(
     M: np.ndarray, of_blocks: tuple[np.ndarray, ...], *, slack: np.ndarray, s: BlockStructure
 ) -> np.ndarray:
-    """Return (W,) the least gain that scalings prove; start from those of the blocks, which leave `slack` to one."""
+    """Return (W,) the least gain that scalings prove; start from those of the blocks, which leave
+    `slack` to one.
+    """
     rows, cols = s.shape
     D_L, D_R, G = of_blocks
     # in the coordinates of these scalings X begins at one, and the gain at one
@@ -87,21 +100,32 @@ def _least_gain(
 
 
 def _proved_gain(M: np.ndarray, variables: np.ndarray, s: BlockStructure) -> np.ndarray:
-    """Return (W,) the gain that variables of the program prove, recomputed from the scalings; inf if none."""
+    """Return (W,) the gain that variables of the program prove, recomputed from the scalings; inf
+    if none.
+    """
     (rows, cols), K = s.shape, len(s.left)
     try:
-        C_L, C_R = (np.linalg.cholesky(np.tensordot(variables[:, :K], each, 1)) for each in (s.left, s.right))
+        C_L, C_R = (
+            np.linalg.cholesky(np.tensordot(variables[:, :K], each, 1))
+            for each in (s.left, s.right)
+        )
     except np.linalg.LinAlgError:
         return np.full(len(M), np.inf)
     L, R = (np.tile(np.eye(n, dtype=complex), (len(M), 1, 1)) for n in M.shape[1:])
     L[:, :rows, :rows], R[:, :cols, :cols] = conjugate_transpose(C_L), conjugate_transpose(C_R)
     G = np.zeros((len(M), M.shape[2], M.shape[1]), complex)
     G[:, :cols, :rows] = (
-        np.linalg.inv(C_R) @ np.tensordot(variables[:, K:-1], s.skew, 1) @ np.linalg.inv(conjugate_transpose(C_L))
+        np.linalg.inv(C_R)
+        @ np.tensordot(variables[:, K:-1], s.skew, 1)
+        @ np.linalg.inv(conjugate_transpose(C_L))
     )
-    reached = np.sqrt(np.maximum(_least_level(L @ M @ np.linalg.inv(R), G[:, :cols, :rows]), 1e-300))
+    reached = np.sqrt(
+        np.maximum(_least_level(L @ M @ np.linalg.inv(R), G[:, :cols, :rows]), 1e-300)
+    )
     gain = np.full(len(M), np.inf)
-    for margin in _ROUNDING_MARGINS:  # the gain that the scalings prove counts, not the one that was reached
+    for (
+        margin
+    ) in _ROUNDING_MARGINS:  # the gain that the scalings prove counts, not the one that was reached
         tried = reached * (1 + margin)
         divided = M.copy()
         divided[:, :, cols:] /= tried[:, None, None]
@@ -110,14 +134,20 @@ def _proved_gain(M: np.ndarray, variables: np.ndarray, s: BlockStructure) -> np.
     return gain
 
 
-def _starting_size(M: np.ndarray, G: np.ndarray, slack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (W,) the size of the performance with the least level for unit scalings, and that level.
+def _starting_size(
+    M: np.ndarray, G: np.ndarray, slack: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (W,) the size of the performance with the least level for unit scalings, and that
+    level.
 
-    The smallest size tried uses half of the slack of the loop of the blocks, so that it proves a level.
+    The smallest size tried uses half of the slack of the loop of the blocks, so that it proves a
+    level.
     """
     cols, rows = G.shape[1:]
     reads = np.linalg.norm(M[:, rows:, :cols], axis=(1, 2))
-    smallest = np.sqrt(0.5 * slack) / np.maximum(reads, 1e-9 * np.linalg.norm(M, axis=(1, 2)) + 1e-300)
+    smallest = np.sqrt(0.5 * slack) / np.maximum(
+        reads, 1e-9 * np.linalg.norm(M, axis=(1, 2)) + 1e-300
+    )
     sizes = smallest * 2.0 ** np.arange(_N_STARTING_SIZES)[:, None]
     levels = []
     for size in sizes:
@@ -131,10 +161,14 @@ def _starting_size(M: np.ndarray, G: np.ndarray, slack: np.ndarray) -> tuple[np.
 
 
 def _least_level(M: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """Return (W,) the smallest gamma with diag(I, gamma I) >= M^H M + j (G M - M^H G^H), or inf: a Schur complement."""
+    """Return (W,) the smallest gamma with diag(I, gamma I) >= M^H M + j (G M - M^H G^H), or inf: a
+    Schur complement.
+    """
     A, n = scaled_square(M, G), G.shape[1]
     level = np.full(len(M), np.inf)
-    within = np.linalg.eigvalsh(A[:, :n, :n])[:, -1] < 1  # otherwise there is no gamma, and I - A is singular
+    within = (
+        np.linalg.eigvalsh(A[:, :n, :n])[:, -1] < 1
+    )  # otherwise there is no gamma, and I - A is singular
     A = A[within]
     through = np.linalg.solve(np.eye(n) - A[:, :n, :n], A[:, :n, n:])
     level[within] = np.linalg.eigvalsh(A[:, n:, n:] + A[:, n:, :n] @ through)[:, -1]
@@ -142,12 +176,15 @@ def _least_level(M: np.ndarray, G: np.ndarray) -> np.ndarray:
 
 
 def _solve_gain_program(M: np.ndarray, G: np.ndarray, s: BlockStructure) -> np.ndarray:
-    """Return (len(GAPS), W, m) coefficients of X and G, and gamma, with decreasing gap, from X = I and the given G.
+    """Return (len(GAPS), W, m) coefficients of X and G, and gamma, with decreasing gap, from X = I
+    and the given G.
 
-    Those with a larger gap are farther from the boundary: with a large G rounding takes the gain of the last ones.
+    Those with a larger gap are farther from the boundary: with a large G rounding takes the gain of
+    the last ones.
 
-    Minimise gamma with Z_1 = diag(X_R, gamma I) - M^H diag(X_L, I) M - j (G M - M^H G^H) and Z_2 = X_L positive, by
-    the predictor and corrector of Mehrotra with the direction of Helmberg, Rendl, Vanderbei & Wolkowicz 1996.
+    Minimise gamma with Z_1 = diag(X_R, gamma I) - M^H diag(X_L, I) M - j (G M - M^H G^H) and Z_2 =
+    X_L positive, by the predictor and corrector of Mehrotra with the direction of Helmberg, Rendl,
+    Vanderbei & Wolkowicz 1996.
     """
     W, n, (rows, cols) = len(M), M.shape[2], s.shape
     K, n_skew = len(s.left), len(s.skew)
@@ -191,7 +228,9 @@ def _solve_gain_program(M: np.ndarray, G: np.ndarray, s: BlockStructure) -> np.n
 def _interior_point_step(
     y: np.ndarray, Z: list[np.ndarray], *, Y: list[np.ndarray], cones: list[np.ndarray]
 ) -> tuple[np.ndarray, list[np.ndarray], list[np.ndarray], np.ndarray]:
-    """Take one step of variables, slacks and multipliers; return them and the gap (W,), nan if no step was possible."""
+    """Take one step of variables, slacks and multipliers; return them and the gap (W,), nan if no
+    step was possible.
+    """
     W, m = y.shape
     size = sum(each.shape[1] for each in Z)
     inverse = [np.linalg.inv(each) for each in Z]
@@ -218,7 +257,11 @@ def _interior_point_step(
         for k, (multiplier, inv) in enumerate(zip(Y, inverse, strict=True)):
             change = multiplier @ dZ[k] @ inv
             change = change if correction is None else change + correction[k]
-            dY.append(centre[:, None, None] * inv - multiplier - (change + conjugate_transpose(change)) / 2)
+            dY.append(
+                centre[:, None, None] * inv
+                - multiplier
+                - (change + conjugate_transpose(change)) / 2
+            )
         return dy, dZ, dY
 
     with np.errstate(all="ignore"):
@@ -227,7 +270,9 @@ def _interior_point_step(
             _, dZ, dY = direction(np.zeros(W), None)
             a_Z, a_Y = _longest_step(roots[0], dZ), _longest_step(roots[1], dY)
             after = sum(
-                np.einsum("wij,wji->w", z + a_Z[:, None, None] * dz, x + a_Y[:, None, None] * dx).real
+                np.einsum(
+                    "wij,wji->w", z + a_Z[:, None, None] * dz, x + a_Y[:, None, None] * dx
+                ).real
                 for z, dz, x, dx in zip(Z, dZ, Y, dY, strict=True)
             )
             centre = np.clip(after / gap, 1e-4, 1.0) ** 3 * gap / size
@@ -239,8 +284,14 @@ def _interior_point_step(
     fine = np.isfinite(a_Z) & np.isfinite(a_Y) & (a_Z > 1e-6)
     a_Z, a_Y = np.where(fine, a_Z, 0.0), np.where(fine, a_Y, 0.0)
     y = y + a_Z[:, None] * np.where(fine[:, None], dy, 0)
-    Z = [z + a_Z[:, None, None] * np.where(fine[:, None, None], dz, 0) for z, dz in zip(Z, dZ, strict=True)]
-    Y = [x + a_Y[:, None, None] * np.where(fine[:, None, None], dx, 0) for x, dx in zip(Y, dY, strict=True)]
+    Z = [
+        z + a_Z[:, None, None] * np.where(fine[:, None, None], dz, 0)
+        for z, dz in zip(Z, dZ, strict=True)
+    ]
+    Y = [
+        x + a_Y[:, None, None] * np.where(fine[:, None, None], dx, 0)
+        for x, dx in zip(Y, dY, strict=True)
+    ]
     gap = sum(np.einsum("wij,wji->w", a, b).real for a, b in zip(Z, Y, strict=True))
     return y, Z, Y, np.where(fine & (gap > 0), gap, np.nan)
 
@@ -252,7 +303,9 @@ def _inverse_root(A: np.ndarray) -> np.ndarray:
 
 
 def _longest_step(roots: list[np.ndarray], steps: list[np.ndarray]) -> np.ndarray:
-    """Return (W,) the longest step up to one for which all matrices stay positive; nan if it is unknown."""
+    """Return (W,) the longest step up to one for which all matrices stay positive; nan if it is
+    unknown.
+    """
     least = np.zeros(len(steps[0]))
     for root, step in zip(roots, steps, strict=True):
         turned = conjugate_transpose(root) @ step @ root
@@ -264,9 +317,10 @@ def _longest_step(roots: list[np.ndarray], steps: list[np.ndarray]) -> np.ndarra
 
 # ---- A perturbation of the set that makes the gain large.
 #
-# The gain of F_u(N, Delta) changes by u* N_21 (I - Delta N_11)^-1 d(Delta) (I - N_11 Delta)^-1 N_12 v with its singular
-# vectors. Over the set it rises most towards a corner in closed form. Every Delta on the way there is in the set too
-# (the method of Frank & Wolfe), so each step takes the largest gain of several points on the way.
+# The gain of F_u(N, Delta) changes by u* N_21 (I - Delta N_11)^-1 d(Delta) (I - N_11 Delta)^-1 N_12
+# v with its singular vectors. Over the set it rises most towards a corner in closed form. Every
+# Delta on the way there is in the set too (the method of Frank & Wolfe), so each step takes the
+# largest gain of several points on the way.
 
 _N_SEARCHES = 12  # random starts, in addition to the perturbation of skewed mu
 _MAX_ASCENT = 200
@@ -278,7 +332,8 @@ def search_worst_case(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return (W,) the largest gain found over the set, and (W, n_in, n_out) its perturbation.
 
-    The gain is inf, with a perturbation that makes the loop singular, if one of size at most one was found.
+    The gain is inf, with a perturbation that makes the loop singular, if one of size at most one
+    was found.
     """
     s = block_structure("blocks", blocks)
     (rows, cols), W = s.shape, len(M)
@@ -298,7 +353,9 @@ def search_worst_case(
     starts.append(without_real_blocks(starts[1], s))
     for _ in range(_N_SEARCHES):
         left, right = (rng.standard_normal((2, todo.size, n)) for n in (cols, rows))
-        direction = align_perturbation(left[0] + 1j * left[1], right[0] + 1j * right[1], turn=np.ones(todo.size), s=s)
+        direction = align_perturbation(
+            left[0] + 1j * left[1], right[0] + 1j * right[1], turn=np.ones(todo.size), s=s
+        )
         starts.append(rng.uniform(0, 1, (todo.size, 1, 1)) * direction)
     reached, found = _ascend_gain(np.tile(M[todo], (len(starts), 1, 1)), np.concatenate(starts), s)
     best = reached.reshape(len(starts), -1).argmax(axis=0) * todo.size + np.arange(todo.size)
@@ -309,12 +366,19 @@ def search_worst_case(
 def _perturbation_of_skewed_mu(
     M: np.ndarray, s: BlockStructure, *, gain: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return (W, n_in, n_out) of size at most one: the blocks of skewed mu at one with the outputs over the gain."""
+    """Return (W, n_in, n_out) of size at most one: the blocks of skewed mu at one with the outputs
+    over the gain.
+    """
     rows, cols = s.shape
-    level = np.where(np.isfinite(gain), gain, 10 * np.linalg.norm(M[:, rows:, cols:], axis=(1, 2)) + 1e-300)
+    level = np.where(
+        np.isfinite(gain), gain, 10 * np.linalg.norm(M[:, rows:, cols:], axis=(1, 2)) + 1e-300
+    )
     scaled = M.copy()
     scaled[:, rows:] /= level[:, None, None]
-    sizes = [(r.stop - r.start, c.stop - c.start, kind) for r, c, kind in zip(s.rows, s.cols, s.kinds, strict=True)]
+    sizes = [
+        (r.stop - r.start, c.stop - c.start, kind)
+        for r, c, kind in zip(s.rows, s.cols, s.kinds, strict=True)
+    ]
     whole = block_structure("blocks", [*sizes, (M.shape[1] - rows, M.shape[2] - cols)])
     found = search_perturbation(scaled, whole, n_starts=2, rng=rng)
     assert found.delta is not None  # for a lower bound
@@ -323,8 +387,12 @@ def _perturbation_of_skewed_mu(
     return delta / np.maximum(size, 1.0)[:, None, None]
 
 
-def _ascend_gain(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
-    """Return (W,) gains and perturbations of size at most one, moved until the gain stops growing."""
+def _ascend_gain(
+    M: np.ndarray, delta: np.ndarray, s: BlockStructure
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (W,) gains and perturbations of size at most one, moved until the gain stops
+    growing.
+    """
     rows, cols = s.shape
     delta, gain, todo = delta.copy(), np.zeros(len(M)), np.arange(len(M))
     for _ in range(_MAX_ASCENT):
@@ -332,11 +400,14 @@ def _ascend_gain(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> tuple[n
         with np.errstate(all="ignore"):
             U, sizes, Vh = np.linalg.svd(np.nan_to_num(closed_gain(N, now)))
             right = np.linalg.solve(
-                np.eye(rows) - N[:, :rows, :cols] @ now, N[:, :rows, cols:] @ conjugate_transpose(Vh[:, :1])
+                np.eye(rows) - N[:, :rows, :cols] @ now,
+                N[:, :rows, cols:] @ conjugate_transpose(Vh[:, :1]),
             )
             through = N[:, rows:, :cols] @ np.linalg.inv(np.eye(cols) - now @ N[:, :rows, :cols])
             drive = (conjugate_transpose(U[:, :, :1]) @ through)[:, 0]
-            corner = np.nan_to_num(align_perturbation(drive.conj(), right[:, :, 0], turn=np.ones(todo.size), s=s))
+            corner = np.nan_to_num(
+                align_perturbation(drive.conj(), right[:, :, 0], turn=np.ones(todo.size), s=s)
+            )
             best, moved = sizes[:, 0].copy(), now.copy()
             for share in MOVES:
                 candidate = (1 - share) * now + share * corner

@@ -1,4 +1,6 @@
-"""The largest box of real parameters for a stable loop, between a proof and a counter-example (`robust.mu.skewed`)."""
+"""The largest box of real parameters for a stable loop, between a proof and a counter-example
+(`robust.mu.skewed`).
+"""
 
 from __future__ import annotations
 
@@ -21,11 +23,13 @@ class ParameterMargin:
     Fields
     ------
     proved : float
-        Factor up to which it is stable for every parameter of the box and every perturbation; 0 if nothing is proved.
+        Factor up to which it is stable for every parameter of the box and every perturbation; 0 if
+        nothing is proved.
     broken : float
         Factor at which a perturbation that was found makes it unstable; inf if none was found.
     worst : (r,) ndarray
-        Parameters at `broken`, of size up to one as in `boxes`, block by block; nan for a complex block.
+        Parameters at `broken`, of size up to one as in `boxes`, block by block; nan for a complex
+        block.
     omega : float
         Frequency of the pole that crosses [rad/s].
     boxes : (L, r, 2) ndarray
@@ -63,10 +67,16 @@ class ParameterMargin:
     reason: str
 
     def __str__(self) -> str:
-        proved = f"stable up to {self.proved:.4g} times the blocks, proved on {format_count(len(self.boxes), 'part')}"
+        proved = (
+            f"stable up to {self.proved:.4g} times the blocks, proved on"
+            f" {format_count(len(self.boxes), 'part')}"
+        )
         if np.isfinite(self.broken):
             worst = ", ".join("complex" if np.isnan(one) else f"{one:+.3g}" for one in self.worst)
-            broken = f"{self.broken:.4g} times ({worst}) puts a pole on the boundary at {format_hertz(self.omega)}"
+            broken = (
+                f"{self.broken:.4g} times ({worst}) puts a pole on the boundary at"
+                f" {format_hertz(self.omega)}"
+            )
         else:
             broken = "no destabilising value was found"
         return f"{proved}; {broken}{f'. {self.reason}' * bool(self.reason)}"
@@ -75,11 +85,13 @@ class ParameterMargin:
 def parameter_margin(
     N_ss: LinearSystem, blocks: Blocks, *, gap: float = 0.05, max_boxes: int = MOST_BOXES
 ) -> ParameterMargin:
-    """Find the largest box of real parameters on which the loop is proved stable, to a given relative gap.
+    """Find the largest box of real parameters on which the loop is proved stable, to a given
+    relative gap.
 
     A box larger by this gap contains an unstable loop; if that was not shown, `met` is False.
 
-    Use this for physical parameters with tolerances, for which complex perturbations would be too conservative.
+    Use this for physical parameters with tolerances, for which complex perturbations would be too
+    conservative.
 
     Parameters
     ----------
@@ -90,7 +102,8 @@ def parameter_margin(
     gap : float
         Relative distance between the proved factor and one that makes the loop unstable.
     max_boxes : int
-        Largest number of parts of the box. If it is reached, the result has the margins so far, and the reason.
+        Largest number of parts of the box. If it is reached, the result has the margins so far, and
+        the reason.
 
     Returns
     -------
@@ -108,7 +121,8 @@ def parameter_margin(
 
     Examples
     --------
-    One parameter in two places, (s + 1)^2 + d^2: complex numbers of size one make it unstable, real ones never do.
+    One parameter in two places, (s + 1)^2 + d^2: complex numbers of size one make it unstable, real
+    ones never do.
 
     >>> import control
     >>> N = control.ss(-np.eye(2), np.eye(2), [[0.0, 1.0], [-1.0, 0.0]], np.zeros((2, 2)))
@@ -120,12 +134,16 @@ def parameter_margin(
     s = structure_for("blocks", blocks, (N.noutputs, N.ninputs), of="N_ss")
     gap, left = require_positive("gap", gap), require_integer("max_boxes", max_boxes, least=1)
     if "real" not in s.kinds:
-        raise ValueError("blocks must contain a real one, got none: use robust.mu.certify for complex blocks")
+        raise ValueError(
+            "blocks must contain a real one, got none: use robust.mu.certify for complex blocks"
+        )
     nominal = decide_stability(N)
     if not nominal.stable:
         raise ValueError(f"N_ss must be stable, got one that is {nominal}")
     found = skewed_margin(N, blocks, gap=gap, max_boxes=left)
-    middles, halves = (np.array([box[k] for box in found.boxes]).reshape(-1, len(s.kinds)) for k in (0, 1))
+    middles, halves = (
+        np.array([box[k] for box in found.boxes]).reshape(-1, len(s.kinds)) for k in (0, 1)
+    )
     return ParameterMargin(
         proved=found.level,
         broken=found.broken,

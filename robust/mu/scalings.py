@@ -1,10 +1,13 @@
-"""Upper bounds on the structured singular value: scalings found by Newton's method, the bound recomputed from them.
+"""Upper bounds on the structured singular value: scalings found by Newton's method, the bound
+recomputed from them.
 
-For a perturbation u = Delta y of structure `blocks` and size below 1/beta, det(I - N Delta) = 0 is impossible if
+For a perturbation u = Delta y of structure `blocks` and size below 1/beta, det(I - N Delta) = 0 is
+impossible if
 
     N^H X_L N + j (G N - N^H G^H) < beta^2 X_R,       X > 0 commuting with Delta, G Hermitian on the real blocks.
 
-For complex blocks, with X = D^H D, this is sigma(D_L N D_R^-1) < beta (Doyle 1982; with G: Fan, Tits & Doyle 1991).
+For complex blocks, with X = D^H D, this is sigma(D_L N D_R^-1) < beta (Doyle 1982; with G: Fan,
+Tits & Doyle 1991).
 """
 
 from __future__ import annotations
@@ -21,7 +24,8 @@ from robust.mu.blocks import BlockStructure, block_structure, structure_for
 
 _MAX_STEPS = 80
 _MAX_STEPS_REAL = 200
-#: Least number of steps; number of products in all steps above which fewer steps are taken, some ten seconds.
+# : Least number of steps; number of products in all steps above which fewer steps are taken, some
+# ten seconds.
 _LEAST_STEPS, _MOST_WORK = 1, 2e9
 _CENTRE_GAP = 1e-9
 _CENTRE_REGULARISATION = 0.1
@@ -37,10 +41,11 @@ class MuBound:
     value : (W,) ndarray
         The bound, recomputed from the scaling or from the perturbation.
     scaling : (D_L, D_R, G) or None
-        For an upper bound: (n_out, n_out, W), (n_in, n_in, W) and (n_in, n_out, W). G belongs to the
-        scaled matrix D_L N D_R^-1.
+        For an upper bound: (n_out, n_out, W), (n_in, n_in, W) and (n_in, n_out, W). G belongs to
+        the scaled matrix D_L N D_R^-1.
     delta : (n_in, n_out, W) ndarray or None
-        For a lower bound: the perturbation of size 1/value with det(I - N Delta) = 0; nan if none was found.
+        For a lower bound: the perturbation of size 1/value with det(I - N Delta) = 0; nan if none
+        was found.
 
     References
     ----------
@@ -61,24 +66,27 @@ class MuBound:
 
 
 def upper(N: np.ndarray, blocks: Blocks) -> MuBound:
-    """Return an upper bound of mu, the structured singular value: with perturbations below 1/value the loop is stable.
+    """Return an upper bound of mu, the structured singular value: with perturbations below 1/value
+    the loop is stable.
 
-    Use this at given frequencies. `certify` proves a level at all frequencies, `bounds` gives both bounds.
+    Use this at given frequencies. `certify` proves a level at all frequencies, `bounds` gives both
+    bounds.
 
     Parameters
     ----------
     N : (n_out, n_in, W) ndarray
         Complex response that the perturbation closes; one matrix is N[:, :, None].
     blocks : list
-        (rows, cols) for a full complex block, (n, n, "repeated") for a complex number times the identity, (n, n,
-        "real") for a real one. Rows and cols are the outputs of N that the block reads, and the inputs that it drives.
+        (rows, cols) for a full complex block, (n, n, "repeated") for a complex number times the
+        identity, (n, n, "real") for a real one. Rows and cols are the outputs of N that the block
+        reads, and the inputs that it drives.
 
     Returns
     -------
     MuBound
-        value : largest singular value of D_L N D_R^-1 at the scaling found, by SVD (with real blocks: root of the
-        largest eigenvalue of N^H X_L N + j (G N - N^H G^H) relative to X_R, plus rounding). It is a bound for any
-        scaling. For up to three full blocks it is mu itself.
+        value : largest singular value of D_L N D_R^-1 at the scaling found, by SVD (with real
+        blocks: root of the largest eigenvalue of N^H X_L N + j (G N - N^H G^H) relative to X_R,
+        plus rounding). It is a bound for any scaling. For up to three full blocks it is mu itself.
 
     Raises
     ------
@@ -87,8 +95,8 @@ def upper(N: np.ndarray, blocks: Blocks) -> MuBound:
 
     References
     ----------
-    SP 8.8.3, eq. 8.87 (with the definition 8.76); Young, Newlin & Doyle 1991 (real blocks); Boyd & El Ghaoui 1993 (the
-    method of centres).
+    SP 8.8.3, eq. 8.87 (with the definition 8.76); Young, Newlin & Doyle 1991 (real blocks); Boyd &
+    El Ghaoui 1993 (the method of centres).
 
     Examples
     --------
@@ -102,7 +110,9 @@ def upper(N: np.ndarray, blocks: Blocks) -> MuBound:
 
 
 def upper_bound(M: np.ndarray, blocks: Blocks, *, target: float = 0.0) -> MuBound:
-    """Return the bound on (W, n_out, n_in) matrices; with a target from the scalings with most slack below it."""
+    """Return the bound on (W, n_out, n_in) matrices; with a target from the scalings with most
+    slack below it.
+    """
     s = structure_for("blocks", blocks, M.shape[1:])
     size = np.abs(M).max(axis=(1, 2))  # the squares of the scaled numbers do not overflow
     scale = np.where(size > 0, size, 1.0)
@@ -114,7 +124,8 @@ def upper_bound(M: np.ndarray, blocks: Blocks, *, target: float = 0.0) -> MuBoun
     for others in ((D_L, D_R, 0 * G), (one_L, one_R, 0 * G)):
         other = bound_from_scalings(M, *others)
         D_L, D_R, G = (
-            np.where((other < best)[:, None, None], new, old) for new, old in zip(others, (D_L, D_R, G), strict=True)
+            np.where((other < best)[:, None, None], new, old)
+            for new, old in zip(others, (D_L, D_R, G), strict=True)
         )
         best = np.minimum(best, other)
     best = np.where(best == 0, bound_from_scalings(M, D_L, D_R, G), best)
@@ -126,22 +137,31 @@ def response_matrices(name: str, N: object) -> np.ndarray:
     """Return (W, n_out, n_in) from (n_out, n_in, W), or refuse the array."""
     if isinstance(N, control.lti.LTI):
         raise ValueError(
-            f"{name} must be an array (outputs, inputs, frequencies), got a {type(N).__name__}; give its response, "
-            f"{name}(1j * omega), or use robust.mu.certify, which bounds mu of a state space at all frequencies"
+            f"{name} must be an array (outputs, inputs, frequencies), got a {type(N).__name__};"
+            f" give its response, {name}(1j * omega), or use robust.mu.certify, which bounds mu of"
+            " a state space at all frequencies"
         )
     M = np.asarray(N)
     if M.ndim != 3 or M.dtype.kind not in "fciu":
         raise ValueError(
-            f"{name} must be an array (outputs, inputs, frequencies), got {short_form(M)}. One matrix: N[:, :, None]."
+            f"{name} must be an array (outputs, inputs, frequencies), got {short_form(M)}. One"
+            " matrix: N[:, :, None]."
         )
     if not M.size:
-        raise ValueError(f"{name} must have rows, columns and at least one frequency, got the shape {M.shape}")
+        raise ValueError(
+            f"{name} must have rows, columns and at least one frequency, got the shape {M.shape}"
+        )
     if not np.isfinite(M).all():
-        raise ValueError(f"{name} must be finite, got {np.count_nonzero(~np.isfinite(M))} nan or infinite numbers")
+        raise ValueError(
+            f"{name} must be finite, got {np.count_nonzero(~np.isfinite(M))} nan or infinite"
+            " numbers"
+        )
     return np.ascontiguousarray(np.moveaxis(M, 2, 0), dtype=complex)
 
 
-def bound_from_scalings(N: np.ndarray, D_L: np.ndarray, D_R: np.ndarray, G: np.ndarray) -> np.ndarray:
+def bound_from_scalings(
+    N: np.ndarray, D_L: np.ndarray, D_R: np.ndarray, G: np.ndarray
+) -> np.ndarray:
     """Return (W,) the bound that these scalings prove; inf if they prove none."""
     with np.errstate(all="ignore"):
         scaled = D_L @ N @ np.linalg.inv(D_R)
@@ -153,7 +173,12 @@ def bound_from_scalings(N: np.ndarray, D_L: np.ndarray, D_R: np.ndarray, G: np.n
     G = np.where(fine[:, None, None], G, 0)
     skew = 1j * G @ scaled
     square = conjugate_transpose(scaled) @ scaled
-    rounding = 20 * N.shape[-1] * EPS * (np.linalg.norm(square, axis=(1, 2)) + np.linalg.norm(skew, axis=(1, 2)))
+    rounding = (
+        20
+        * N.shape[-1]
+        * EPS
+        * (np.linalg.norm(square, axis=(1, 2)) + np.linalg.norm(skew, axis=(1, 2)))
+    )
     largest = np.linalg.eigvalsh(square + skew + conjugate_transpose(skew))[:, -1] + rounding
     return np.where(fine, np.sqrt(np.maximum(largest, 0.0)), np.inf)
 
@@ -163,9 +188,15 @@ def conjugate_transpose(M: np.ndarray) -> np.ndarray:
 
 
 def _osborne_balance(N: np.ndarray, s: BlockStructure, n_steps: int = 12) -> np.ndarray:
-    """Return (W, blocks) numbers d that balance the Frobenius norms of the blocks d_i N_ik / d_k."""
+    """Return (W, blocks) numbers d that balance the Frobenius norms of the blocks d_i N_ik /
+    d_k.
+    """
     sizes = np.stack(
-        [np.stack([np.linalg.norm(N[:, r, c], axis=(1, 2)) for c in s.cols], axis=1) for r in s.rows], axis=1
+        [
+            np.stack([np.linalg.norm(N[:, r, c], axis=(1, 2)) for c in s.cols], axis=1)
+            for r in s.rows
+        ],
+        axis=1,
     )
     sizes = sizes**2 * (1 - np.eye(len(s.rows)))
     floor = 1e-40 * (sizes.sum(axis=(1, 2)) + 1e-200)  # for a block without coupling to the others
@@ -182,11 +213,14 @@ def _osborne_balance(N: np.ndarray, s: BlockStructure, n_steps: int = 12) -> np.
 def optimal_scalings(
     N: np.ndarray, s: BlockStructure, *, target: np.ndarray | float = 0.0
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return D_L, D_R and G (W, ., .) with the least bound: Osborne's balance, then the method of centres.
+    """Return D_L, D_R and G (W, ., .) with the least bound:
 
-    With a target that can be reached, the centre of the scalings that prove it: those with the largest slack. Many
-    scalings on many frequencies are computed for a few frequencies at a time, and very many in fewer steps. Blocks
-    without a loop through both have no common centre, and are scaled separately.
+    Osborne's balance, then the method of centres.
+
+    With a target that can be reached, the centre of the scalings that prove it: those with the
+    largest slack. Many scalings on many frequencies are computed for a few frequencies at a time,
+    and very many in fewer steps. Blocks without a loop through both have no common centre, and are
+    scaled separately.
     """
     label, depth = _separate_loops(N, s)
     if label.max() > 0:
@@ -194,14 +228,17 @@ def optimal_scalings(
     W, size = N.shape[0], len(s.left) + len(s.skew)
     target = np.broadcast_to(np.square(target), W)
     parts = np.array_split(np.arange(W), max(1, W * size * N.shape[2] ** 2 // _MAX_ENTRIES))
-    most = int(np.clip(_MOST_WORK / (W * size**2 * N.shape[2] ** 2 + 1), _LEAST_STEPS, _MAX_STEPS_REAL))
+    most = int(
+        np.clip(_MOST_WORK / (W * size**2 * N.shape[2] ** 2 + 1), _LEAST_STEPS, _MAX_STEPS_REAL)
+    )
     n_steps = min(most, _MAX_STEPS_REAL if s.skew.size else _MAX_STEPS)
     found = [_method_of_centres(N[part], s, target=target[part], n_steps=n_steps) for part in parts]
     D_L, D_R, G = (np.concatenate(each) for each in zip(*found, strict=True))
     return D_L, D_R, G
 
 
-#: Factor by which a one-way coupling of two blocks counts less than their own entries, and largest ratio of the two.
+# : Factor by which a one-way coupling of two blocks counts less than their own entries, and largest
+# ratio of the two.
 _ONE_WAY, _MAX_COUPLING = 1e4, 1e16
 
 
@@ -217,19 +254,33 @@ def _separate_loops(N: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.nd
 
 
 def _scalings_of_loops(
-    N: np.ndarray, s: BlockStructure, *, label: np.ndarray, depth: np.ndarray, target: np.ndarray | float
+    N: np.ndarray,
+    s: BlockStructure,
+    *,
+    label: np.ndarray,
+    depth: np.ndarray,
+    target: np.ndarray | float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return `optimal_scalings` for loops with at most one-way coupling."""
     W, (n_out, n_in) = len(N), s.shape
-    D_L, D_R, G = (np.zeros((W, *shape), complex) for shape in ((n_out, n_out), (n_in, n_in), (n_in, n_out)))
+    D_L, D_R, G = (
+        np.zeros((W, *shape), complex) for shape in ((n_out, n_out), (n_in, n_in), (n_in, n_out))
+    )
     for k in range(label.max() + 1):
         own = np.flatnonzero(label == k)
         rows, cols = (np.concatenate([np.r_[cut[i]] for i in own]) for cut in (s.rows, s.cols))
-        sizes = [(s.rows[i].stop - s.rows[i].start, s.cols[i].stop - s.cols[i].start, s.kinds[i]) for i in own]
+        sizes = [
+            (s.rows[i].stop - s.rows[i].start, s.cols[i].stop - s.cols[i].start, s.kinds[i])
+            for i in own
+        ]
         inside = N[:, rows[:, None], cols]
         found = optimal_scalings(inside, block_structure("blocks", sizes), target=target)
         # the coupling of the loops must vanish relative to their own entries, in any units
-        least = np.min(np.abs(inside).max(axis=(1, 2)), initial=np.inf, where=np.abs(inside).max(axis=(1, 2)) > 0)
+        least = np.min(
+            np.abs(inside).max(axis=(1, 2)),
+            initial=np.inf,
+            where=np.abs(inside).max(axis=(1, 2)) > 0,
+        )
         coupling = max(1.0, float(np.abs(N).max() / least)) if np.isfinite(least) else 1.0
         unit = (_ONE_WAY * min(coupling, _MAX_COUPLING)) ** -float(depth[own[0]])
         D_L[:, rows[:, None], rows], D_R[:, cols[:, None], cols] = unit * found[0], unit * found[1]
@@ -240,11 +291,15 @@ def _scalings_of_loops(
 def _method_of_centres(
     N: np.ndarray, s: BlockStructure, *, target: np.ndarray, n_steps: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return D_L, D_R, G with the least bound, for all frequencies; below `target` (W,), squared, with most slack."""
+    """Return D_L, D_R, G with the least bound, for all frequencies; below `target` (W,), squared,
+    with most slack.
+    """
     W = N.shape[0]
     d = _osborne_balance(N, s)
     D_L, D_R = (
-        np.stack([np.diag(np.repeat(row, [p.stop - p.start for p in parts])) for row in d]).astype(complex)
+        np.stack([np.diag(np.repeat(row, [p.stop - p.start for p in parts])) for row in d]).astype(
+            complex
+        )
         for parts in (s.rows, s.cols)
     )
     G = np.zeros((W, *s.skew.shape[1:]), complex)
@@ -252,7 +307,9 @@ def _method_of_centres(
     M, L, R, g = D_L @ N @ np.linalg.inv(D_R), D_L.copy(), D_R.copy(), G.copy()
     bound = _top_eigenvalue(M, g)
     best = bound.copy()
-    alpha = np.where(bound < target, target, np.maximum(bound * 1.3, bound + 0.1 * np.abs(bound) + 1e-9))
+    alpha = np.where(
+        bound < target, target, np.maximum(bound * 1.3, bound + 0.1 * np.abs(bound) + 1e-9)
+    )
     for _ in range(n_steps):
         M, L, R, g, near, lost = _newton_step_to_centre(M, L, R=R, G=g, alpha=alpha, s=s)
         bound = _top_eigenvalue(M, g)
@@ -262,7 +319,12 @@ def _method_of_centres(
         D_L[at], D_R[at], G[at], best[at] = L[better], R[better], g[better], bound[better]
         # far from the centre alpha is constant; near it, it decreases towards the bound reached
         gap = alpha - bound
-        done = lost | (gap <= _CENTRE_GAP * np.abs(alpha)) | (bound < 1e-14) & (goal == 0) | near & (alpha == goal)
+        done = (
+            lost
+            | (gap <= _CENTRE_GAP * np.abs(alpha))
+            | (bound < 1e-14) & (goal == 0)
+            | near & (alpha == goal)
+        )
         alpha = np.where(near, np.where(bound < goal, goal, bound + 0.2 * gap), alpha)
         keep = ~done & np.isfinite(bound)
         todo, M, L, R, g, alpha = todo[keep], M[keep], L[keep], R[keep], g[keep], alpha[keep]
@@ -287,12 +349,19 @@ def scaled_square(M: np.ndarray, G: np.ndarray) -> np.ndarray:
 
 
 def _newton_step_to_centre(
-    M: np.ndarray, L: np.ndarray, *, R: np.ndarray, G: np.ndarray, alpha: np.ndarray, s: BlockStructure
+    M: np.ndarray,
+    L: np.ndarray,
+    *,
+    R: np.ndarray,
+    G: np.ndarray,
+    alpha: np.ndarray,
+    s: BlockStructure,
 ) -> tuple[np.ndarray, ...]:
-    """Take one Newton step from X = I to the centre of the scalings that prove alpha; return if it was near, or lost.
+    """Take one Newton step from X = I to the centre of the scalings that prove alpha; return if it
+    was near, or lost.
 
-    The centre minimises -log det(alpha X_R - A(X, G)) - log det X at constant trace; the barrier is self-concordant,
-    so a step damped by its decrement stays inside.
+    The centre minimises -log det(alpha X_R - A(X, G)) - log det X at constant trace; the barrier is
+    self-concordant, so a step damped by its decrement stays inside.
     """
     W, n = M.shape[0], M.shape[2]
     K = s.left.shape[0]
@@ -364,7 +433,9 @@ def mu_bound_at(N: control.StateSpace, blocks: Blocks, *, omega: np.ndarray) -> 
     return upper_bound(response_matrices("N", response_by_channel(N, omega)), blocks).value
 
 
-def refine_grid(N: control.StateSpace, blocks: Blocks, *, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def refine_grid(
+    N: control.StateSpace, blocks: Blocks, *, omega: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return frequencies with additional ones around the peak, and the bound at them."""
     mu = mu_bound_at(N, blocks, omega=omega)
     for _ in range(_N_REFINEMENTS):  # around the largest value, five times closer each time

@@ -1,9 +1,11 @@
-"""The worst gain over a set at all frequencies: bounded by scalings, each proved where it holds (SP 8.10.3).
+"""The worst gain over a set at all frequencies: bounded by scalings, each proved where it holds (SP
+8.10.3).
 
-The gain stays below gamma if mu of the blocks and a full one for the performance, with its inputs over gamma, stays
-below one. A scaling is computed where nothing is proved yet, and exact arithmetic gives the ranges of the axis on which
-it holds (`robust.mu.pieces`). The remaining ranges are covered by other scalings, each from a frequency inside. If no
-scaling proves gamma at a frequency, the bound there is the next gamma.
+The gain stays below gamma if mu of the blocks and a full one for the performance, with its inputs
+over gamma, stays below one. A scaling is computed where nothing is proved yet, and exact arithmetic
+gives the ranges of the axis on which it holds (`robust.mu.pieces`). The remaining ranges are
+covered by other scalings, each from a frequency inside. If no scaling proves gamma at a frequency,
+the bound there is the next gamma.
 """
 
 from __future__ import annotations
@@ -28,18 +30,23 @@ _TOLERANCE = 1e-3  # between the bound at all frequencies and the largest at one
 _N_STARTS = 12  # frequencies for a first level, most of them at poles
 
 
-def bound_set_gain(N: control.StateSpace, blocks: Blocks, *, time_cap: float = TIME_CAP) -> GainBound:
-    """Bound the largest gain from the inputs to the outputs that no block closes, over full blocks of size at most one.
+def bound_set_gain(
+    N: control.StateSpace, blocks: Blocks, *, time_cap: float = TIME_CAP
+) -> GainBound:
+    """Bound the largest gain from the inputs to the outputs that no block closes, over full blocks
+    of size at most one.
 
     Returns
     -------
     GainBound
-        upper : proved at every frequency. lower : the least gain that scalings prove at omega, where it is largest: the
-        worst gain itself for up to three blocks, with that of performance. Both are inf if a plant may be unstable.
+        upper : proved at every frequency. lower : the least gain that scalings prove at omega,
+        where it is largest: the worst gain itself for up to three blocks, with that of performance.
+        Both are inf if a plant may be unstable.
 
     Examples
     --------
-    S of L = 1/s with an input error of 50 % at any phase: the worst of omega/(|1 + j omega| - 0.5) is 2/sqrt(3).
+    S of L = 1/s with an input error of 50 % at any phase: the worst of omega/(|1 + j omega| - 0.5)
+    is 2/sqrt(3).
 
     >>> N = control.ss([[-1.0]], [[1.0, 1.0]], [[-0.5], [-1.0]], [[0.0, 0.5], [0.0, 1.0]])
     >>> found = bound_set_gain(N, [(1, 1)])
@@ -61,7 +68,9 @@ def bound_set_gain(N: control.StateSpace, blocks: Blocks, *, time_cap: float = T
         found = upper_bound(M / units, whole, target=1.0)
         proved = found.value[0] < 1
         if proved:
-            pieces = cut_by_scaling(H, s, found, units=units, x=x, band=(low, high), deadline=deadline)
+            pieces = cut_by_scaling(
+                H, s, found, units=units, x=x, band=(low, high), deadline=deadline
+            )
             if isinstance(pieces, str):
                 return GainBound(upper=np.inf, lower=lower, omega=peak, reason=pieces)
             rest = [piece for piece in pieces if not piece.M.is_positive]

@@ -1,13 +1,15 @@
-"""The largest size of some blocks of a perturbation: skewed mu at all frequencies, from a proof and a counter-example.
+"""The largest size of some blocks of a perturbation: skewed mu at all frequencies, from a proof and
+a counter-example.
 
-The growing blocks have size t, the others at most one. The largest t for which mu stays below one at every frequency is
-1/mu if all blocks grow, 1/(the worst gain) if only the performance grows, and the robust margin of a gain if all but
-the performance grow (Fan & Tits 1992; SP 8.10.3).
+The growing blocks have size t, the others at most one. The largest t for which mu stays below one
+at every frequency is 1/mu if all blocks grow, 1/(the worst gain) if only the performance grows, and
+the robust margin of a gain if all but the performance grow (Fan & Tits 1992; SP 8.10.3).
 
-The counter-example is a perturbation that takes a pole to the boundary (`robust.mu.crossings`). Upper bounds of mu with
-real blocks may be far above it. On smaller boxes both meet, because a small box around its own middle is nearly a
-point. A level is proved box by box (each with a certificate at all frequencies), or a box has a pole beyond the
-stability boundary (Balemi, Boyd & Balakrishnan 1991; Newlin & Young 1997).
+The counter-example is a perturbation that takes a pole to the boundary (`robust.mu.crossings`).
+Upper bounds of mu with real blocks may be far above it. On smaller boxes both meet, because a small
+box around its own middle is nearly a point. A level is proved box by box (each with a certificate
+at all frequencies), or a box has a pole beyond the stability boundary (Balemi, Boyd & Balakrishnan
+1991; Newlin & Young 1997).
 """
 
 from __future__ import annotations
@@ -33,11 +35,16 @@ _MAX_FACTOR = 1e6  # largest factor of the search
 _N_TEST_FREQUENCIES = 32  # frequencies of the test before a proof of a box
 _BOUND_LIMIT = 0.999  # largest bound at them
 _MIN_BOX_WIDTH = 1e-3  # of the whole box: narrower boxes are not cut
-MOST_BOXES, _BOX_INTERVALS = 150, 500  # largest number of parts of the box, and of frequency intervals for each
+# largest number of parts of the box, and of frequency intervals for each
+MOST_BOXES = 150
+_BOX_INTERVALS = 500
 _FEW_BOXES = 40  # parts of the box in some ten seconds
 _BOX_WORK = 100_000  # products in a step for the scalings of a part that counts once
-_LEVEL_ACCURACY = 1e-3  # relative accuracy of the level at which the bound on the test frequencies is one
-#: Shares of that level, or of the counter-example, that are tried for the whole box: a peak may have been missed.
+_LEVEL_ACCURACY = (
+    1e-3  # relative accuracy of the level at which the bound on the test frequencies is one
+)
+# : Shares of that level, or of the counter-example, that are tried for the whole box: a peak may
+# have been missed.
 _WHOLE_SHARES = (0.997, 0.99, 0.95, 0.8, 0.5, 0.2)
 
 
@@ -52,8 +59,8 @@ class SkewedMargin:
     n_unstable: int  # number of unstable poles of N
     left: int  # number of parts of the box that may still be examined
     level: float  # size of the growing blocks that is proved for the boxes; 0 if none is
-    # broken, delta, omega: (n_in, n_out) least size found at which a perturbation makes the loop unstable (inf: none),
-    # the perturbation, and where [rad/s]
+    # broken, delta, omega: (n_in, n_out) least size found at which a perturbation makes the loop
+    # unstable (inf: none), the perturbation, and where [rad/s]
     broken: float
     delta: np.ndarray
     omega: float
@@ -81,9 +88,11 @@ def skewed_margin(
     gap: float,
     max_boxes: int = _FEW_BOXES,
 ) -> SkewedMargin:
-    """Return the largest size of the growing blocks (by default all), to a relative gap if it can be reached.
+    """Return the largest size of the growing blocks (by default all), to a relative gap if it can
+    be reached.
 
-    N may have unstable poles. The claim is that no perturbation below the level takes a pole to the stability boundary.
+    N may have unstable poles. The claim is that no perturbation below the level takes a pole to the
+    stability boundary.
     """
     s, nominal = block_structure("blocks", blocks), decide_stability(N)
     K = len(s.kinds)
@@ -116,9 +125,13 @@ def scaled_system(search: SkewedMargin, level: float) -> control.StateSpace:
 
 
 def _level_on_grid(search: SkewedMargin) -> tuple[np.ndarray, float]:
-    """Return frequencies around the peak, and the level at which the bound there is one; 0 if there is none."""
+    """Return frequencies around the peak, and the level at which the bound there is one; 0 if there
+    is none.
+    """
     omega = structure_grid(search.N)
-    omega = omega[:: max(1, omega.size // _N_TEST_FREQUENCIES)]  # a first guess: proof or counter-example come later
+    omega = omega[
+        :: max(1, omega.size // _N_TEST_FREQUENCIES)
+    ]  # a first guess: proof or counter-example come later
     if search.growing.all():
         omega, mu = refine_grid(search.N, search.blocks, omega=omega)
         return omega[np.sort(np.argsort(-mu)[:4])], 1 / max(float(mu.max()), 1 / _MAX_FACTOR)
@@ -127,7 +140,8 @@ def _level_on_grid(search: SkewedMargin) -> tuple[np.ndarray, float]:
     def bound(level: float) -> np.ndarray:
         return upper_bound(search.sizes(level)[:, None] * M, search.blocks, target=1.0).value
 
-    # the level changes the bound by at most its own factor: after a step up by that factor it stays below one
+    # the level changes the bound by at most its own factor: after a step up by that factor it stays
+    # below one
     size = np.linalg.norm(M, axis=(1, 2)).max()
     low, high = 0.0, np.inf
     level = 1 / max(size, 1e-300)
@@ -136,7 +150,11 @@ def _level_on_grid(search: SkewedMargin) -> tuple[np.ndarray, float]:
             low = level
         else:
             high = level
-        if high <= low * (1 + _LEVEL_ACCURACY) or low > _MAX_FACTOR * 1e3 / size or high < 1e-9 / size:
+        if (
+            high <= low * (1 + _LEVEL_ACCURACY)
+            or low > _MAX_FACTOR * 1e3 / size
+            or high < 1e-9 / size
+        ):
             break
         level = 8 * low if np.isinf(high) else high / 8 if not low else np.sqrt(low * high)
     peaks = np.argsort(-bound(low or high))[:4]
@@ -155,24 +173,39 @@ def _find_broken(search: SkewedMargin, omega: np.ndarray, start: float) -> Skewe
     assert found.delta is not None  # for a lower bound
     units = np.nan_to_num(np.moveaxis(found.delta, 2, 0) * found.value[:, None, None])
     crossing = find_crossing(
-        search.N, search.s, least=1e-3 * level, limit=100 * level, growing=search.growing, seeds=units
+        search.N,
+        search.s,
+        least=1e-3 * level,
+        limit=100 * level,
+        growing=search.growing,
+        seeds=units,
     )
     if crossing is not None:
         search = replace(search, broken=crossing.size, delta=crossing.delta, omega=crossing.omega)
     k = int(found.value.argmax())
-    if found.value[k] > 0 and (search.growing.all() or found.value[k] >= 1) and level / found.value[k] < search.broken:
+    if (
+        found.value[k] > 0
+        and (search.growing.all() or found.value[k] >= 1)
+        and level / found.value[k] < search.broken
+    ):
         delta = found.delta[:, :, k] * search.sizes(level)
-        search = replace(search, broken=level / float(found.value[k]), delta=delta, omega=float(omega[k]))
+        search = replace(
+            search, broken=level / float(found.value[k]), delta=delta, omega=float(omega[k])
+        )
     return search
 
 
 def _close_gap(search: SkewedMargin, start: float, gap: float) -> SkewedMargin:
-    """Return the search with a proved level, as close to the counter-example as the parts of the box allow."""
+    """Return the search with a proved level, as close to the counter-example as the parts of the
+    box allow.
+    """
     kept = search
     for share in _WHOLE_SHARES:
         level = share * min(start, search.broken, _MAX_FACTOR)
         proof = (
-            certify_by_intervals(scaled_system(search, level), search.blocks, 1.0, most=_BOX_INTERVALS)
+            certify_by_intervals(
+                scaled_system(search, level), search.blocks, 1.0, most=_BOX_INTERVALS
+            )
             if level
             else None
         )
@@ -180,7 +213,11 @@ def _close_gap(search: SkewedMargin, start: float, gap: float) -> SkewedMargin:
             kept = replace(search, level=level, certificates=(proof,))
             break
     low, top = kept.level, np.inf
-    reason = "the bound by scalings is no tighter, and no real block can be subdivided" if not search.real.size else ""
+    reason = (
+        "the bound by scalings is no tighter, and no real block can be subdivided"
+        if not search.real.size
+        else ""
+    )
     while search.broken > low * (1 + gap) and low < _MAX_FACTOR and not reason:
         level = _next_level(low, min(search.broken, top), gap)
         tried = _prove_level(replace(search, level=level, left=(search.left + 1) // 2))
@@ -193,11 +230,19 @@ def _close_gap(search: SkewedMargin, start: float, gap: float) -> SkewedMargin:
             top = level
             reason = tried.reason if search.left < 2 or top < low * (1 + 2 * gap) else ""
     met = search.broken <= low * (1 + gap) or low >= _MAX_FACTOR
-    return replace(search, level=low, boxes=kept.boxes, certificates=kept.certificates, reason="" if met else reason)
+    return replace(
+        search,
+        level=low,
+        boxes=kept.boxes,
+        certificates=kept.certificates,
+        reason="" if met else reason,
+    )
 
 
 def _next_level(low: float, broken: float, gap: float) -> float:
-    """Return the level to prove next: the last one before the gap if it is close, else one between the bounds."""
+    """Return the level to prove next: the last one before the gap if it is close, else one between
+    the bounds.
+    """
     near = min(broken, _MAX_FACTOR) / (1 + 0.9 * gap)
     if np.isinf(broken):
         return min(2 * low, _MAX_FACTOR) if low else 1.0
@@ -205,11 +250,16 @@ def _next_level(low: float, broken: float, gap: float) -> float:
 
 
 def _prove_level(search: SkewedMargin) -> SkewedMargin:
-    """Return the level proved on every part of the box; or a smaller counter-example; or the reason why it is open."""
+    """Return the level proved on every part of the box; or a smaller counter-example; or the reason
+    why it is open.
+    """
     waiting, proved, proofs = list(search.boxes), [], []
     while waiting:
         if not search.left:
-            return replace(search, reason=f"{len(waiting)} parts of the box are undecided at the limit of the search")
+            return replace(
+                search,
+                reason=f"{len(waiting)} parts of the box are undecided at the limit of the search",
+            )
         search, box = replace(search, left=max(search.left - _box_cost(search.s), 0)), waiting.pop()
         N = _box_system(search, box)
         if N is not None and _has_poles_of_nominal(search, N):
@@ -226,7 +276,9 @@ def _prove_level(search: SkewedMargin) -> SkewedMargin:
             return replace(found, reason="broken")
         parts = _split_box(search, box, peak_at)
         if not parts:
-            return replace(search, reason="a part of the box is undecided and too thin to subdivide")
+            return replace(
+                search, reason="a part of the box is undecided and too thin to subdivide"
+            )
         waiting += parts
     return replace(search, boxes=tuple(proved), certificates=tuple(proofs), reason="")
 
@@ -236,11 +288,17 @@ def _box_cost(s: BlockStructure) -> int:
     return max(1, (len(s.left) + len(s.skew)) ** 2 * s.shape[1] ** 2 // _BOX_WORK)
 
 
-def _box_system(search: SkewedMargin, box: tuple[np.ndarray, np.ndarray]) -> control.StateSpace | None:
-    """Return the system that perturbations of size one close on a part of the box: Delta = middle + half delta."""
+def _box_system(
+    search: SkewedMargin, box: tuple[np.ndarray, np.ndarray]
+) -> control.StateSpace | None:
+    """Return the system that perturbations of size one close on a part of the box:
+
+    Delta = middle + half delta.
+    """
     s, (middle, half) = search.s, box
     N = scaled_system(search, search.level)
-    C, H = _place_parameters(s, middle).real, np.repeat(half, [col.stop - col.start for col in s.cols])
+    C = _place_parameters(s, middle).real
+    H = np.repeat(half, [col.stop - col.start for col in s.cols])
     return_difference = np.eye(s.shape[0]) - N.D @ C
     if np.linalg.cond(return_difference) > 1e12:
         return None
@@ -257,12 +315,16 @@ def _has_poles_of_nominal(search: SkewedMargin, N: control.StateSpace) -> bool:
 
 
 def _prove_box(search: SkewedMargin, N: control.StateSpace) -> tuple[Certificate | None, float]:
-    """Return a proof that mu of a part stays below one, unless test frequencies contradict it; and the peak there."""
+    """Return a proof that mu of a part stays below one, unless test frequencies contradict it; and
+    the peak there.
+    """
     omega = structure_grid(N)
     omega = omega[np.linspace(0, omega.size - 1, _N_TEST_FREQUENCIES).astype(int)]
     if np.isfinite(search.omega):
         omega = np.union1d(omega, search.omega * np.array([0.9, 0.97, 1.0, 1.03, 1.1]))
-    mu = upper_bound(np.moveaxis(response_by_channel(N, omega), 2, 0), search.blocks, target=_BOUND_LIMIT).value
+    mu = upper_bound(
+        np.moveaxis(response_by_channel(N, omega), 2, 0), search.blocks, target=_BOUND_LIMIT
+    ).value
     where = float(omega[mu.argmax()])
     if not mu.max() < _BOUND_LIMIT:
         return None, where
@@ -270,22 +332,31 @@ def _prove_box(search: SkewedMargin, N: control.StateSpace) -> tuple[Certificate
     return (proof if proof.holds else None), where
 
 
-def _try_box(search: SkewedMargin, N: control.StateSpace, box: tuple[np.ndarray, np.ndarray]) -> SkewedMargin:
-    """Return the search with a counter-example from a part of the box, if it is smaller than the known one."""
+def _try_box(
+    search: SkewedMargin, N: control.StateSpace, box: tuple[np.ndarray, np.ndarray]
+) -> SkewedMargin:
+    """Return the search with a counter-example from a part of the box, if it is smaller than the
+    known one.
+    """
     found = find_crossing(N, search.s, least=1e-3, limit=1.0)
     if found is None:
         return search
-    C, H = _place_parameters(search.s, box[0]), np.repeat(box[1], [col.stop - col.start for col in search.s.cols])
+    C = _place_parameters(search.s, box[0])
+    H = np.repeat(box[1], [col.stop - col.start for col in search.s.cols])
     return _try_perturbation(search, C + H[:, None] * found.delta)
 
 
 def _try_perturbation(search: SkewedMargin, E: np.ndarray) -> SkewedMargin:
-    """Return the search with the smallest size at which this perturbation makes the loop unstable, if it is smaller.
+    """Return the search with the smallest size at which this perturbation makes the loop unstable,
+    if it is smaller.
 
     The perturbation has size one: it makes the loop unstable with the growing blocks at the level.
     """
     loop = PerturbedLoop.of(search.N, search.s, search.growing)
-    high = next((t for t in (1.0, 1.0 + 1e-6, 1.0 + 1e-3) if loop.excess(E[None], t * search.level)[0] > 0), None)
+    high = next(
+        (t for t in (1.0, 1.0 + 1e-6, 1.0 + 1e-3) if loop.excess(E[None], t * search.level)[0] > 0),
+        None,
+    )
     if high is None:
         return search
     found = verified_crossing(search.N, loop, E, loop.crossing_size(E, 0.0, high * search.level))
@@ -316,7 +387,9 @@ def real_parameters(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
 def _split_box(
     search: SkewedMargin, box: tuple[np.ndarray, np.ndarray], omega: float
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the part cut in two across the parameter that lowers the bound at its peak most; none if it is thin."""
+    """Return the part cut in two across the parameter that lowers the bound at its peak most; none
+    if it is thin.
+    """
     middle, half = box
     found: list[list[tuple[np.ndarray, np.ndarray]]] = []
     for k in search.real:
@@ -325,9 +398,13 @@ def _split_box(
             found.append([(middle - move, half - move), (middle + move, half - move)])
     if not found:
         return []
-    worst = -np.array([box[1].sum() - parts[0][1].sum() for parts in found])  # by default the widest
+    worst = -np.array(
+        [box[1].sum() - parts[0][1].sum() for parts in found]
+    )  # by default the widest
     cut = [_box_system(search, part) for parts in found for part in parts]
     if np.isfinite(omega) and all(N is not None for N in cut):
-        responses = np.concatenate([np.moveaxis(response_by_channel(N, np.array([omega])), 2, 0) for N in cut])
+        responses = np.concatenate(
+            [np.moveaxis(response_by_channel(N, np.array([omega])), 2, 0) for N in cut]
+        )
         worst = upper_bound(responses, search.blocks).value.reshape(-1, 2).max(axis=1)
     return found[int(worst.argmin())]

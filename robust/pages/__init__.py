@@ -1,4 +1,5 @@
-"""Pages: facts in sections, with a renderer for text and one for HTML; `to_plain` makes JSON of them.
+"""Pages: facts in sections, with a renderer for text and one for HTML; `to_plain` makes JSON of
+them.
 
 html     the page in a browser: one file with its pictures, its style and a small script that enlarges them
 section  facts, tables and pictures in sections

@@ -1,7 +1,7 @@
 """Sections as one HTML file.
 
-The file holds its pictures, its style and a small script that enlarges them. Its content security policy forbids the
-browser every request, so that it reads the same in ten years, and on paper.
+The file holds its pictures, its style and a small script that enlarges them. Its content security
+policy forbids the browser every request, so that it reads the same in ten years, and on paper.
 """
 
 from __future__ import annotations
@@ -35,23 +35,30 @@ def draw_picture(
     draw(*content, ax=figure.add_axes((left, 0.1, 0.98 - left, 0.84)), **options)
     bottom, top = max(map(height_below, figure.axes)) / height, 1 - 0.35 / height
     old = [axes.get_position() for axes in figure.axes]
-    for axes, place in zip(figure.axes, old, strict=True):  # free space for a legend of any height below
+    for axes, place in zip(
+        figure.axes, old, strict=True
+    ):  # free space for a legend of any height below
         low, high = (bottom + (y - 0.1) / 0.84 * (top - bottom) for y in (place.y0, place.y1))
         axes.set_position((place.x0, low, place.width, high - low))
     stream = BytesIO()
     with matplotlib.rc_context({"svg.hashsalt": "robust"}):  # the same run gives the same file
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
-    return Picture("data:image/svg+xml;base64," + base64.b64encode(stream.getvalue()).decode("ascii"), caption)
+    return Picture(
+        "data:image/svg+xml;base64," + base64.b64encode(stream.getvalue()).decode("ascii"), caption
+    )
 
 
 def render_page(sections: Sequence[Section], **content: object) -> str:
     """Return the HTML text.
 
-    content : title and notes; verdict; style, heading and lines of the banner above all sections; warnings.
+    content : title and notes; verdict; style, heading and lines of the banner above all sections;
+    warnings.
     """
     from jinja2 import Environment, StrictUndefined
 
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
     template = files("robust.pages").joinpath("page.html.jinja").read_text(encoding="utf-8")
     written = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z")
     return environment.from_string(template).render(**content, sections=sections, written=written)

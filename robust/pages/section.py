@@ -20,7 +20,8 @@ class Fact:
     name : str
         Name of the quantity.
     value : str, float or Peak
-        A text, a number, or a number with the frequency at which it stands. Neither an empty text nor nan is shown.
+        A text, a number, or a number with the frequency at which it stands. Neither an empty text
+        nor nan is shown.
     unit : str
         Unit of the number.
     meaning : str
@@ -62,7 +63,8 @@ class Picture:
 
 @value(kw_only=False)
 class Section:
-    """One section: its name in addresses and in JSON, a heading, a sentence on it, facts, a table, and pictures.
+    """One section: its name in addresses and in JSON, a heading, a sentence on it, facts, a table,
+    and pictures.
 
     The first row of the table is its head.
     """

@@ -12,7 +12,8 @@ _NARROWEST = 13  # columns of the names, so that short lists align
 
 
 def format_facts(facts: Iterable[Fact]) -> str:
-    """Return facts in rows, the name of each in front of its value and meaning; a fact without a value is left out.
+    """Return facts in rows, the name of each in front of its value and meaning; a fact without a
+    value is left out.
 
     >>> print(format_facts([Fact("gain margin", 7.4, "dB", "the gain may rise this far"), Fact("level", "")]))
     gain margin: 7.4 dB: the gain may rise this far
@@ -22,7 +23,11 @@ def format_facts(facts: Iterable[Fact]) -> str:
     rows = []
     for fact, amount in shown.items():
         text = f"{amount}: {fact.meaning}" if fact.meaning else amount
-        lines = [row for line in text.splitlines() for row in wrap(line, SCREEN_WIDTH - width, break_on_hyphens=False)]
+        lines = [
+            row
+            for line in text.splitlines()
+            for row in wrap(line, SCREEN_WIDTH - width, break_on_hyphens=False)
+        ]
         names = [f"{fact.name}:", *[""] * len(lines)]
         rows += [f"{name:{width}}{line}" for name, line in zip(names, lines, strict=False)]
     return "\n".join(rows)
@@ -44,6 +49,8 @@ def format_sections(sections: Iterable[Section]) -> str:
     """Return sections below one another, each under its title."""
     pages = []
     for section in sections:
-        lead, facts, table = wrap(section.lead, SCREEN_WIDTH), format_facts(section.facts), format_table(section.table)
+        lead = wrap(section.lead, SCREEN_WIDTH)
+        facts = format_facts(section.facts)
+        table = format_table(section.table)
         pages.append("\n".join(filter(None, [section.title, *lead, facts, table])))
     return "\n\n".join(pages)

@@ -21,12 +21,14 @@ if TYPE_CHECKING:
 
 #: Colours of levels, in their order.
 _LEVEL_COLORS = (COLOR["misfit"], COLOR["loop"], COLOR["level"], COLOR["limit"])
-#: Range of a picture of the friction force on either side, in widths of presliding (break-away force over stiffness).
+# : Range of a picture of the friction force on either side, in widths of presliding (break-away
+# force over stiffness).
 _SLIP_LENGTHS = 4.0
 
 
 def plot_friction_fit(fit: FrictionFit, *, ax: AxesLike | None = None) -> tuple[Axes, Axes]:
-    """Plot k_eq and c_eq of the friction over the rms of the motion: measured at every level, and of the fit.
+    """Plot k_eq and c_eq of the friction over the rms of the motion: measured at every level, and
+    of the fit.
 
     A difference between the two shows another friction or another machine.
 
@@ -49,23 +51,35 @@ def plot_friction_fit(fit: FrictionFit, *, ax: AxesLike | None = None) -> tuple[
         measured = [getattr(level, name) for level in levels]
         fitted = [getattr(level, f"{name}_fit") for level in levels]
         axes.plot(amplitude, measured, "o", color=COLOR["limit"], label="measured")
-        axes.plot(amplitude, fitted, "-", color=COLOR["loop"], label=f"{fit.element_stiffness.size} Maxwell elements")
+        axes.plot(
+            amplitude,
+            fitted,
+            "-",
+            color=COLOR["loop"],
+            label=f"{fit.element_stiffness.size} Maxwell elements",
+        )
         axes.set(xscale="log", ylabel=label)
     top.axhline(fit.K0, color=COLOR["radius"], lw=1.0, label="K0")
-    top.set_title(f"Friction over the motion: K0 {fit.K0:.4g} {force}/{length}, Fs {fit.Fs:.4g} {force}")
+    top.set_title(
+        f"Friction over the motion: K0 {fit.K0:.4g} {force}/{length}, Fs {fit.Fs:.4g} {force}"
+    )
     bottom.set_xlabel(f"rms of the motion [µ{length}]")
     finish_axes(bottom)
     return finish_axes(top), bottom
 
 
 def plot_friction_force(
-    loops: Mapping[str, np.ndarray], read: FrictionFit | FrictionForce, *, ax: AxesLike | None = None
+    loops: Mapping[str, np.ndarray],
+    read: FrictionFit | FrictionForce,
+    *,
+    ax: AxesLike | None = None,
 ) -> Axes:
-    """Draw the friction force over the position of each record at rest, with the estimated friction.
+    """Draw the friction force over the position of each record at rest, with the estimated
+    friction.
 
-    In sticking the force runs along its presliding stiffness K0; in sliding it stays within the break-away force. For
-    fitted elements the virgin curve is drawn: the force of a first push from rest. Numbers that the levels do not
-    determine are not drawn.
+    In sticking the force runs along its presliding stiffness K0; in sliding it stays within the
+    break-away force. For fitted elements the virgin curve is drawn: the force of a first push from
+    rest. Numbers that the levels do not determine are not drawn.
 
     Parameters
     ----------
@@ -78,22 +92,42 @@ def plot_friction_force(
     """
     require_kind("read", read, FrictionFit, FrictionForce)
     if not isinstance(loops, Mapping) or not loops:
-        raise ValueError(f"loops must hold position and force of a record by its name, got {short_form(loops)}")
+        raise ValueError(
+            f"loops must hold position and force of a record by its name, got {short_form(loops)}"
+        )
     ax = axes_or_new(ax)
     force, length = read.units if isinstance(read, FrictionFit) else read.sliding.units
-    for k, ((name, (x, f)), color) in enumerate(zip(loops.items(), cycle(_LEVEL_COLORS))):  # the smallest on top
-        ax.plot(1e6 * np.append(x, x[0]), np.append(f, f[0]), "-", lw=0.8, color=color, label=name, zorder=3 - 0.1 * k)
+    for k, ((name, (x, f)), color) in enumerate(
+        zip(loops.items(), cycle(_LEVEL_COLORS))
+    ):  # the smallest on top
+        ax.plot(
+            1e6 * np.append(x, x[0]),
+            np.append(f, f[0]),
+            "-",
+            lw=0.8,
+            color=color,
+            label=name,
+            zorder=3 - 0.1 * k,
+        )
     K0, Fs = _force_numbers(read)
     at_most = "" if isinstance(read, FrictionFit) else "at most "
     widest = max(float(np.ptp(x)) for x, _ in loops.values())
     reach = min(widest, _SLIP_LENGTHS * Fs / K0) if K0 * Fs > 0 and np.isfinite(K0 * Fs) else widest
     if isinstance(read, FrictionFit) and np.isfinite(K0 * Fs):
         x = np.linspace(-reach, reach, 401)
-        virgin = np.sign(x) * np.minimum(np.outer(np.abs(x), read.element_stiffness), read.element_strength).sum(axis=1)
+        virgin = np.sign(x) * np.minimum(
+            np.outer(np.abs(x), read.element_stiffness), read.element_strength
+        ).sum(axis=1)
         label = f"virgin curve, {read.element_stiffness.size} Maxwell elements"
         ax.plot(1e6 * x, virgin, "-", lw=2.0, color=COLOR["radius"], label=label, zorder=4)
     if np.isfinite(Fs):
-        ax.axhline(Fs, ls="--", lw=1.0, color=COLOR["weight"], label=f"break-away force {at_most}{Fs:.4g} {force}")
+        ax.axhline(
+            Fs,
+            ls="--",
+            lw=1.0,
+            color=COLOR["weight"],
+            label=f"break-away force {at_most}{Fs:.4g} {force}",
+        )
         ax.axhline(-Fs, ls="--", lw=1.0, color=COLOR["weight"])
     if np.isfinite(K0 * Fs) and K0 > 0:
         end = 1e6 * Fs / K0
@@ -109,15 +143,21 @@ def plot_friction_force(
 
 
 def _force_numbers(read: FrictionFit | FrictionForce) -> tuple[float, float]:
-    """Return presliding stiffness [N/m] and break-away force [N], the latter at most; nan if undetermined."""
+    """Return presliding stiffness [N/m] and break-away force [N], the latter at most; nan if
+    undetermined.
+    """
     if isinstance(read, FrictionForce):
         return float(np.mean(read.K0)), float(read.Fs.max())
-    known = [value if np.isfinite(read.stds[name]) else np.nan for name, value in (("K0", read.K0), ("Fs", read.Fs))]
+    known = [
+        value if np.isfinite(read.stds[name]) else np.nan
+        for name, value in (("K0", read.K0), ("Fs", read.Fs))
+    ]
     return known[0], known[1]
 
 
 class RestCase(NamedTuple):
-    """An assumption or change, the verdict with it, and the largest distance from the set point, nan if unknown.
+    """An assumption or change, the verdict with it, and the largest distance from the set point,
+    nan if unknown.
 
     A simulation has no verdict.
     """
@@ -128,14 +168,20 @@ class RestCase(NamedTuple):
 
 
 def plot_rest(
-    cases: Sequence[RestCase], *, unit: str = "m", asked: float | None = None, ax: AxesLike | None = None
+    cases: Sequence[RestCase],
+    *,
+    unit: str = "m",
+    asked: float | None = None,
+    ax: AxesLike | None = None,
 ) -> Axes:
-    """Draw the final distance of an axis from its set point, one bar for each case: at rest, or moving for ever.
+    """Draw the final distance of an axis from its set point, one bar for each case: at rest, or
+    moving for ever.
 
     Parameters
     ----------
     cases : sequence of RestCase
-        The assumption or change, the verdict with it, and the largest distance from the set point [m].
+        The assumption or change, the verdict with it, and the largest distance from the set point
+        [m].
     unit : str
         Unit of the distance.
     asked : float, optional
@@ -152,22 +198,51 @@ def plot_rest(
     known = np.append(distances, [] if asked is None else 1e6 * asked)
     known = known[np.isfinite(known) & (known > 0)]
     low, high = (known.min() / 10, known.max() * 30) if known.size else (0.1, 10.0)
-    words = {"weight": "proved: comes to rest", "limit": "may move for ever", "noise": "simulated, no proof"}
+    words = {
+        "weight": "proved: comes to rest",
+        "limit": "may move for ever",
+        "noise": "simulated, no proof",
+    }
     for row, ((name, verdict, distance), size) in enumerate(zip(cases, distances, strict=True)):
-        kind = "noise" if verdict is None else "weight" if verdict is FrictionVerdict.PROVED else "limit"
+        kind = (
+            "noise"
+            if verdict is None
+            else "weight"
+            if verdict is FrictionVerdict.PROVED
+            else "limit"
+        )
         end = max(size, low) if np.isfinite(size) else high
-        ax.barh(row, end - low, 0.4, left=low, color=COLOR[kind], alpha=0.6, label=words.pop(kind, None))
+        ax.barh(
+            row, end - low, 0.4, left=low, color=COLOR[kind], alpha=0.6, label=words.pop(kind, None)
+        )
         if not size:
             ax.plot(low, row, "o", ms=9, color=COLOR[kind], clip_on=False)
         where = "no bound known" if not np.isfinite(size) else format_length(distance, unit)
         texts = {(row, end if np.isfinite(size) else low): where if size else "at the set point"}
         for (height, left), text in ({(row - 0.36, low): name} | texts).items():
-            ax.annotate(text, (left, height), xytext=(9, 0), textcoords="offset points", va="center", fontsize="small")
+            ax.annotate(
+                text,
+                (left, height),
+                xytext=(9, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize="small",
+            )
     if asked is not None:
-        ax.axvline(1e6 * asked, color="black", ls="--", lw=1.0, label=f"asked: {format_length(asked, unit)}")
+        ax.axvline(
+            1e6 * asked,
+            color="black",
+            ls="--",
+            lw=1.0,
+            label=f"asked: {format_length(asked, unit)}",
+        )
     ax.set_yticks([])
     ax.set_ylim(-0.7, len(cases) - 0.5)
     ax.invert_yaxis()
-    ax.set(xscale="log", xlim=(low, high), xlabel=f"largest final distance from the set point [µ{unit}]")
+    ax.set(
+        xscale="log",
+        xlim=(low, high),
+        xlabel=f"largest final distance from the set point [µ{unit}]",
+    )
     ax.set_title("Final distance from the set point")
     return finish_axes(ax)

@@ -27,11 +27,32 @@ def plot_contraction(learning: Learning, *, ax: Axes | None = None) -> Axes:
     """
     require_kind("learning", learning, Learning)
     ax, f = axes_or_new(ax), to_hertz(learning.omega)
-    ax.plot(f, learning.contraction(learning.omega), "-", lw=1.8, color=COLOR["limit"], label="factor per trial")
+    ax.plot(
+        f,
+        learning.contraction(learning.omega),
+        "-",
+        lw=1.8,
+        color=COLOR["limit"],
+        label="factor per trial",
+    )
     ax.plot(f, learning.Q(learning.omega), "--", lw=1.2, color=COLOR["radius"], label="Q")
-    ax.plot(f, learning.left(learning.omega), "-.", lw=1.2, color=COLOR["loop"], label="final error, at most")
-    ax.axhline(learning.factor, lw=0.8, color=COLOR["limit"], ls=":", label=f"factor {learning.factor:.3g}")
-    ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="ratio", title="Learning, for every plant of the set")
+    ax.plot(
+        f,
+        learning.left(learning.omega),
+        "-.",
+        lw=1.2,
+        color=COLOR["loop"],
+        label="final error, at most",
+    )
+    ax.axhline(
+        learning.factor, lw=0.8, color=COLOR["limit"], ls=":", label=f"factor {learning.factor:.3g}"
+    )
+    ax.set(
+        xscale="log",
+        xlabel="frequency [Hz]",
+        ylabel="ratio",
+        title="Learning, for every plant of the set",
+    )
     low, high = to_hertz(np.asarray(learning.loop.band))
     mark_band(ax, (low, high), happens=[to_hertz(2 * learning.omega_Q)], top=f[-1])
     ax.set_ylim(0, 1.1)
@@ -49,6 +70,12 @@ def plot_trials(errors: np.ndarray, *, ax: Axes | None = None) -> Axes:
         Where to draw; a new figure by default.
     """
     errors, ax = require_real_array("errors", errors, ndim=1), axes_or_new(ax)
-    ax.plot(np.arange(errors.size), errors / errors[0], "o-", color=COLOR["loop"], label="error over that of the first")
+    ax.plot(
+        np.arange(errors.size),
+        errors / errors[0],
+        "o-",
+        color=COLOR["loop"],
+        label="error over that of the first",
+    )
     ax.set(yscale="log", xlabel="trial", ylabel="ratio", title="Error over the trials")
     return finish_axes(ax)

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 def plot_loop(report: RobustnessReport | LoopGains, *, ax: Axes | None = None) -> Axes:
     """Plot loop gain, sensitivity and complementary sensitivity of the nominal loop.
 
-    For several channels the range of the singular values of L, S and T is drawn: strongest and weakest direction.
+    For several channels the range of the singular values of L, S and T is drawn: strongest and
+    weakest direction.
 
     Parameters
     ----------
@@ -35,16 +36,31 @@ def plot_loop(report: RobustnessReport | LoopGains, *, ax: Axes | None = None) -
         return _draw_gains(ax, report)
     _require_one_loop(report)
     f = to_hertz(report.curves.omega)
-    ax.plot(f, to_decibel(np.abs(report.curves.L)), "-", lw=1.8, color=COLOR["radius"], label="|L| = |G K|")
+    ax.plot(
+        f,
+        to_decibel(np.abs(report.curves.L)),
+        "-",
+        lw=1.8,
+        color=COLOR["radius"],
+        label="|L| = |G K|",
+    )
     ax.plot(f, to_decibel(np.abs(report.curves.S)), "-", lw=1.4, color=COLOR["loop"], label="|S|")
     ax.plot(f, to_decibel(np.abs(report.curves.T)), "-.", lw=1.4, color=COLOR["limit"], label="|T|")
     if report.curves.w_P is not None:
-        ax.plot(f, -to_decibel(report.curves.w_P), "--", lw=1.2, color=COLOR["loop"], label="1/|w_P|")
+        ax.plot(
+            f, -to_decibel(report.curves.w_P), "--", lw=1.2, color=COLOR["loop"], label="1/|w_P|"
+        )
     ax.axhline(0, color="0.5", lw=0.8)
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="magnitude [dB]", title="Nominal loop")
     seen = report.classical
     _mark_measured_band(
-        ax, report.curves.omega, report.given.band, seen.crossover, seen.bandwidth, seen.omega_phase, seen.omega_gain
+        ax,
+        report.curves.omega,
+        report.given.band,
+        seen.crossover,
+        seen.bandwidth,
+        seen.omega_phase,
+        seen.omega_gain,
     )
     fit_vertical_axis(ax)
     return finish_axes(ax)
@@ -55,9 +71,15 @@ def _draw_gains(ax: Axes, gains: LoopGains) -> Axes:
     f = to_hertz(gains.omega)
     for name, color, style in (("L", "radius", "-"), ("S", "loop", "--"), ("T", "limit", "-.")):
         curves = getattr(gains, name)
-        ax.fill_between(f, to_decibel(curves[-1]), to_decibel(curves[0]), color=COLOR[color], alpha=0.15, lw=0)
-        ax.plot(f, to_decibel(curves[0]), style, lw=1.6, color=COLOR[color], label=f"{name}, largest")
-        ax.plot(f, to_decibel(curves[-1]), style, lw=0.7, color=COLOR[color], label=f"{name}, smallest")
+        ax.fill_between(
+            f, to_decibel(curves[-1]), to_decibel(curves[0]), color=COLOR[color], alpha=0.15, lw=0
+        )
+        ax.plot(
+            f, to_decibel(curves[0]), style, lw=1.6, color=COLOR[color], label=f"{name}, largest"
+        )
+        ax.plot(
+            f, to_decibel(curves[-1]), style, lw=0.7, color=COLOR[color], label=f"{name}, smallest"
+        )
     ax.axhline(0, color="0.5", lw=0.8)
     title = "Nominal loop" if gains.stable else "Nominal loop, not stable"
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="singular values [dB]", title=title)
@@ -70,19 +92,27 @@ def _draw_gains(ax: Axes, gains: LoopGains) -> Axes:
 def _require_one_loop(report: RobustnessReport) -> None:
     """Refuse a report by the structured singular value, which has no curves for one loop."""
     if not report.is_single:
-        raise ValueError("report must be of one loop for this picture, got one of several: plot_loop takes loop_gains")
+        raise ValueError(
+            "report must be of one loop for this picture, got one of several: plot_loop takes"
+            " loop_gains"
+        )
 
 
-def _mark_measured_band(ax: Axes, omega: np.ndarray, band: np.ndarray | None, *happens: float) -> None:
+def _mark_measured_band(
+    ax: Axes, omega: np.ndarray, band: np.ndarray | None, *happens: float
+) -> None:
     """Mark the measured band of curves over omega [rad/s], and frequencies [rad/s] of events."""
     f = to_hertz(omega)
     low, high = (f[0], f[-1]) if band is None else to_hertz(np.asarray(band))
-    top = f[-1] if f[-1] > high * (1 + 1e-9) else np.inf  # a plant known on its lines only has nothing above
+    top = (
+        f[-1] if f[-1] > high * (1 + 1e-9) else np.inf
+    )  # a plant known on its lines only has nothing above
     mark_band(ax, (low, high), happens=[to_hertz(w) for w in happens], top=top)
 
 
 def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
-    """Plot robust stability, nominal and robust performance over frequency; all must stay below one.
+    """Plot robust stability, nominal and robust performance over frequency; all must stay below
+    one.
 
     Parameters
     ----------
@@ -96,16 +126,32 @@ def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
     there = report.curves.omega > 0
     f = to_hertz(report.curves.omega[there])
     curves = (
-        (report.curves.rs, "robust stability" + ", upper bound of mu" * (not single), COLOR["limit"], "-"),
+        (
+            report.curves.rs,
+            "robust stability" + ", upper bound of mu" * (not single),
+            COLOR["limit"],
+            "-",
+        ),
         (report.curves.np_, "nominal performance |w_P S|", COLOR["loop"], "--"),
         (report.curves.rp, "robust performance", COLOR["radius"], "-" if single else "--"),
     )
     if single or report.given.band is not None:
         _mark_measured_band(
-            ax, report.curves.omega, report.given.band, report.margins.omega_rs, report.margins.omega_rp
+            ax,
+            report.curves.omega,
+            report.given.band,
+            report.margins.omega_rs,
+            report.margins.omega_rp,
         )
-    inside = (f >= ax.get_xlim()[0]) & (f <= ax.get_xlim()[1]) if single or report.given.band is not None else f > 0
-    drawn = [curve[there][np.isfinite(curve[there]) & (curve[there] > 0) & inside] for curve, *_ in curves]
+    inside = (
+        (f >= ax.get_xlim()[0]) & (f <= ax.get_xlim()[1])
+        if single or report.given.band is not None
+        else f > 0
+    )
+    drawn = [
+        curve[there][np.isfinite(curve[there]) & (curve[there] > 0) & inside]
+        for curve, *_ in curves
+    ]
     for curve, label, color, style in curves:
         if np.isfinite(curve).any():
             ax.plot(f, curve[there], style, lw=1.6, color=color, label=label)
@@ -138,7 +184,8 @@ def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_nyquist(report: RobustnessReport, *, n_discs: int = 25, ax: Axes | None = None) -> Axes:
-    """Plot the nominal L in the complex plane, with the disc of the set at some frequencies around the crossover.
+    """Plot the nominal L in the complex plane, with the disc of the set at some frequencies around
+    the crossover.
 
     Parameters
     ----------
@@ -162,10 +209,16 @@ def plot_nyquist(report: RobustnessReport, *, n_discs: int = 25, ax: Axes | None
     near = np.flatnonzero((np.abs(L + 1) < reach) & np.isfinite(radius) & (radius > 0))
     if near.size:
         path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(L[near])))])
-        for k in near[np.unique(np.searchsorted(path, np.linspace(0, path[-1], n_discs)).clip(0, near.size - 1))]:
+        for k in near[
+            np.unique(
+                np.searchsorted(path, np.linspace(0, path[-1], n_discs)).clip(0, near.size - 1)
+            )
+        ]:
             touched = abs(centre[k] + 1) <= radius[k]
             color = COLOR["limit"] if touched else COLOR["weight"]
-            ax.add_patch(Circle((centre[k].real, centre[k].imag), radius[k], fill=False, lw=0.8, color=color))
+            ax.add_patch(
+                Circle((centre[k].real, centre[k].imag), radius[k], fill=False, lw=0.8, color=color)
+            )
         ax.plot([], [], "o", ms=9, mfc="none", color=COLOR["weight"], label="discs of the set")
         if np.any(np.abs(centre[near] + 1) <= radius[near]):
             ax.plot([], [], "o", ms=9, mfc="none", color=COLOR["limit"], label="discs over -1")
@@ -197,9 +250,22 @@ def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
     for k, (S, stable) in enumerate(zip(family.S, family.stable, strict=True)):
         color = COLOR["noise"] if stable else COLOR["limit"]
         ax.plot(
-            f, to_decibel(np.abs(S)), "-", lw=0.5, color=color, alpha=0.6, label="plants of the set" if k == 0 else None
+            f,
+            to_decibel(np.abs(S)),
+            "-",
+            lw=0.5,
+            color=color,
+            alpha=0.6,
+            label="plants of the set" if k == 0 else None,
         )
-    ax.plot(f, to_decibel(np.abs(family.nominal)), "-", lw=1.8, color=COLOR["radius"], label="nominal |S|")
+    ax.plot(
+        f,
+        to_decibel(np.abs(family.nominal)),
+        "-",
+        lw=1.8,
+        color=COLOR["radius"],
+        label="nominal |S|",
+    )
     ax.plot(
         f,
         to_decibel(np.where(np.isfinite(family.worst), family.worst, np.nan)),
@@ -221,8 +287,11 @@ def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
     return finish_axes(ax)
 
 
-def plot_step(step: StepResponse, worst: StepResponse | None = None, *, unit: str = "", ax: Axes | None = None) -> Axes:
-    """Plot the response of the loop to a step of its reference, with the nominal and with the worst plant.
+def plot_step(
+    step: StepResponse, worst: StepResponse | None = None, *, unit: str = "", ax: Axes | None = None
+) -> Axes:
+    """Plot the response of the loop to a step of its reference, with the nominal and with the worst
+    plant.
 
     For several outputs the one whose reference steps is a thick line, the others are thin.
 
@@ -241,14 +310,24 @@ def plot_step(step: StepResponse, worst: StepResponse | None = None, *, unit: st
     ax, worst = axes_or_new(ax), step.worst if worst is None else worst
     ax.axhline(step.final, color="0.5", lw=0.8, label="final value")
     end = max(one.t[-1] for one in (step, worst) if one is not None)
-    drawn = ((worst, "worst plant", COLOR["limit"], "--"), (step, "nominal plant", COLOR["radius"], "-"))
+    drawn = (
+        (worst, "worst plant", COLOR["limit"], "--"),
+        (step, "nominal plant", COLOR["radius"], "-"),
+    )
     for one, label, color, style in drawn:
         if one is not None:
             t, rows = np.append(one.t, end), np.atleast_2d(one.y)
             for j, row in enumerate(rows):
                 steps = j == one.reference
                 legend = f"{label}: overshoot {100 * one.overshoot:.0f} %" if steps else None
-                ax.plot(t, np.append(row, row[-1]), style, lw=1.6 if steps else 0.8, color=color, label=legend)
+                ax.plot(
+                    t,
+                    np.append(row, row[-1]),
+                    style,
+                    lw=1.6 if steps else 0.8,
+                    color=color,
+                    label=legend,
+                )
     ax.set(
         xlabel="time [s]",
         ylabel=label_with_unit("y", unit, "unit of y"),

@@ -28,13 +28,29 @@ from robust.models.fit.nominal import NominalFit, bla_behind_hold
 from robust.models.sets.forms import FORMS
 from robust.models.sets.model import UncertaintyModel, require_one_channel
 from robust.models.sets.orders import OrderScan
-from robust.plot.style import BAND_MARGIN, COLOR, MEASURED, OVER_NOTE, PART, STYLE, mark_band, to_hertz
+from robust.plot.style import (
+    BAND_MARGIN,
+    COLOR,
+    MEASURED,
+    OVER_NOTE,
+    PART,
+    STYLE,
+    mark_band,
+    to_hertz,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 #: The parts of a budget in grey.
-_HATCH = {"noise": "", "odd": "//", "even": "..", "misfit": "\\\\", "level": "xx", "systematic": "--"}
+_HATCH = {
+    "noise": "",
+    "odd": "//",
+    "even": "..",
+    "misfit": "\\\\",
+    "level": "xx",
+    "systematic": "--",
+}
 
 #: The measurement that lowers a part of the radius.
 _NEXT_MEASUREMENT = {
@@ -48,17 +64,18 @@ _NEXT_MEASUREMENT = {
 _AXIS_MARGIN = 15.0  # dB below the least gain of the nominal in a row
 _FLAT_MARGIN = 5.0  # dB above and below a constant weight
 _MAX_MARKERS = 300  # measured lines that are drawn with their bounds, for several channels
-_DECIBELS_BELOW, _DECIBELS_ABOVE = (
-    16.0,
-    12.0,
-)  # dB around the curves of a set: bands of 84 % below and of 300 % above fit
+# dB around the curves of a set: bands of 84 % below and of 300 % above fit
+_DECIBELS_BELOW = 16.0
+_DECIBELS_ABOVE = 12.0
 
 
 def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes | np.ndarray:
-    """Plot the radius on the measured lines, its parts, and the weight over it, also outside the band.
+    """Plot the radius on the measured lines, its parts, and the weight over it, also outside the
+    band.
 
-    For several channels radii and weights are drawn in a matrix of axes, which is returned: for "elements" entry by
-    entry, for a full block W_l above W_r with one column for each channel; missing weights are left empty.
+    For several channels radii and weights are drawn in a matrix of axes, which is returned: for
+    "elements" entry by entry, for a full block W_l above W_r with one column for each channel;
+    missing weights are left empty.
 
     Parameters
     ----------
@@ -75,8 +92,18 @@ def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes | np
     for name, part in model.budget.items():
         if np.any(part > floor):
             label = f"part: {PART[name]}"
-            ax.plot(f, to_decibel(part), ls=STYLE[name], lw=1.1, color=COLOR[name], alpha=0.9, label=label)
-    ax.plot(f, to_decibel(model.radius), ".", ms=3, color=COLOR["radius"], label="radius on the lines")
+            ax.plot(
+                f,
+                to_decibel(part),
+                ls=STYLE[name],
+                lw=1.1,
+                color=COLOR[name],
+                alpha=0.9,
+                label=label,
+            )
+    ax.plot(
+        f, to_decibel(model.radius), ".", ms=3, color=COLOR["radius"], label="radius on the lines"
+    )
     wide = _widened_band(model)
     ax.plot(
         to_hertz(wide),
@@ -101,9 +128,11 @@ def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes | np
 def plot_set(
     model: UncertaintyModel, bla: Bla | Sequence[Bla] | None = None, *, ax: Axes | None = None
 ) -> tuple[Axes, Axes] | np.ndarray:
-    """Plot measured points, nominal and set together: magnitude and phase over logarithmic frequency.
+    """Plot measured points, nominal and set together: magnitude and phase over logarithmic
+    frequency.
 
-    For several channels every entry of the nominal is drawn with its range of gains over the set, in a matrix of axes.
+    For several channels every entry of the nominal is drawn with its range of gains over the set,
+    in a matrix of axes.
 
     Parameters
     ----------
@@ -128,14 +157,23 @@ def plot_set(
         return _draw_entries(model, blas, omega=omega, ax=ax)
     top, bottom = bode_axes(ax)
     f, G = to_hertz(omega), model.at(omega)
-    size, w, scale = np.abs(G), *(np.abs(response(part, omega)) for part in (model.weight, model.shaping))
+    size, w, scale = (
+        np.abs(G),
+        *(np.abs(response(part, omega)) for part in (model.weight, model.shaping)),
+    )
     low, high = (gain / scale for gain in FORMS[model.form].gains(w, scale * size))
-    gain_band(top, f, size, low, high, color=COLOR["weight"], alpha=0.25, label="the set", over=OVER_NOTE)
+    gain_band(
+        top, f, size, low, high, color=COLOR["weight"], alpha=0.25, label="the set", over=OVER_NOTE
+    )
     phase = np.unwrap(np.angle(G))
-    with np.errstate(invalid="ignore"):  # the set is a disc, with its ends on the ray of the nominal
+    with np.errstate(
+        invalid="ignore"
+    ):  # the set is a disc, with its ends on the ray of the nominal
         ratio = (high - low) / (high + low)
     wide = np.arcsin(np.where((low > 0) & (ratio < 1), ratio, np.nan))
-    bottom.fill_between(f, *np.degrees([phase - wide, phase + wide]), color=COLOR["weight"], alpha=0.25, lw=0)
+    bottom.fill_between(
+        f, *np.degrees([phase - wide, phase + wide]), color=COLOR["weight"], alpha=0.25, lw=0
+    )
     shown: list[np.ndarray] = []
     for one, color in zip(blas, MEASURED * len(blas), strict=False):
         radius, measured = one.bound(), np.abs(one.G)
@@ -148,14 +186,20 @@ def plot_set(
         top.plot(one.f, to_decibel(measured), ".", ms=4, color=color, label=label)
         turn = np.interp(one.f, f, phase)
         around = turn + np.angle(one.G * np.exp(-1j * turn))
-        bottom.errorbar(one.f, np.degrees(around), phase_band(one.G, radius), fmt=".", ms=4, lw=0.8, color=color)
+        bottom.errorbar(
+            one.f, np.degrees(around), phase_band(one.G, radius), fmt=".", ms=4, lw=0.8, color=color
+        )
         shown += [around]
     for axes_, curve in ((top, to_decibel(size)), (bottom, np.degrees(phase))):
-        axes_.plot(f, curve, "-", lw=1.6, color=COLOR["radius"], label="nominal" if axes_ is top else None)
+        axes_.plot(
+            f, curve, "-", lw=1.6, color=COLOR["radius"], label="nominal" if axes_ is top else None
+        )
         axes_.set_xscale("log")
         mark_band(axes_, (to_hertz(model.omega[0]), to_hertz(model.omega[-1])), top=f[-1])
     every = np.degrees(np.concatenate([phase, *shown]))
-    bottom.set(ylim=(every.min() - 60, every.max() + 60), xlabel="frequency [Hz]", ylabel="phase [deg]")
+    bottom.set(
+        ylim=(every.min() - 60, every.max() + 60), xlabel="frequency [Hz]", ylabel="phase [deg]"
+    )
     top.set(
         ylim=_magnitude_limits(size, *(np.abs(one.G) for one in blas)),
         ylabel=f"magnitude [dB, {model.origin.unit or 'unit of y / u'}]",
@@ -165,15 +209,23 @@ def plot_set(
     return top, finish_axes(bottom)
 
 
-def _draw_entries(model: UncertaintyModel, frms: Sequence[Bla], *, omega: np.ndarray, ax: Axes | None) -> np.ndarray:
+def _draw_entries(
+    model: UncertaintyModel, frms: Sequence[Bla], *, omega: np.ndarray, ax: Axes | None
+) -> np.ndarray:
     """Draw `plot_set` for several channels."""
-    f, size, reach = to_hertz(omega), np.abs(response_by_channel(model.nominal, omega)), model.entry_radius(omega)
-    made, foot = matrix_axes(ax, [f"{name}  [dB]" for name in model.outputs], [f"by {name}" for name in model.inputs])
+    f = to_hertz(omega)
+    size = np.abs(response_by_channel(model.nominal, omega))
+    reach = model.entry_radius(omega)
+    made, foot = matrix_axes(
+        ax, [f"{name}  [dB]" for name in model.outputs], [f"by {name}" for name in model.inputs]
+    )
     within = (omega >= model.omega[0]) & (omega <= model.omega[-1])
     for (j, i), one in np.ndenumerate(made):
         floor = float(to_decibel(size[j][:, within].min())) - _AXIS_MARGIN
         gains = size[j, i], size[j, i] - reach[j, i], size[j, i] + reach[j, i]
-        gain_band(one, f, *gains, color=COLOR["weight"], alpha=0.25, label="the set", over=OVER_NOTE)
+        gain_band(
+            one, f, *gains, color=COLOR["weight"], alpha=0.25, label="the set", over=OVER_NOTE
+        )
         for k, (measured, color) in enumerate(zip(frms, cycle(MEASURED))):
             gain, radius = np.abs(measured.G[j, i]), measured.bound()[j, i]
             ends = [
@@ -200,8 +252,13 @@ def _draw_weights(model: UncertaintyModel, ax: Axes | None) -> np.ndarray:
         rows, columns = ["W_l  [dB]", "W_r  [dB]"], [f"channel {k + 1}" for k in range(n)]
         places = {(0, k): k for k in range(n_l)} | {(1, k): n_l + k for k in range(n_r)}
     else:
-        rows, columns = [f"{name}  [dB]" for name in model.outputs], [f"by {name}" for name in model.inputs]
-        places = {(j, i): i * model.n_outputs + j for j in range(model.n_outputs) for i in range(model.n_inputs)}
+        rows = [f"{name}  [dB]" for name in model.outputs]
+        columns = [f"by {name}" for name in model.inputs]
+        places = {
+            (j, i): i * model.n_outputs + j
+            for j in range(model.n_outputs)
+            for i in range(model.n_inputs)
+        }
     made, foot = matrix_axes(ax, rows, columns)
     gains = model.weight_gains(omega)
     for place, one in np.ndenumerate(made):
@@ -217,28 +274,50 @@ def _draw_weights(model: UncertaintyModel, ax: Axes | None) -> np.ndarray:
             color=COLOR["radius"],
             label="radius on the lines",
         )
-        one.plot(to_hertz(omega), to_decibel(gains[k]), "-", lw=1.6, color=COLOR["weight"], label="|weight|")
+        one.plot(
+            to_hertz(omega),
+            to_decibel(gains[k]),
+            "-",
+            lw=1.6,
+            color=COLOR["weight"],
+            label="|weight|",
+        )
         one.set_xscale("log")
         one.ticklabel_format(axis="y", useOffset=False)
-        mark_band(one, (to_hertz(model.omega[0]), to_hertz(model.omega[-1])), top=to_hertz(omega[-1]))
+        mark_band(
+            one, (to_hertz(model.omega[0]), to_hertz(model.omega[-1])), top=to_hertz(omega[-1])
+        )
     for row in made:  # a constant weight is drawn flat
         low, high = row[0].get_ylim()
-        row[0].set_ylim(min(low, (low + high) / 2 - _FLAT_MARGIN), max(high, (low + high) / 2 + _FLAT_MARGIN))
+        row[0].set_ylim(
+            min(low, (low + high) / 2 - _FLAT_MARGIN), max(high, (low + high) / 2 + _FLAT_MARGIN)
+        )
     return finish_matrix(made, foot, "frequency [Hz]")
 
 
 def _magnitude_limits(*sizes: np.ndarray) -> tuple[float, float]:
-    """Return the limits of the vertical axis [dB] around measured and fitted points, with a margin for a band."""
+    """Return the limits of the vertical axis [dB] around measured and fitted points, with a margin
+    for a band.
+    """
     every = np.concatenate(sizes)
-    return float(to_decibel(every[every > 0].min())) - _DECIBELS_BELOW, float(to_decibel(every.max())) + _DECIBELS_ABOVE
+    return float(to_decibel(every[every > 0].min())) - _DECIBELS_BELOW, float(
+        to_decibel(every.max())
+    ) + _DECIBELS_ABOVE
 
 
 def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
-    """Draw the shares of the radius over frequency, and name what to measure; arguments as in `plot_weight`.
+    """Draw the shares of the radius over frequency, and name what to measure; arguments as in
+    `plot_weight`.
 
-    The legend gives the share of each part, as the mean over the lines, and the measurement that lowers this part.
+    The legend gives the share of each part, as the mean over the lines, and the measurement that
+    lowers this part.
     """
-    require_one_channel(model, "plot_weight shows every radius, budget its parts", "for this picture", parametric=False)
+    require_one_channel(
+        model,
+        "plot_weight shows every radius, budget its parts",
+        "for this picture",
+        parametric=False,
+    )
     ax = axes_or_new(ax)
     f = to_hertz(model.omega)
     below = np.zeros(f.size)
@@ -248,7 +327,15 @@ def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
             over, colour, hatch = below + share, COLOR[name], _HATCH[name]
             label = f"{PART[name]}, {np.mean(share):.0f} %: {_NEXT_MEASUREMENT[name]}"
             ax.fill_between(
-                f, below, over, lw=0, label=label, alpha=0.75, facecolor=colour, edgecolor="0.25", hatch=hatch
+                f,
+                below,
+                over,
+                lw=0,
+                label=label,
+                alpha=0.75,
+                facecolor=colour,
+                edgecolor="0.25",
+                hatch=hatch,
             )
             below = below + share
     ax.set(
@@ -263,21 +350,39 @@ def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_fit(fit: NominalFit, *, ax: Axes | None = None) -> Axes:
-    """Plot the measured lines, the nominal model through them, and the residual; arguments as in `plot_weight`."""
+    """Plot the measured lines, the nominal model through them, and the residual; arguments as in
+    `plot_weight`.
+    """
     require_kind("fit", fit, NominalFit)
     ax = axes_or_new(ax)
     f, measured = to_hertz(fit.omega), fit.response + fit.residual
     ax.plot(f, to_decibel(np.abs(measured)), ".", ms=3, color=COLOR["noise"], label="measured")
-    label = f"model, {fit.G.nstates} poles" + (f", delay {1e3 * fit.delay:.3g} ms" if fit.delay else "")
+    label = f"model, {fit.G.nstates} poles" + (
+        f", delay {1e3 * fit.delay:.3g} ms" if fit.delay else ""
+    )
     wide = np.geomspace(f.min() / BAND_MARGIN, f.max() * BAND_MARGIN, 400)
     wide = np.unique(np.concatenate([wide[wide < 0.5 / fit.G.dt] if fit.G.dt else wide, f]))
     drawn = response(fit.G, 2 * np.pi * wide)
     ax.plot(wide, to_decibel(np.abs(drawn)), "-", lw=1.6, color=COLOR["radius"], label=label)
-    ax.plot(f, to_decibel(np.abs(fit.residual)), "x", ms=3, color=COLOR["limit"], alpha=0.7, label="residual")
+    ax.plot(
+        f,
+        to_decibel(np.abs(fit.residual)),
+        "x",
+        ms=3,
+        color=COLOR["limit"],
+        alpha=0.7,
+        label="residual",
+    )
     title = f"Nominal model of {fit.G.nstates} poles"
     if np.isfinite(fit.expected_cost):
         ax.plot(
-            f, to_decibel(fit.std), "_", ms=4, color=COLOR["loop"], alpha=0.9, label="standard deviation of the lines"
+            f,
+            to_decibel(fit.std),
+            "_",
+            ms=4,
+            color=COLOR["loop"],
+            alpha=0.9,
+            label="standard deviation of the lines",
         )
         title += f": cost {fit.cost / fit.expected_cost:.3g} times what scatter alone leaves"
     label = f"magnitude [dB, {fit.unit or 'unit of y / u'}]"
@@ -293,7 +398,13 @@ def plot_orders(scan: OrderScan, *, ax: Axes | None = None) -> Axes:
     require_kind("scan", scan, OrderScan)
     ax = axes_or_new(ax)
     ax.plot(scan.n_poles, scan.cost, "o-", color=COLOR["loop"], label="cost")
-    ax.plot(scan.n_poles, scan.expected_cost, ":", color=COLOR["noise"], label="what scatter alone leaves")
+    ax.plot(
+        scan.n_poles,
+        scan.expected_cost,
+        ":",
+        color=COLOR["noise"],
+        label="what scatter alone leaves",
+    )
     ax.plot(scan.n_poles, scan.criterion, "s-", color=COLOR["radius"], label="criterion")
     ax.axvline(scan.best, color=COLOR["weight"], lw=1.5, alpha=0.6, label=f"take {scan.best} poles")
     ax.set(yscale="log", xlabel="poles", ylabel="weighted squared error", title="Order scan")
@@ -302,9 +413,13 @@ def plot_orders(scan: OrderScan, *, ax: Axes | None = None) -> Axes:
 
 
 def _widened_band(model: UncertaintyModel) -> np.ndarray:
-    """Return frequencies [rad/s] for a curve: the band and half a decade on both sides, up to Nyquist."""
+    """Return frequencies [rad/s] for a curve: the band and half a decade on both sides, up to
+    Nyquist.
+    """
     high, dt = model.omega[-1] * BAND_MARGIN, max(map(timebase, model.weights))
     dt = dt or (0.0 if model.measured_only else timebase(model.nominal))
     if dt:
         high = min(high, np.pi / dt * (1 - 1e-9))
-    return np.unique(np.concatenate([np.geomspace(model.omega[0] / BAND_MARGIN, high, 600), model.omega]))
+    return np.unique(
+        np.concatenate([np.geomspace(model.omega[0] / BAND_MARGIN, high, 600), model.omega])
+    )

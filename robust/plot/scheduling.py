@@ -1,4 +1,6 @@
-"""A model that goes with an operating point: its gain over frequency at each point and in between."""
+"""A model that goes with an operating point: its gain over frequency at each point and in
+between.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,8 @@ _BETWEEN = 5  # operating points between two that were given
 
 
 def plot_schedule(model: LpvModel, *, ax: Axes | None = None) -> Axes:
-    """Plot the largest gain of a scheduled controller or plant over frequency: at each operating point, and in between.
+    """Plot the largest gain of a scheduled controller or plant over frequency: at each operating
+    point, and in between.
 
     Parameters
     ----------
@@ -46,5 +49,11 @@ def plot_schedule(model: LpvModel, *, ax: Axes | None = None) -> Axes:
             color=(0.1 + 0.8 * share, 0.3, 0.9 - 0.8 * share),
             label=label,
         )
-    ax.set(xscale="log", yscale="log", xlabel="frequency [Hz]", ylabel="gain", title=f"At each {model.over}")
+    ax.set(
+        xscale="log",
+        yscale="log",
+        xlabel="frequency [Hz]",
+        ylabel="gain",
+        title=f"At each {model.over}",
+    )
     return finish_axes(ax)

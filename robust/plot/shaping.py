@@ -19,15 +19,23 @@ from robust.plot.style import COLOR, mark_band, to_hertz
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_LEAST_VIEW, _VIEW_MARGIN = 120.0, 10.0  # dB: limit of the view above and below, and its margin around curve and bounds
+# dB: limit of the view above and below, and its margin around curve and bounds
+_LEAST_VIEW = 120.0
+_VIEW_MARGIN = 10.0
 
 
 def plot_loop_bounds(
-    model: UncertaintyModel, w_P: Weight, K: Controller = 1.0, *, delay: float = 0.0, ax: Axes | None = None
+    model: UncertaintyModel,
+    w_P: Weight,
+    K: Controller = 1.0,
+    *,
+    delay: float = 0.0,
+    ax: Axes | None = None,
 ) -> Axes:
     """Plot |L| between its bounds, for manual shaping: change the controller, draw again.
 
-    The title gives the result of the check, without proofs. For live shaping use the page of `robust.shaping.shape`.
+    The title gives the result of the check, without proofs. For live shaping use the page of
+    `robust.shaping.shape`.
 
     Parameters
     ----------
@@ -44,15 +52,29 @@ def plot_loop_bounds(
     ax, omega = axes_or_new(ax), model.omega
     report = check(model, K, w_P=w_P, delay=delay, certify=False)
     known = np.log(np.abs(report.curves.L))
-    L = np.exp(np.interp(np.log(omega), np.log(report.curves.omega), known, right=np.nan))  # nan above Nyquist
-    shown = to_decibel(np.concatenate([one[(one > 0) & np.isfinite(one)] for one in (L, low, high)]))
-    floor, ceiling = max(shown.min() - _VIEW_MARGIN, -_LEAST_VIEW), min(shown.max() + _VIEW_MARGIN, _LEAST_VIEW)
-    bottom, top = (np.clip(to_decibel(np.clip(one, 1e-300, 1e300)), floor, ceiling) for one in (low, high))
+    L = np.exp(
+        np.interp(np.log(omega), np.log(report.curves.omega), known, right=np.nan)
+    )  # nan above Nyquist
+    shown = to_decibel(
+        np.concatenate([one[(one > 0) & np.isfinite(one)] for one in (L, low, high)])
+    )
+    floor = max(shown.min() - _VIEW_MARGIN, -_LEAST_VIEW)
+    ceiling = min(shown.max() + _VIEW_MARGIN, _LEAST_VIEW)
+    bottom, top = (
+        np.clip(to_decibel(np.clip(one, 1e-300, 1e300)), floor, ceiling) for one in (low, high)
+    )
     f, outside = to_hertz(omega), (low > L) | (high < L)
     ax.axhline(0, color="0.5", lw=0.8)
-    ax.fill_between(f, floor, bottom, color=COLOR["loop"], alpha=0.3, lw=0, label="too low for performance")
-    ax.fill_between(f, top, ceiling, color=COLOR["limit"], alpha=0.3, lw=0, label="too high for the uncertainty")
-    curve = to_hertz(report.curves.omega), to_decibel(np.abs(report.curves.L))  # also outside the band
+    ax.fill_between(
+        f, floor, bottom, color=COLOR["loop"], alpha=0.3, lw=0, label="too low for performance"
+    )
+    ax.fill_between(
+        f, top, ceiling, color=COLOR["limit"], alpha=0.3, lw=0, label="too high for the uncertainty"
+    )
+    curve = (
+        to_hertz(report.curves.omega),
+        to_decibel(np.abs(report.curves.L)),
+    )  # also outside the band
     ax.plot(*curve, "-", lw=1.8, color=COLOR["radius"], label="|L|")
     if outside.any():
         label = "beyond a bound"
@@ -68,5 +90,12 @@ def _describe_check(report: RobustnessReport) -> str:
     if not report.nominally_stable:
         return "unstable" if report.verdict is Verdict.NOT_ROBUST else "stability is not decided"
     over = np.flatnonzero(np.abs(report.curves.L) > 1)
-    crossover = f", crossover {format_hertz(report.curves.omega[over[-1]])}" if over.size else ", no crossover"
-    return f"nominally stable; max rs {np.max(report.curves.rs):.2f}, max rp {np.max(report.curves.rp):.2f}{crossover}"
+    crossover = (
+        f", crossover {format_hertz(report.curves.omega[over[-1]])}"
+        if over.size
+        else ", no crossover"
+    )
+    return (
+        f"nominally stable; max rs {np.max(report.curves.rs):.2f}, max rp"
+        f" {np.max(report.curves.rp):.2f}{crossover}"
+    )

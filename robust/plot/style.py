@@ -1,4 +1,6 @@
-"""Colours, line styles, axis limits, and the measured band that every picture over frequency marks in white."""
+"""Colours, line styles, axis limits, and the measured band that every picture over frequency marks
+in white.
+"""
 
 from __future__ import annotations
 
@@ -15,11 +17,13 @@ OVER_NOTE = "over 100 %: the set holds 0"  # for a band without a lower edge
 _AXIS_MARGIN = 1.3  # around an event further out
 
 
-def mark_band(ax: Axes, band: tuple[float, float], *, happens: Iterable[float] = (), top: float = np.inf) -> None:
+def mark_band(
+    ax: Axes, band: tuple[float, float], *, happens: Iterable[float] = (), top: float = np.inf
+) -> None:
     """Frame a picture around the measured band [Hz], with the frequencies outside it in grey.
 
-    Half a decade is shown beside it; more for the frequencies in `happens` (nan is ignored), never beyond
-    `top`.
+    Half a decade is shown beside it; more for the frequencies in `happens` (nan is ignored), never
+    beyond `top`.
     """
     low, high = band
     start, end = low / BAND_MARGIN, high * BAND_MARGIN
@@ -28,14 +32,20 @@ def mark_band(ax: Axes, band: tuple[float, float], *, happens: Iterable[float] =
             start, end = min(start, f / _AXIS_MARGIN), max(end, f * _AXIS_MARGIN)
     end = max(min(end, top), high)
     ax.set_xlim(start, end)
-    outside = [(one, other) for one, other in ((start, low), (high, end)) if other > one * (1 + 1e-9)]
+    outside = [
+        (one, other) for one, other in ((start, low), (high, end)) if other > one * (1 + 1e-9)
+    ]
     for k, (one, other) in enumerate(outside):
         label = None if k else "not measured"
-        ax.axvspan(one, other, color="0.85", alpha=0.5, lw=0, zorder=0, gid="not measured", label=label)
+        ax.axvspan(
+            one, other, color="0.85", alpha=0.5, lw=0, zorder=0, gid="not measured", label=label
+        )
 
 
 def fit_vertical_axis(ax: Axes, most: float = 80.0) -> None:
-    """Fit the vertical axis to the curves inside the frame, at most `most` decibels from the top."""
+    """Fit the vertical axis to the curves inside the frame, at most `most` decibels from the
+    top.
+    """
     start, end = ax.get_xlim()
     seen = []
     for line in ax.get_lines():

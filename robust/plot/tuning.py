@@ -14,15 +14,23 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 #: One colour for each limit, also distinguishable for colour-blind readers.
-_COLOURS = (COLOR["loop"], COLOR["limit"], COLOR["weight"], COLOR["misfit"], COLOR["level"], COLOR["noise"])
+_COLOURS = (
+    COLOR["loop"],
+    COLOR["limit"],
+    COLOR["weight"],
+    COLOR["misfit"],
+    COLOR["level"],
+    COLOR["noise"],
+)
 _PLANT_STYLES = ("-", "--", "-.", ":")
 
 
 def plot_limits(design: Any, *, ax: Axes | None = None) -> Axes:
-    """Plot every limit over frequency as a ratio to its bound: with the given blocks, thin, and as tuned.
+    """Plot every limit over frequency as a ratio to its bound: with the given blocks, thin, and as
+    tuned.
 
-    A dot shows the maximum of each limit, filled for a hard one. One colour for each limit, one style for each
-    plant; the line at one is the bound.
+    A dot shows the maximum of each limit, filled for a hard one. One colour for each limit, one
+    style for each plant; the line at one is the bound.
 
     Parameters
     ----------
@@ -34,7 +42,10 @@ def plot_limits(design: Any, *, ax: Axes | None = None) -> Axes:
     if not hasattr(design, "limits") or not hasattr(design, "spread"):
         raise ValueError(f"design must be a TunedDesign of robust.tune, got {short_form(design)}")
     if not design.limits:
-        raise ValueError("design must have a stable loop to be drawn, got one without: nothing is known of its limits")
+        raise ValueError(
+            "design must have a stable loop to be drawn, got one without: nothing is known of its"
+            " limits"
+        )
     ax = axes_or_new(ax)
     ordered = sorted(design.limits, key=lambda one: (not one.hard, one.plant))
     colours = {
@@ -46,13 +57,29 @@ def plot_limits(design: Any, *, ax: Axes | None = None) -> Axes:
         of_plant = f", plant {one.plant}" if len(design.plant.models) > 1 else ""
         label = f"{'hard' if one.hard else 'soft'} {one.limit}{of_plant}"
         f = to_hertz(one.omegas)
-        ax.plot(f, np.where(np.isfinite(one.before), one.before, np.nan), style, color=colour, lw=0.7, alpha=0.6)
-        ax.plot(f, np.where(np.isfinite(one.curve), one.curve, np.nan), style, color=colour, lw=1.8, label=label)
+        ax.plot(
+            f,
+            np.where(np.isfinite(one.before), one.before, np.nan),
+            style,
+            color=colour,
+            lw=0.7,
+            alpha=0.6,
+        )
+        ax.plot(
+            f,
+            np.where(np.isfinite(one.curve), one.curve, np.nan),
+            style,
+            color=colour,
+            lw=1.8,
+            label=label,
+        )
         place = float(np.clip(to_hertz(one.omega), f[0], f[-1]))
         ax.plot([place], [one.ratio], "o", color=colour, mfc=colour if one.hard else "none", ms=6)
     ax.axhline(1.0, color=COLOR["radius"], lw=1.0)
     ax.set(xscale="log", yscale="log", xlabel="frequency [Hz]", ylabel="gain over bound")
     ax.set_title("Limits before (thin) and after tuning: " + ("met" if design.met else "not met"))
-    top = max(float(np.nanmax(np.where(np.isfinite(one.curve), one.curve, np.nan))) for one in ordered)
+    top = max(
+        float(np.nanmax(np.where(np.isfinite(one.curve), one.curve, np.nan))) for one in ordered
+    )
     ax.set_ylim(1e-3, max(3.0, 2 * top))
     return finish_axes(ax)

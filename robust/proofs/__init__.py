@@ -1,4 +1,5 @@
-"""Proofs: one loop in exact arithmetic; matrices found in floating point, and where possible verified exactly.
+"""Proofs: one loop in exact arithmetic; matrices found in floating point, and where possible
+verified exactly.
 
 exact   verification in exact arithmetic
 search  search for certificates

@@ -45,8 +45,13 @@ if TYPE_CHECKING:
     import control
 
 _BLA_SUFFIXES = (".npz", ".h5", ".hdf5")
-_WITHOUT_DELAY = (".mat", ".toml")  # files of controllers without a computation delay, in many cases
-_MAX_DELAY_SAMPLES = 50  # a longer delay is probably in ms; each sample of it is a state of the plant
+_WITHOUT_DELAY = (
+    ".mat",
+    ".toml",
+)  # files of controllers without a computation delay, in many cases
+_MAX_DELAY_SAMPLES = (
+    50  # a longer delay is probably in ms; each sample of it is a state of the plant
+)
 Pictures = list[tuple[Callable[..., object], object]]
 
 
@@ -58,7 +63,8 @@ def load_blas(
     channel: str = "",
     columns: str = "",
 ) -> nlfrf.Bla | list[nlfrf.Bla]:
-    """Return the BLA or matrix of a file, with its warnings repeated, or the FRF of another program; several as a list.
+    """Return the BLA or matrix of a file, with its warnings repeated, or the FRF of another
+    program; several as a list.
 
     All files must have the same number of channels: one, or several.
     """
@@ -67,17 +73,26 @@ def load_blas(
         own = path.suffix.lower() in _BLA_SUFFIXES
         if own and (relative_std is not None or n_averages is not None or channel or columns):
             raise ValueError(
-                f"relative_std, n_averages, channel and columns must be left out for a BLA, got them with {path}"
+                "relative_std, n_averages, channel and columns must be left out for a BLA, got"
+                f" them with {path}"
             )
         if not own:
             require_file_of(path, "nlfrf-bla")
         one = (
             repeat_warnings(load_bla(path))
             if own
-            else _read_frf(path, relative_std=relative_std, n_averages=n_averages, channel=channel, columns=columns)
+            else _read_frf(
+                path,
+                relative_std=relative_std,
+                n_averages=n_averages,
+                channel=channel,
+                columns=columns,
+            )
         )
         if found and is_single(one) != is_single(found[0]):
-            raise ValueError(f"bla must be all BLAs or all matrices, got {path} with {type(one).__name__}")
+            raise ValueError(
+                f"bla must be all BLAs or all matrices, got {path} with {type(one).__name__}"
+            )
         found.append(one)
     return found[0] if len(found) == 1 else found
 
@@ -85,19 +100,25 @@ def load_blas(
 def _read_frf(
     path: Path, *, relative_std: float | None, n_averages: float | None, channel: str, columns: str
 ) -> nlfrf.Bla:
-    """Return an FRF of another program; without a variance the error has the command that makes a BLA of it."""
+    """Return an FRF of another program; without a variance the error has the command that makes a
+    BLA of it.
+    """
     try:
         return nlfrf.io.load_frf(
             path, relative_std=relative_std, n_averages=n_averages, channel=channel, columns=columns
         )
     except MissingArgumentError as error:
-        option = {"relative_std": "--relative-std STD", "n_averages": "--averages N"}[error.parameter]
+        option = {"relative_std": "--relative-std STD", "n_averages": "--averages N"}[
+            error.parameter
+        ]
         way = f"nlfrf frf {path.name} {option} -o bla.npz makes a BLA of it for every command"
         raise ValueError(f"{error}; {way}") from None
 
 
 def with_units_of(record: nlfrf.Record, blas: Sequence[nlfrf.Bla]) -> nlfrf.Record:
-    """Return a record, with the units of the first BLA that has the same channels if it has none."""
+    """Return a record, with the units of the first BLA that has the same channels if it has
+    none.
+    """
     same = [bla for bla in blas if (bla.inputs, bla.outputs) == (record.inputs, record.outputs)]
     if not same or any(record.input_units + record.output_units):
         return record
@@ -114,42 +135,70 @@ def fit_nominal_model(
     stable: bool,
     bandwidth: float | None,
 ) -> tuple[NominalFit, str]:
-    """Return the nominal model and a text on its order; an order that is not given is chosen for the loop or the data.
+    """Return the nominal model and a text on its order; an order that is not given is chosen for
+    the loop or the data.
 
-    bandwidth : crossover [Hz] of the loop for which the order is chosen; without it the data decide.
+    bandwidth : crossover [Hz] of the loop for which the order is chosen; without it the data
+    decide.
     """
     if n_poles is None and n_zeros is not None:
         raise ValueError(f"poles must be given with zeros, got {n_zeros} zeros alone")
     omega_c = None if bandwidth is None else 2 * np.pi * require_positive("bandwidth", bandwidth)
     levels = blas if isinstance(blas, list) else [blas]
     if n_poles is None and (omega_c is not None or len(levels) == 1):
-        scan = scan_orders(blas, delay="auto" if delay is None else delay, dt=dt, stable=stable, omega_c=omega_c)
+        scan = scan_orders(
+            blas, delay="auto" if delay is None else delay, dt=dt, stable=stable, omega_c=omega_c
+        )
         if omega_c is not None:
             return repeat_warnings(scan.fit), f"{scan}"
         order = f"order: the data need {describe_order(scan.fit)}; robust orders lists the others"
         order += ", and no order explains the data" if scan.fit.p_value < UNLIKELY_COST else ""
         return repeat_warnings(scan.fit), order
     if n_poles is None:
-        # the largest order that a single level needs: the misfit of one model to all levels needs no more poles
-        scans = [scan_orders(level, delay="auto" if delay is None else delay, dt=dt, stable=stable) for level in levels]
+        # the largest order that a single level needs: the misfit of one model to all levels needs
+        # no more poles
+        scans = [
+            scan_orders(level, delay="auto" if delay is None else delay, dt=dt, stable=stable)
+            for level in levels
+        ]
         best = max((scan.fit for scan in scans), key=lambda fit: fit.G.nstates)
         tau = delay if delay is not None else "estimate" if best.delay else 0.0
         fit = fit_nominal(blas, n_poles=best.G.nstates, delay=tau, dt=dt, stable=stable)
-        return fit, f"order: one of {len(levels)} records needs {describe_order(best)}, none needs more poles"
-    fit = fit_nominal(blas, n_poles=n_poles, n_zeros=n_zeros, delay=delay or 0.0, dt=dt, stable=stable, omega_c=omega_c)
-    if len(levels) > 1 or not fit.p_value < UNLIKELY_COST:  # one model for several levels leaves more
+        return (
+            fit,
+            (
+                f"order: one of {len(levels)} records needs {describe_order(best)}, none needs more"
+                " poles"
+            ),
+        )
+    fit = fit_nominal(
+        blas,
+        n_poles=n_poles,
+        n_zeros=n_zeros,
+        delay=delay or 0.0,
+        dt=dt,
+        stable=stable,
+        omega_c=omega_c,
+    )
+    if (
+        len(levels) > 1 or not fit.p_value < UNLIKELY_COST
+    ):  # one model for several levels leaves more
         return fit, ""
     best = scan_orders(levels[0], dt=dt, stable=stable, omega_c=omega_c).fit
     left = (
-        f"order: {describe_order(fit)} leave a misfit of {fit.cost / fit.expected_cost:.3g} times noise and "
-        "distortion, which widens the set"
+        f"order: {describe_order(fit)} leave a misfit of {fit.cost / fit.expected_cost:.3g} times"
+        " noise and distortion, which widens the set"
     )
     asked = "the data need" if omega_c is None else "enough for the loop:"
-    return fit, left + (f"; {asked} {describe_order(best)}" if best.G.nstates != fit.G.nstates else "")
+    return fit, left + (
+        f"; {asked} {describe_order(best)}" if best.G.nstates != fit.G.nstates else ""
+    )
 
 
 def load_controller(path: Path) -> tuple[control.StateSpace, float | None, str]:
-    """Return a controller, its computation delay [s] and the unit of its plant; None and "" if the file has none."""
+    """Return a controller, its computation delay [s] and the unit of its plant; None and "" if the
+    file has none.
+    """
     if path.suffix.lower() == ".toml":
         settings = load_pid(path)
         return settings.K, settings.delay, inverse_unit(settings.unit) if settings.unit else ""
@@ -157,15 +206,21 @@ def load_controller(path: Path) -> tuple[control.StateSpace, float | None, str]:
 
 
 def format_gains_of(path: Path, K: control.StateSpace, unit: str) -> str:
-    """Return the gains of a PID as text, with the filters from a TOML file; empty for another controller."""
+    """Return the gains of a PID as text, with the filters from a TOML file; empty for another
+    controller.
+    """
     if path.suffix.lower() != ".toml":
         return format_gains(K, unit)
     settings = load_pid(path)
-    filters = f"\nPID behind it: {', '.join(map(str, settings.filters))}" if settings.filters else ""
+    filters = (
+        f"\nPID behind it: {', '.join(map(str, settings.filters))}" if settings.filters else ""
+    )
     return format_gains(settings.pid.system(settings.dt), unit) + filters
 
 
-def load_loops(paths: Sequence[Path], given: float | None, unit: str = "") -> list[tuple[control.StateSpace, float]]:
+def load_loops(
+    paths: Sequence[Path], given: float | None, unit: str = ""
+) -> list[tuple[control.StateSpace, float]]:
     """Return each controller with its computation delay [s], as given or from its file.
 
     A controller for a plant in another unit is refused, if both units are known.
@@ -176,24 +231,28 @@ def load_loops(paths: Sequence[Path], given: float | None, unit: str = "") -> li
         is_typed = path.suffix.lower() == ".toml"
         if units_differ(unit, unit_of_plant):
             raise ValueError(
-                f"controller must be for a plant in {unit}, the unit of the model, got {path} for {unit_of_plant}"
-                + f": Kp must be in {inverse_unit(unit)}" * is_typed
+                f"controller must be for a plant in {unit}, the unit of the model, got {path} for"
+                f" {unit_of_plant}" + f": Kp must be in {inverse_unit(unit)}" * is_typed
             )
         if is_typed and unit and not unit_of_plant:
             warnings.warn(
-                f"{path} has no unit for Kp: {inverse_unit(unit)} is assumed, because the model is in {unit}",
+                f"{path} has no unit for Kp: {inverse_unit(unit)} is assumed, because the model is"
+                f" in {unit}",
                 DesignWarning,
                 stacklevel=2,
             )
         if path.suffix.lower() in _WITHOUT_DELAY and K.dt and stored is None and given is None:
             warnings.warn(
-                f"{path} has no computation delay: zero is assumed. Give --delay [s]", DesignWarning, stacklevel=2
+                f"{path} has no computation delay: zero is assumed. Give --delay [s]",
+                DesignWarning,
+                stacklevel=2,
             )
         delay = (stored or 0.0) if given is None else require_delay(given, K.dt)
         if stored is not None and abs(delay - stored) > 1e-9:
             warnings.warn(
-                f"{path} was designed for a computation delay of {stored:g} s, but --delay is {delay:g} s: the "
-                f"result holds for {delay:g} s. Leave --delay out to use the delay of the file",
+                f"{path} was designed for a computation delay of {stored:g} s, but --delay is"
+                f" {delay:g} s: the result holds for {delay:g} s. Leave --delay out to use the"
+                " delay of the file",
                 DesignWarning,
                 stacklevel=2,
             )
@@ -202,12 +261,15 @@ def load_loops(paths: Sequence[Path], given: float | None, unit: str = "") -> li
 
 
 def require_delay(delay: float, dt: float) -> float:
-    """Return a computation delay [s]; refuse one that is so long for the sampling time [s] that it must be in ms."""
+    """Return a computation delay [s]; refuse one that is so long for the sampling time [s] that it
+    must be in ms.
+    """
     require_nonnegative("delay", delay)
     if dt and delay > _MAX_DELAY_SAMPLES * dt:
         raise ValueError(
-            f"delay must be in seconds, and at most {_MAX_DELAY_SAMPLES} sampling periods of {dt:g} s, got "
-            f"{delay:g} s, which is {delay / dt:.4g} periods; for {delay:g} ms give --delay {delay / 1e3:g}"
+            f"delay must be in seconds, and at most {_MAX_DELAY_SAMPLES} sampling periods of {dt:g}"
+            f" s, got {delay:g} s, which is {delay / dt:.4g} periods; for {delay:g} ms give --delay"
+            f" {delay / 1e3:g}"
         )
     return delay
 
@@ -217,8 +279,9 @@ def load_single_model(path: Path) -> UncertaintyModel:
     model = load_model(path)
     if has_several_channels(model):
         raise ValueError(
-            f"model must have one input and output for this command, got {path} with {model.n_outputs} outputs by "
-            f"{model.n_inputs} inputs; robust check and robust export accept it"
+            f"model must have one input and output for this command, got {path} with"
+            f" {model.n_outputs} outputs by {model.n_inputs} inputs; robust check and robust export"
+            " accept it"
         )
     return model
 
@@ -226,28 +289,37 @@ def load_single_model(path: Path) -> UncertaintyModel:
 def read_last_column(path: Path) -> np.ndarray:
     """Return the numbers (n,) in the last column of a CSV file, with or without a line of names.
 
-    Columns end at a semicolon or a tab if there is one, else at a comma. A comma that does not separate columns is a
-    decimal comma.
+    Columns end at a semicolon or a tab if there is one, else at a comma. A comma that does not
+    separate columns is a decimal comma.
     """
-    lines = [line.strip() for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
+    lines = [
+        line.strip() for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()
+    ]
     separator = next((mark for mark in ";\t" if any(mark in line for line in lines)), ",")
     rows = [[cell.strip() for cell in line.split(separator)] for line in lines]
     names = rows.pop(0) if rows and not _is_number(rows[0][-1].replace(",", ".")) else None
     if not rows:
         raise ValueError(f"{path} must have numbers in its last column, got no rows")
-    if separator == "," and all(re.fullmatch(r"[-+]?\d+,\d+", line) for line in lines[-len(rows) :]):
+    if separator == "," and all(
+        re.fullmatch(r"[-+]?\d+,\d+", line) for line in lines[-len(rows) :]
+    ):
         if names is None:
             raise ValueError(
-                f"{path} must have a line of names, or decimal points, got {lines[0]!r}: one number or two columns"
+                f"{path} must have a line of names, or decimal points, got {lines[0]!r}: one number"
+                " or two columns"
             )
         if len(names) == 1:
             rows = [[".".join(row)] for row in rows]
     if len({len(row) for row in rows}) > 1:
-        raise ValueError(f"{path} must have equally many columns in every row, got rows of other lengths")
+        raise ValueError(
+            f"{path} must have equally many columns in every row, got rows of other lengths"
+        )
     try:
         return np.array([float(row[-1].replace(",", ".")) for row in rows])
     except ValueError as error:
-        raise ValueError(f"{path} must have numbers in its last column, got {one_line(str(error))}") from None
+        raise ValueError(
+            f"{path} must have numbers in its last column, got {one_line(str(error))}"
+        ) from None
 
 
 def _is_number(cell: str) -> bool:
@@ -261,17 +333,25 @@ def _is_number(cell: str) -> bool:
 def demand_weight(
     model: UncertaintyModel, bandwidth: float | None, peak: float, error: float
 ) -> control.StateSpace | None:
-    """Return the performance weight for a bandwidth [Hz], sampled for a sampled matrix; None without a bandwidth."""
+    """Return the performance weight for a bandwidth [Hz], sampled for a sampled matrix; None
+    without a bandwidth.
+    """
     if bandwidth is None:
         return None
     w_P = performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
-    return discretize(w_P, model.nominal.dt) if has_several_channels(model) and model.nominal.dt else w_P
+    return (
+        discretize(w_P, model.nominal.dt)
+        if has_several_channels(model) and model.nominal.dt
+        else w_P
+    )
 
 
 def crossover_limits(
     plant: nlfrf.Bla | UncertaintyModel, bandwidth: float | None, within: float
 ) -> float | tuple[float, float] | None:
-    """Return limits of the crossover [rad/s] for a bandwidth [Hz]: from it to `within` times it, if there are lines."""
+    """Return limits of the crossover [rad/s] for a bandwidth [Hz]: from it to `within` times it, if
+    there are lines.
+    """
     if bandwidth is None:
         return None
     least, most = 2 * np.pi * bandwidth, 2 * np.pi * bandwidth * within
@@ -287,23 +367,30 @@ def describe_bandwidth(
     delay: float,
     within: float,
 ) -> str:
-    """Return the wanted and the actual crossovers or bandwidth of S [Hz] as text; empty for several channels.
+    """Return the wanted and the actual crossovers or bandwidth of S [Hz] as text; empty for several
+    channels.
 
-    It warns if every crossover misses the wanted one by more than the factor `within`. A mode may add crossovers.
+    It warns if every crossover misses the wanted one by more than the factor `within`. A mode may
+    add crossovers.
     """
     if not model.is_single or asked is None:
         return ""
     seen = check(model, K, delay=delay, certify=False).classical
     if method == "mixsyn":
         got = seen.bandwidth / (2 * np.pi)
-        return f"; bandwidth of S {f'{got:.4g} Hz' if np.isfinite(got) else 'none'}, asked {asked:.4g} Hz"
+        return (
+            f"; bandwidth of S {f'{got:.4g} Hz' if np.isfinite(got) else 'none'}, asked"
+            f" {asked:.4g} Hz"
+        )
     crossovers = np.array(seen.crossovers) / (2 * np.pi)
     name = "crossover" if crossovers.size <= 1 else "crossovers"
-    text = f"{name} {', '.join(f'{got:.4g} Hz' for got in crossovers) or 'none'}, asked {asked:.4g} Hz"
+    text = (
+        f"{name} {', '.join(f'{got:.4g} Hz' for got in crossovers) or 'none'}, asked {asked:.4g} Hz"
+    )
     if not np.any((asked / within <= crossovers) & (crossovers <= asked * within)):
         warnings.warn(
-            f"{text}: off by more than a factor of {within:g} (--crossover-within). The plant does not allow this "
-            "shape of the loop; choose another --bandwidth",
+            f"{text}: off by more than a factor of {within:g} (--crossover-within). The plant does"
+            " not allow this shape of the loop; choose another --bandwidth",
             DesignWarning,
             stacklevel=2,
         )
@@ -313,7 +400,9 @@ def describe_bandwidth(
 def signals_from_options(
     step: float | None, disturbance: float | None, noise: float | None, up_to: float | None
 ) -> LoopSignals | None:
-    """Return the signals for the level of the loop: height of a step, two rms, end of a band [Hz]; None without any."""
+    """Return the signals for the level of the loop: height of a step, two rms, end of a band [Hz];
+    None without any.
+    """
     end = float("nan") if up_to is None else 2 * np.pi * require_positive("up-to", up_to)
     reference = None if step is None else StepSignal(step)
     disturbance_noise, measurement_noise = (
@@ -332,7 +421,9 @@ def model_pictures(model: UncertaintyModel, blas: nlfrf.Bla | Sequence[nlfrf.Bla
     return [(plot.plot_weight, model), (lambda one, ax: plot.plot_set(one, blas, ax=ax), model)]
 
 
-def check_pictures(model: UncertaintyModel, K: control.StateSpace, report: RobustnessReport) -> Pictures:
+def check_pictures(
+    model: UncertaintyModel, K: control.StateSpace, report: RobustnessReport
+) -> Pictures:
     """Return the pictures of `robust check`."""
     from robust import plot
 
@@ -346,7 +437,10 @@ def write_report_files(report: RobustnessReport, out: Path, say: Callable[[objec
     """Write a report, and its certificate beside it, which is verified at once."""
     write_text(out, f"{report}\n\n{command_signature('robust check')}\n")
     handed = certificate_path(out)
-    if any(certificate.holds and certificate.claim is not None for certificate in report.proofs.certificates):
+    if any(
+        certificate.holds and certificate.claim is not None
+        for certificate in report.proofs.certificates
+    ):
         save_certificate(report, handed)
         with spinner("verifying"):
             say(replace(verify_certificate(handed), warnings=()))  # the report has shown them

@@ -34,43 +34,61 @@ from robust.pages.section import Fact, Section
 from robust.plot import plot_budget, plot_fit, plot_set, plot_weight
 from robust.reports.parts import describe_roots, describe_system, rows_of_value
 
-_NEGLIGIBLE_DECIBELS = 100.0  # energy on other lines is given as a number only if it is less far below the excited ones
+# energy on other lines is given as a number only if it is less far below the excited ones
+_NEGLIGIBLE_DECIBELS = 100.0
 
 
 Measured = TypeVar("Measured", Record, Bla)
 
 
 def _numbered(before: str, measured: list[Measured]) -> Iterator[tuple[str, Measured]]:
-    """Yield the number of each record or BLA as text, and the record or BLA; the text of a single one is empty."""
+    """Yield the number of each record or BLA as text, and the record or BLA; the text of a single
+    one is empty.
+    """
     for number, one in enumerate(measured, 1):
         yield f"{before} record {number}" * (len(measured) > 1), one
 
 
 def excitation_section(records: list[Record], blas: list[Bla]) -> Section:
-    """Return the section on grid, lines, level and length of each record; `blas` give the kind of the grid."""
+    """Return the section on grid, lines, level and length of each record; `blas` give the kind of
+    the grid.
+    """
     facts, pictures = [], []
-    for (which, record), bla in zip(_numbered(" of", records), chain(blas, repeat(None)), strict=False):
+    for (which, record), bla in zip(
+        _numbered(" of", records), chain(blas, repeat(None)), strict=False
+    ):
         grid, u = record.lines, record.u[0, -1]
         rms = " ".join([f"{u.std():.4g}", *record.u_unit.split()])
         kind = "given" if bla is None else bla.experiment.grid
         facts += [
             Fact(
                 f"excitation{which}",
-                f"{kind} grid, {grid.excited.size} excited lines from {grid.excited[0] * record.f0:g} to "
-                f"{grid.excited[-1] * record.f0:g} Hz, {grid.odd.size} odd and {grid.even.size} even detection lines; "
-                f"rms {rms}, crest factor {np.abs(u - u.mean()).max() / u.std():.3g}",
+                f"{kind} grid, {grid.excited.size} excited lines from"
+                f" {grid.excited[0] * record.f0:g} to {grid.excited[-1] * record.f0:g} Hz,"
+                f" {grid.odd.size} odd and {grid.even.size} even detection lines; rms {rms}, crest"
+                f" factor {np.abs(u - u.mean()).max() / u.std():.3g}",
             ),
             Fact(
                 f"record{which}",
-                f"{format_count(record.n_realizations, 'realisation')} of {format_count(record.n_periods, 'period')} "
-                f"of {record.n_samples} samples at {record.fs:g} Hz: {record.u.size / record.fs:.4g} s, "
-                f"resolution {record.f0:.4g} Hz",
+                f"{format_count(record.n_realizations, 'realisation')} of"
+                f" {format_count(record.n_periods, 'period')} of {record.n_samples} samples at"
+                f" {record.fs:g} Hz: {record.u.size / record.fs:.4g} s, resolution"
+                f" {record.f0:.4g} Hz",
             ),
         ]
         pictures += [
-            html.draw_picture(f"Input spectrum{which}: {_describe_stray_energy(record)}.", plot_input, record),
-            html.draw_picture(f"Input{which} in time, all periods over one another.", plot_samples, record),
-            html.draw_picture(f"Output{which} in time, the last period in black.", plot_samples, record, signal="y"),
+            html.draw_picture(
+                f"Input spectrum{which}: {_describe_stray_energy(record)}.", plot_input, record
+            ),
+            html.draw_picture(
+                f"Input{which} in time, all periods over one another.", plot_samples, record
+            ),
+            html.draw_picture(
+                f"Output{which} in time, the last period in black.",
+                plot_samples,
+                record,
+                signal="y",
+            ),
         ]
     if not records:
         facts = [Fact("record", "not given to this report")]
@@ -84,7 +102,9 @@ def excitation_section(records: list[Record], blas: list[Bla]) -> Section:
 
 
 def _describe_stray_energy(record: Record) -> str:
-    """Return the largest line that should not be excited, in dB below the rms of the excited lines, as text."""
+    """Return the largest line that should not be excited, in dB below the rms of the excited lines,
+    as text.
+    """
     grid = record.lines
     spectrum = np.abs(np.fft.rfft(record.u, axis=-1)) / record.n_samples * 2
     power = np.mean(spectrum**2, axis=(0, 1))
@@ -101,17 +121,20 @@ def _describe_stray_energy(record: Record) -> str:
 
 
 def describe_directions(bla: Bla) -> str:
-    """Return largest and smallest singular value and condition as text, with a note if the weakest is not measured."""
+    """Return largest and smallest singular value and condition as text, with a note if the weakest
+    is not measured.
+    """
     sigma, low, _ = nlfrf.bla.singular_values(bla)
     with np.errstate(divide="ignore", invalid="ignore"):
         condition = np.nan_to_num(sigma[0] / sigma[-1], nan=np.inf, posinf=np.inf)
     k, lost = int(condition.argmax()), int(np.count_nonzero(low[-1] == 0))
     return (
-        f"{len(sigma)} singular values on {bla.f.size} lines; largest {sigma[0].max():.4g}, smallest "
-        f"{sigma[-1].min():.4g}, condition at most {condition[k]:.4g} at {bla.f[k]:g} Hz"
-    ) + (
-        f"; on {lost} lines the set may contain a matrix of lower rank: the weakest direction is not measured"
-        * (lost > 0)
+        f"{len(sigma)} singular values on {bla.f.size} lines; largest {sigma[0].max():.4g},"
+        f" smallest {sigma[-1].min():.4g}, condition at most {condition[k]:.4g} at {bla.f[k]:g} Hz"
+        + (
+            f"; on {lost} lines the set may contain a matrix of lower rank: the weakest direction"
+            " is not measured" * (lost > 0)
+        )
     )
 
 
@@ -125,8 +148,12 @@ def bla_section(blas: list[Bla]) -> Section:
                 Fact(f"directions{which}", describe_directions(bla)),
             ]
             pictures += [
-                html.draw_picture(f"Every entry{which} with its 95 % bound.", plot_frm, bla, tall=True),
-                html.draw_picture(f"Parts of the bound of each entry{which}.", plot_frm_bounds, bla, tall=True),
+                html.draw_picture(
+                    f"Every entry{which} with its 95 % bound.", plot_frm, bla, tall=True
+                ),
+                html.draw_picture(
+                    f"Parts of the bound of each entry{which}.", plot_frm_bounds, bla, tall=True
+                ),
                 html.draw_picture(
                     f"Singular values{which}, with their bands by the bound of the matrix.",
                     plot_singular_values,
@@ -136,7 +163,9 @@ def bla_section(blas: list[Bla]) -> Section:
             continue
         facts.append(Fact(f"BLA{which}", rows_of_value(bla)))
         pictures += [
-            html.draw_picture(f"Best linear approximation{which} with its 95 % bound.", plot_bode, bla, tall=True),
+            html.draw_picture(
+                f"Best linear approximation{which} with its 95 % bound.", plot_bode, bla, tall=True
+            ),
             html.draw_picture(f"The same{which}, with the parts of the bound.", plot_bla, bla),
         ]
         if np.any(np.isfinite(bla.levels.excited)):  # an FRF of another program has none
@@ -146,36 +175,51 @@ def bla_section(blas: list[Bla]) -> Section:
     return Section(
         "bla",
         "Best linear approximation",
-        f"{condition} bound contains the best linear approximation, on each line with 95 % probability. It holds for "
-        "this excitation at this level, and not for other levels.",
+        f"{condition} bound contains the best linear approximation, on each line with 95 %"
+        " probability. It holds for this excitation at this level, and not for other levels.",
         facts=facts or (Fact("BLA", "not given to this report"),),
         pictures=pictures,
     )
 
 
 def cross_check_section(records: list[Record]) -> Section:
-    """Return the section on the distortion level by a second method, which fails for other reasons."""
+    """Return the section on the distortion level by a second method, which fails for other
+    reasons.
+    """
     facts, pictures = [], []
     for which, record in _numbered(" on", records):
         opinion = nlfrf.second_opinion(record)
-        facts.append(Fact(f"opinion{which}", rows_of_value(opinion).removeprefix("second opinion: ")))
-        pictures.append(html.draw_picture(f"The distortion level by two methods{which}.", plot_opinion, opinion))
+        facts.append(
+            Fact(f"opinion{which}", rows_of_value(opinion).removeprefix("second opinion: "))
+        )
+        pictures.append(
+            html.draw_picture(f"The distortion level by two methods{which}.", plot_opinion, opinion)
+        )
     return Section(
         "opinion",
         "Second opinion",
-        "Detection lines and the roughness of the FRF over the excited lines fail for different reasons: if both "
-        "agree, the level is credible.",
+        "Detection lines and the roughness of the FRF over the excited lines fail for different"
+        " reasons: if both agree, the level is credible.",
         facts=facts or (Fact("opinion", "needs the record, which was not given"),),
         pictures=pictures,
     )
 
 
-def nominal_section(model: UncertaintyModel, nominal: NominalFit | None, blas: list[Bla]) -> Section:
+def nominal_section(
+    model: UncertaintyModel, nominal: NominalFit | None, blas: list[Bla]
+) -> Section:
     """Return the section on the nominal model and the measured lines."""
     if model.measured_only:
-        facts = [Fact("nominal plant", f"the measured FRF itself, on {np.size(model.nominal.omega)} lines")]
+        facts = [
+            Fact(
+                "nominal plant", f"the measured FRF itself, on {np.size(model.nominal.omega)} lines"
+            )
+        ]
     else:
-        facts = [Fact("nominal plant", describe_system(model.nominal)), *roots_of_plant(model.nominal)]
+        facts = [
+            Fact("nominal plant", describe_system(model.nominal)),
+            *roots_of_plant(model.nominal),
+        ]
     if nominal is not None:
         facts.append(Fact("fit", str(nominal).removeprefix("nominal model: ")))
     for which, bla in _numbered(",", blas):
@@ -187,7 +231,9 @@ def nominal_section(model: UncertaintyModel, nominal: NominalFit | None, blas: l
     shown = "Nominal plant and its set" + ", with the lines that were measured" * bool(blas)
     pictures = [html.draw_picture(f"{shown}.", plot_set, model, blas, tall=True)]
     if nominal is not None:
-        pictures.append(html.draw_picture("Measured lines, model, and their difference.", plot_fit, nominal))
+        pictures.append(
+            html.draw_picture("Measured lines, model, and their difference.", plot_fit, nominal)
+        )
     return Section(
         "nominal",
         "Nominal fit",
@@ -198,7 +244,9 @@ def nominal_section(model: UncertaintyModel, nominal: NominalFit | None, blas: l
 
 
 def roots_of_plant(G: control.StateSpace) -> list[Fact]:
-    """Return the facts on poles, zeros and delay; a Padé approximation in a continuous plant is shown as a delay."""
+    """Return the facts on poles, zeros and delay; a Padé approximation in a continuous plant is
+    shown as a delay.
+    """
     single, dt = G.ninputs == G.noutputs == 1, timebase(G)
     rest, delay = without_pade(G) if single and not dt else (G, 0.0)
     rows = [Fact("poles", describe_roots(poles(rest), dt))]
@@ -208,13 +256,15 @@ def roots_of_plant(G: control.StateSpace) -> list[Fact]:
 
 
 def _describe_change(seen: Validation) -> str:
-    """Return the change between a record and the record of the model as text; empty if they are the same."""
+    """Return the change between a record and the record of the model as text; empty if they are the
+    same.
+    """
     if seen.p_value == 1 or np.isnan(seen.p_value):
         return ""
     return (
-        f"; compared with the record of the model p = {seen.p_value:.2g} for another gain ({100 * seen.gain:+.2g} %), "
-        f"frequency ({100 * seen.frequency:+.2g} %) or delay ({1e3 * seen.delay:+.2g} ms), "
-        f"the rest is {seen.level:.2g} times the scatter of both"
+        f"; compared with the record of the model p = {seen.p_value:.2g} for another gain"
+        f" ({100 * seen.gain:+.2g} %), frequency ({100 * seen.frequency:+.2g} %) or delay"
+        f" ({1e3 * seen.delay:+.2g} ms), the rest is {seen.level:.2g} times the scatter of both"
     )
 
 
@@ -224,19 +274,31 @@ def set_section(model: UncertaintyModel) -> Section:
         Fact("set", str(model)),
         Fact("class of perturbations", model.perturbation),
         Fact("confidence", "; ".join(describe_confidence(model)) or "none claimed"),
-        Fact("outside the measured band", f"nothing was measured; assumed: {model.origin.extrapolation}"),
+        Fact(
+            "outside the measured band",
+            f"nothing was measured; assumed: {model.origin.extrapolation}",
+        ),
         Fact("source", model.origin.source),
     )
-    pictures = [html.draw_picture("Radius on the lines, its parts, and the weight over it.", plot_weight, model)]
+    pictures = [
+        html.draw_picture(
+            "Radius on the lines, its parts, and the weight over it.", plot_weight, model
+        )
+    ]
     if model.is_single and model.budget:
-        caption = "Parts of the radius, their share as the mean over the lines, and what to measure next."
+        caption = (
+            "Parts of the radius, their share as the mean over the lines, and what to measure next."
+        )
         pictures.append(html.draw_picture(caption, plot_budget, model))
     return Section(
         "set",
         "Uncertainty and weight",
-        "The set contains every plant whose distance from the nominal is below the weight. Grey: assumed."
-        if model.is_single
-        else "Choose the form before you see the verdict; trying two is a multiple test.",
+        (
+            "The set contains every plant whose distance from the nominal is below the weight."
+            " Grey: assumed."
+            if model.is_single
+            else "Choose the form before you see the verdict; trying two is a multiple test."
+        ),
         facts=facts,
         pictures=pictures,
     )

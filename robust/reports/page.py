@@ -24,8 +24,19 @@ from robust.models.fit.nominal import NominalFit
 from robust.models.sets.model import UncertaintyModel, describe_no_set
 from robust.pages.html import render_page
 from robust.pages.section import Section
-from robust.reports.data import bla_section, cross_check_section, excitation_section, nominal_section, set_section
-from robust.reports.sections import check_section, loop_section, settings_section, worst_case_section
+from robust.reports.data import (
+    bla_section,
+    cross_check_section,
+    excitation_section,
+    nominal_section,
+    set_section,
+)
+from robust.reports.sections import (
+    check_section,
+    loop_section,
+    settings_section,
+    worst_case_section,
+)
 from robust.reports.verdicts import describe_proof, friction_section, require_report_of
 
 
@@ -68,9 +79,11 @@ def write_report(
     delay : float
         Computation delay [s], as in `check`.
     report : RobustnessReport, optional
-        The check, if it was done before; it has its own demand and delay. If it is not given, the loop is checked here.
+        The check, if it was done before; it has its own demand and delay. If it is not given, the
+        loop is checked here.
     friction : FrictionProof, optional
-        The result of `prove_friction` for the same controller, shown beside the verdict of the check.
+        The result of `prove_friction` for the same controller, shown beside the verdict of the
+        check.
     signals : LoopSignals, optional
         Signals that act on the loop, as in `check`; not with a `report`, which has its own.
     title, notes : str
@@ -84,8 +97,8 @@ def write_report(
     Raises
     ------
     ValueError
-        A path that does not end in .html, a report, delay or w_P of another loop, a friction that is no proof, and the
-        errors of `check`.
+        A path that does not end in .html, a report, delay or w_P of another loop, a friction that
+        is no proof, and the errors of `check`.
     FileNotFoundError
         A folder that does not exist.
 
@@ -118,7 +131,8 @@ def write_report(
         require_kind(name, given, kind, NoneType)
     if friction is not None and not single:
         raise ValueError(
-            "friction must be left out for several channels: the proof takes a single loop only, got a FrictionProof"
+            "friction must be left out for several channels: the proof takes a single loop only,"
+            " got a FrictionProof"
         )
     blas = _as_list(bla) or [nlfrf.identify(one) for one in records]
     # records and BLAs may have newer warnings than the file of the model
@@ -130,10 +144,17 @@ def write_report(
         raise ValueError("signals must be left out with a report: give them to its check, got both")
     else:
         require_report_of(report, model, K=K, w_P=w_P, delay=delay)
-        report = replace(add_warnings(report, model.warnings), confidence=describe_confidence(model))
+        report = replace(
+            add_warnings(report, model.warnings), confidence=describe_confidence(model)
+        )
     w_P, delay = report.given.demand, report.given.delay  # the page reports what was checked
     sections = [
-        Section("verdict", "Verdict", "The result of the check of this controller with this set.", report.findings),
+        Section(
+            "verdict",
+            "Verdict",
+            "The result of the check of this controller with this set.",
+            report.findings,
+        ),
         *([] if friction is None else [friction_section(report, friction)]),
         *([excitation_section(records, blas)] if single else []),
         bla_section(blas),
@@ -152,7 +173,11 @@ def write_report(
         verdict=report.verdict,
         style=report.verdict.replace(" ", "-"),
         heading=report.headline.capitalize(),
-        lines=(report.meaning, *report.conditions, *([] if friction is None else [describe_proof(friction)])),
+        lines=(
+            report.meaning,
+            *report.conditions,
+            *([] if friction is None else [describe_proof(friction)]),
+        ),
         warnings=[*filter(None, [report.warning_of_margins]), *report.warnings],
     )
     write_text(path, text)

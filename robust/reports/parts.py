@@ -35,9 +35,13 @@ def describe_roots(roots: np.ndarray, dt: float) -> str:
         elif size < 1e-6:
             text.append("0 Hz (integrator)")
         elif abs(root.imag) < 1e-9 * size:
-            text.append(f"{size / 2 / np.pi:.4g} Hz" + (" (unstable side)" if root.real > 0 else ""))
+            text.append(
+                f"{size / 2 / np.pi:.4g} Hz" + (" (unstable side)" if root.real > 0 else "")
+            )
         else:
-            text.append(f"{size / 2 / np.pi:.4g} Hz, damping {round(-root.real / size, 6) + 0.0:.3g}")
+            text.append(
+                f"{size / 2 / np.pi:.4g} Hz, damping {round(-root.real / size, 6) + 0.0:.3g}"
+            )
     return "; ".join(text)
 
 

@@ -1,4 +1,6 @@
-"""Machine and class of friction from the files of a command; a refusal ends with the next command to run."""
+"""Machine and class of friction from the files of a command; a refusal ends with the next command
+to run.
+"""
 
 from __future__ import annotations
 
@@ -35,17 +37,26 @@ if TYPE_CHECKING:
 #: Options of `nlfrf.load_record`, by name.
 LoadOptions: TypeAlias = Mapping[str, Any]
 #: Kinds of files from which a machine and its friction can be read.
-_MACHINE_FILES = ("nlfrf-bla", "nlfrf-frm", *RECORD_SCHEMAS, *MEASURED_RECORDS, "robust-model", "robust-matrix-model")
+_MACHINE_FILES = (
+    "nlfrf-bla",
+    "nlfrf-frm",
+    *RECORD_SCHEMAS,
+    *MEASURED_RECORDS,
+    "robust-model",
+    "robust-matrix-model",
+)
 _NOMINAL = Path("nominal.json")  # output file of the commands in messages
 
 
 @value
 class MachineFiles:
-    """Files of a machine with friction (one model, or BLAs or records at several levels), and options for reading them.
+    """Files of a machine with friction (one model, or BLAs or records at several levels), and
+    options for reading them.
 
-    controller : used in the commands of messages only. nominal : with BLAs, the model around which they are read.
-    stiffness : presliding stiffness of the friction [N/m]; with levels it replaces the one that is read.
-    stiction, free, masses : as for `machine_with_friction`. load : options of `nlfrf.load_record`, for traces.
+    controller : used in the commands of messages only. nominal : with BLAs, the model around which
+    they are read. stiffness : presliding stiffness of the friction [N/m]; with levels it replaces
+    the one that is read. stiction, free, masses : as for `machine_with_friction`. load : options of
+    `nlfrf.load_record`, for traces.
     """
 
     files: tuple[Path, ...]
@@ -63,11 +74,15 @@ class MachineFiles:
         return _join("robust", "prove", *files, self.controller, *around)
 
     def prove_model(self, model: Path = _NOMINAL) -> str:
-        """Return the command line of `robust prove` for a model and the stiffness of its friction."""
+        """Return the command line of `robust prove` for a model and the stiffness of its
+        friction.
+        """
         return f"{self.prove([model])} --stiffness {self.stiffness or 'NEWTON_PER_METRE'}"
 
     def identify(self, record: Path) -> str:
-        """Return the command line that identifies the BLA of a record, with the same options for reading it."""
+        """Return the command line that identifies the BLA of a record, with the same options for
+        reading it.
+        """
         options = [(f"--{LOAD_OPTIONS[name]}", option) for name, option in self.load.items()]
         words = [word for pair in options for word in pair if word is not True]
         return _join("nlfrf", "identify", record, *words, "-o", _bla_of(record))
@@ -75,10 +90,11 @@ class MachineFiles:
 
 @value
 class _FrictionBasis:
-    """Machines (one for each damping to prove) and class of friction for a proof, with a description for the report.
+    """Machines (one for each damping to prove) and class of friction for a proof, with a
+    description for the report.
 
-    sources : name, kind, SHA-256 and reading options of each file. levels : the class as read from levels; None with a
-    nominal or a model. warnings : warnings of the files.
+    sources : name, kind, SHA-256 and reading options of each file. levels : the class as read from
+    levels; None with a nominal or a model. warnings : warnings of the files.
     """
 
     machines: tuple[FrictionPlant, ...]
@@ -94,7 +110,8 @@ class _FrictionBasis:
 
 @keep_warnings
 def read_basis(given: MachineFiles) -> _FrictionBasis:
-    """Return machines and friction class from one model and a stiffness, or from BLAs or records at several levels.
+    """Return machines and friction class from one model and a stiffness, or from BLAs or records at
+    several levels.
 
     Each error message ends with the next command to run.
     """
@@ -115,30 +132,40 @@ def read_basis(given: MachineFiles) -> _FrictionBasis:
     if given.stiffness is not None:
         if len(friction) > 1:
             raise ValueError(
-                f"stiffness must be left out with two masses, each of which has its own, got {given.stiffness:g}"
+                "stiffness must be left out with two masses, each of which has its own, got"
+                f" {given.stiffness:g}"
             )
         friction = (replace(friction[0], K0=given.stiffness),)
-    sources = [_describe_source(path, "record" if records else "BLA", given.load) for path in measured]
+    sources = [
+        _describe_source(path, "record" if records else "BLA", given.load) for path in measured
+    ]
     return _FrictionBasis(
         machines=found.machines,
         friction=friction,
         description=str(found),
-        sources=(*sources, *([] if given.nominal is None else [_describe_source(given.nominal, "model")])),
+        sources=(
+            *sources,
+            *([] if given.nominal is None else [_describe_source(given.nominal, "model")]),
+        ),
         levels=found if given.nominal is None else None,
     )
 
 
-def _load_levels(paths: Sequence[Path], given: MachineFiles) -> tuple[dict[Path, nlfrf.Record], dict[Path, nlfrf.Bla]]:
-    """Return the records or the BLAs in files; for both, the error has the commands that make BLAs of all."""
+def _load_levels(
+    paths: Sequence[Path], given: MachineFiles
+) -> tuple[dict[Path, nlfrf.Record], dict[Path, nlfrf.Bla]]:
+    """Return the records or the BLAs in files; for both, the error has the commands that make BLAs
+    of all.
+    """
     levels = {path: _load_level(path, given.load) for path in paths}
     records = {path: one for path, one in levels.items() if isinstance(one, nlfrf.Record)}
     blas = {path: one for path, one in levels.items() if isinstance(one, nlfrf.Bla)}
     if records and blas:
         proved = given.prove([_bla_of(path) if path in records else path for path in levels])
         raise ValueError(
-            f"machine must be BLAs alone or records alone, got the BLAs {', '.join(map(str, blas))} and the records "
-            f"{', '.join(map(str, records))}: take the records of all levels, or identify these; "
-            + _go_on(*map(given.identify, records), proved)
+            f"machine must be BLAs alone or records alone, got the BLAs {', '.join(map(str, blas))}"
+            f" and the records {', '.join(map(str, records))}: take the records of all levels, or"
+            " identify these; " + _go_on(*map(given.identify, records), proved)
         )
     return records, blas
 
@@ -151,23 +178,29 @@ def _load_level(path: Path, load: LoadOptions) -> nlfrf.Bla | nlfrf.Record:
     return repeat_warnings(level) if schema else level
 
 
-def _class_of_records(records: Mapping[Path, nlfrf.Record], given: MachineFiles) -> MachineWithFriction:
-    """Return the class from records; an error has the commands that read it from their BLAs around a nominal."""
+def _class_of_records(
+    records: Mapping[Path, nlfrf.Record], given: MachineFiles
+) -> MachineWithFriction:
+    """Return the class from records; an error has the commands that read it from their BLAs around
+    a nominal.
+    """
     identified = [given.identify(path) for path in records]
     fit = _fit_command(_bla_of(max(records, key=lambda path: float(np.std(records[path].y)))))
     if len(records) < 3:
         raise ValueError(
             "machine must be records at three levels, from sticking to sliding, got "
-            f"{format_count(len(records), 'record')}; " + _go_on(*identified, fit, given.prove_model())
+            f"{format_count(len(records), 'record')}; "
+            + _go_on(*identified, fit, given.prove_model())
         )
     around = given.prove([_bla_of(path) for path in records], nominal=given.nominal or _NOMINAL)
     if given.nominal is not None:
         raise ValueError(
-            "nominal must be left out with records, which are read as one mass with a delay, got one; "
-            + _go_on(*identified, around)
+            "nominal must be left out with records, which are read as one mass with a delay, got"
+            " one; " + _go_on(*identified, around)
         )
     with _add_next_command(
-        "for a machine that is flexible, --masses 2, or around a nominal " + _go_on(*identified, fit, around)
+        "for a machine that is flexible, --masses 2, or around a nominal "
+        + _go_on(*identified, fit, around)
     ):
         return machine_with_friction(
             list(records.values()), stiction=given.stiction, free=given.free, masses=given.masses
@@ -175,17 +208,21 @@ def _class_of_records(records: Mapping[Path, nlfrf.Record], given: MachineFiles)
 
 
 def _class_of_blas(blas: Mapping[Path, nlfrf.Bla], given: MachineFiles) -> MachineWithFriction:
-    """Return the class from BLAs, around a nominal if it is given; an error has the next commands."""
+    """Return the class from BLAs, around a nominal if it is given; an error has the next
+    commands.
+    """
     files, measured = list(blas), list(blas.values())
     options = [f"--{LOAD_OPTIONS[name]}" for name in given.load]
     if wrong := options + ["--free"] * given.free + ["--masses"] * (given.masses != 1):
         again = given.prove(files, nominal=given.nominal)
         again += "" if given.stiffness is None else f" --stiffness {given.stiffness}"
-        raise ValueError(f"machine must be records for {' and '.join(wrong)}, got BLAs; {_go_on(again)}")
+        raise ValueError(
+            f"machine must be records for {' and '.join(wrong)}, got BLAs; {_go_on(again)}"
+        )
     if len(files) < 3:
         raise ValueError(
-            "machine must be BLAs or records at three levels, from sticking to sliding, or one model with the "
-            f"stiffness of the friction, got {format_count(len(files), 'BLA')}; "
+            "machine must be BLAs or records at three levels, from sticking to sliding, or one"
+            f" model with the stiffness of the friction, got {format_count(len(files), 'BLA')}; "
             + _go_on(_fit_command(files[-1]), given.prove_model())
         )
     highest = files[highest_level(measured)]
@@ -199,22 +236,35 @@ def _class_of_blas(blas: Mapping[Path, nlfrf.Bla], given: MachineFiles) -> Machi
 
 
 def _describe_source(path: Path, kind: str, load: LoadOptions | None = None) -> dict[str, object]:
-    """Return the entry of a file in a certificate: name, kind, digest, and options for reading it."""
+    """Return the entry of a file in a certificate: name, kind, digest, and options for
+    reading it.
+    """
     options = {f"--{LOAD_OPTIONS[name]}": str(option) for name, option in (load or {}).items()}
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    return {"file": path.name, "kind": kind, "sha256": digest, **({"options": options} if options else {})}
+    return {
+        "file": path.name,
+        "kind": kind,
+        "sha256": digest,
+        **({"options": options} if options else {}),
+    }
 
 
 def _basis_of_model(models: Sequence[Path], given: MachineFiles) -> _FrictionBasis:
-    """Return machines and class from one model and a given stiffness of the friction, which no model shows."""
+    """Return machines and class from one model and a given stiffness of the friction, which no
+    model shows.
+    """
     model = models[0]
     if len(models) > 1:
-        raise ValueError(f"machine must be one model, got {len(models)}; {_go_on(given.prove_model(model))}")
-    if given.stiffness is None:
-        levels = given.prove([Path(f"{level}.npz") for level in ("LOW", "MID", "HIGH")], nominal=model)
         raise ValueError(
-            f"stiffness must be given with a model [N/m], got none for {model}; {_go_on(given.prove_model(model))}, or "
-            f"read it from BLAs at three levels: {levels}"
+            f"machine must be one model, got {len(models)}; {_go_on(given.prove_model(model))}"
+        )
+    if given.stiffness is None:
+        levels = given.prove(
+            [Path(f"{level}.npz") for level in ("LOW", "MID", "HIGH")], nominal=model
+        )
+        raise ValueError(
+            f"stiffness must be given with a model [N/m], got none for {model};"
+            f" {_go_on(given.prove_model(model))}, or read it from BLAs at three levels: {levels}"
         )
     known = _load_machine(model, Path("BLA.npz"), given.prove_model())
     machines, description = machines_of_nominal(known.nominal)
@@ -232,8 +282,8 @@ def _load_machine(path: Path, bla: Path, command: str) -> UncertaintyModel:
     model = repeat_warnings(load_model(path))
     if getattr(model, "measured_only", True):
         raise ValueError(
-            f"machine must have a parametric nominal with one input and output, got {path} without; "
-            f"{_go_on(_fit_command(bla), command)}"
+            f"machine must have a parametric nominal with one input and output, got {path} without;"
+            f" {_go_on(_fit_command(bla), command)}"
         )
     require_si("machine", model.origin.unit)
     with _add_next_command(_go_on(_fit_command(bla, max(2, model.nominal.nstates)), command)):
@@ -271,8 +321,16 @@ def _add_next_command(how: str) -> Iterator[None]:
 
 
 def save_proofs(proofs: Sequence[FrictionProof], out: Path, basis: _FrictionBasis) -> None:
-    """Save the certificates of proofs beside a result: out.certificate.json, out.2.certificate.json."""
-    proved = [proof for proof in proofs if proof.certificate is not None and proof.certificate.claim is not None]
+    """Save the certificates of proofs beside a result: out.certificate.json,
+    out.2.certificate.json.
+    """
+    proved = [
+        proof
+        for proof in proofs
+        if proof.certificate is not None and proof.certificate.claim is not None
+    ]
     for number, proof in enumerate(proved):
         read_from = {"evidence": basis.description, "files": list(basis.sources)}
-        save_friction_proof(proof, certificate_path(out, number), read_from=read_from, warnings=basis.warnings)
+        save_friction_proof(
+            proof, certificate_path(out, number), read_from=read_from, warnings=basis.warnings
+        )

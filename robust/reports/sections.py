@@ -27,38 +27,56 @@ _PACKAGES = ("nlfrf", "numpy", "scipy", "control", "cvxpy", "clarabel", "matplot
 _N_PLANTS = 25  # of the set, drawn around the worst case
 
 
-def loop_section(report: RobustnessReport, model: UncertaintyModel, K: control.StateSpace) -> Section:
+def loop_section(
+    report: RobustnessReport, model: UncertaintyModel, K: control.StateSpace
+) -> Section:
     """Return the section on controller and loop."""
     dt, unit = timebase(K), model.origin.unit
     facts = [Fact("controller", describe_system(K)), Fact("poles", describe_roots(poles(K), dt))]
     if not report.is_single:
-        facts.append(Fact("disk margins", "" if report.channels is None else rows_of_value(report.channels)))
+        facts.append(
+            Fact("disk margins", "" if report.channels is None else rows_of_value(report.channels))
+        )
         gains = loop_gains(model.nominal, K, omega=model.omega)
         return Section(
             "loop",
             "Controller and loop",
-            "u = K (r - y). The margin of one channel alone is the weakest test: if all channels change at once, the "
-            "loop may tolerate far less.",
+            "u = K (r - y). The margin of one channel alone is the weakest test: if all channels"
+            " change at once, the loop may tolerate far less.",
             facts=facts,
             pictures=(html.draw_picture("Singular values of the nominal loop.", plot_loop, gains),),
         )
-    facts += [Fact("zeros", describe_roots(zeros(K), dt)), Fact("gains", format_gains(K, unit).strip())]
+    facts += [
+        Fact("zeros", describe_roots(zeros(K), dt)),
+        Fact("gains", format_gains(K, unit).strip()),
+    ]
     table: list[tuple[str, ...]] = []
     if dt:
         try:
             rows = loop_sections(K).tolist()
-            table = [("b0", "b1", "b2", "a0", "a1", "a2"), *(tuple(f"{c:.12g}" for c in row) for row in rows)]
+            table = [
+                ("b0", "b1", "b2", "a0", "a1", "a2"),
+                *(tuple(f"{c:.12g}" for c in row) for row in rows),
+            ]
         except ValueError as error:
             facts.append(Fact("sections", f"none: {error}"))
     return Section(
         "loop",
         "Controller and loop",
-        "u = K (r - y). A table below has the second-order sections of a sampled controller, in series.",
+        "u = K (r - y). A table below has the second-order sections of a sampled controller, in"
+        " series.",
         facts=facts,
         table=table,
         pictures=(
-            html.draw_picture("Loop gain and sensitivities of the nominal loop.", plot_loop, report),
-            html.draw_picture("L in the complex plane, with the discs of the set.", plot_nyquist, report, square=True),
+            html.draw_picture(
+                "Loop gain and sensitivities of the nominal loop.", plot_loop, report
+            ),
+            html.draw_picture(
+                "L in the complex plane, with the discs of the set.",
+                plot_nyquist,
+                report,
+                square=True,
+            ),
         ),
     )
 
@@ -66,12 +84,14 @@ def loop_section(report: RobustnessReport, model: UncertaintyModel, K: control.S
 def check_section(report: RobustnessReport) -> Section:
     """Return the section with the numbers behind the verdict, and with the proofs."""
     curves = "Stability and performance" if report.is_single else "Bounds of mu"
-    facts = [] if report.nominally_stable else [Fact("nominal loop", "not stable: no margin is given")]
+    facts = (
+        [] if report.nominally_stable else [Fact("nominal loop", "not stable: no margin is given")]
+    )
     return Section(
         "check",
         "Check and proof",
-        "Curves on a grid prove nothing between its points. A certificate is checked by its own numbers, whatever the "
-        "solver reports that proposed it.",
+        "Curves on a grid prove nothing between its points. A certificate is checked by its own"
+        " numbers, whatever the solver reports that proposed it.",
         facts=(*facts, *report.details),
         pictures=(html.draw_picture(f"{curves}; each must stay below one.", plot_check, report),),
     )
@@ -84,7 +104,9 @@ def worst_case_section(
     name, title = "worst", "Worst case"
     if model.measured_only or not report.nominally_stable:
         why = (
-            "the nominal loop is not stable" if not report.nominally_stable else "the plant is known on its lines only"
+            "the nominal loop is not stable"
+            if not report.nominally_stable
+            else "the plant is known on its lines only"
         )
         return Section(name, title, f"None can be given: {why}.")
     worst = worst_case(model, K, delay=delay)
@@ -95,19 +117,31 @@ def worst_case_section(
     nominal = step_of_plant(model.nominal, K, delay=delay)
     worst_step = step_of_plant(worst.plant, K, delay=delay) if worst.stable else None
     facts = (
-        Fact("worst plant", f"{peak} at {format_hertz(worst.omega_worst)}, with |Delta| = {size:.3g} there"),
+        Fact(
+            "worst plant",
+            f"{peak} at {format_hertz(worst.omega_worst)}, with |Delta| = {size:.3g} there",
+        ),
         Fact("its poles", describe_roots(poles(worst.plant), timebase(worst.plant))),
         Fact("step, nominal plant", str(nominal)),
-        Fact("step, worst plant", "none: the loop is unstable" if worst_step is None else str(worst_step)),
-        Fact("random plants", f"{family.stable.size} of the set, {lost} of them unstable in this loop"),
+        Fact(
+            "step, worst plant",
+            "none: the loop is unstable" if worst_step is None else str(worst_step),
+        ),
+        Fact(
+            "random plants",
+            f"{family.stable.size} of the set, {lost} of them unstable in this loop",
+        ),
     )
     return Section(
         name,
         title,
-        "One plant of the set reaches the worst case; robust.worst_case returns it to replay in a simulation.",
+        "One plant of the set reaches the worst case; robust.worst_case returns it to replay in a"
+        " simulation.",
         facts=facts,
         pictures=(
-            html.draw_picture("Sensitivity with plants of the set, and the worst case.", plot_family, family),
+            html.draw_picture(
+                "Sensitivity with plants of the set, and the worst case.", plot_family, family
+            ),
             html.draw_picture(
                 "Response to a step of the reference, with the nominal and with the worst plant.",
                 plot_step,
@@ -122,16 +156,22 @@ def worst_case_section(
 def settings_section(
     model: UncertaintyModel, K: control.StateSpace, *, w_P: control.StateSpace | None, delay: float
 ) -> Section:
-    """Return the section on settings: weight, demand, delay [s], sampling of K, versions of packages and computer."""
+    """Return the section on settings: weight, demand, delay [s], sampling of K, versions of
+    packages and computer.
+    """
     facts = (
         Fact("weight", describe_system(model.weight) if model.is_single else ""),
         Fact("performance weight", "none asked for" if w_P is None else describe_demand(w_P)),
         Fact(
-            "computation delay", f"{1e3 * delay:g} ms, and {1e3 * model.origin.delay:.4g} ms inside the nominal plant"
+            "computation delay",
+            f"{1e3 * delay:g} ms, and {1e3 * model.origin.delay:.4g} ms inside the nominal plant",
         ),
         Fact("sampling of the controller", f"{1 / K.dt:g} Hz" if timebase(K) else "continuous"),
         Fact("versions", ", ".join(f"{name} {_installed_version(name)}" for name in _PACKAGES)),
-        Fact("machine", f"Python {platform.python_version()} on {platform.system()} {platform.machine()}"),
+        Fact(
+            "machine",
+            f"Python {platform.python_version()} on {platform.system()} {platform.machine()}",
+        ),
     )
     lead = "Settings and versions needed to repeat this run."
     return Section("settings", "Versions and settings", lead, facts=facts)

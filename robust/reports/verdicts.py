@@ -1,4 +1,6 @@
-"""Two verdicts side by side: that of a check at the measured levels, and that of a proof for a class of friction."""
+"""Two verdicts side by side: that of a check at the measured levels, and that of a proof for a
+class of friction.
+"""
 
 from __future__ import annotations
 
@@ -19,19 +21,33 @@ from robust.pages.section import Section
 
 _MEANING_OF_PROOF = {
     FrictionVerdict.PROVED: "comes to rest with every friction of the class, from every state",
-    FrictionVerdict.SETTLES: "stays within a bound with every friction of the class, from every state",
+    FrictionVerdict.SETTLES: (
+        "stays within a bound with every friction of the class, from every state"
+    ),
     FrictionVerdict.REFUTED: (
-        "with one friction of the class the loop is unstable; the friction of the machine may be another"
+        "with one friction of the class the loop is unstable; the friction of the machine may be"
+        " another"
     ),
     FrictionVerdict.NOT_DECIDED: "neither proved nor refuted",
 }
 
 
-def _verdict_rows(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple[str, str, str], ...]:
-    """Return rows of a table, the head first: question, answer of the check, answer of the proof."""
+def _verdict_rows(
+    report: RobustnessReport, proof: FrictionProof
+) -> tuple[tuple[str, str, str], ...]:
+    """Return rows of a table, the head first: question, answer of the check, answer of the
+    proof.
+    """
     settles = proof.verdict is FrictionVerdict.SETTLES
-    away = f"surely, with any friction of the given force, from a kick of {proof.kick_sure:.3g} {proof.units.velocity}"
-    fails = away if np.isfinite(proof.kick_sure) else "unknown: there is no kick after which it surely does"
+    away = (
+        f"surely, with any friction of the given force, from a kick of {proof.kick_sure:.3g}"
+        f" {proof.units.velocity}"
+    )
+    fails = (
+        away
+        if np.isfinite(proof.kick_sure)
+        else "unknown: there is no kick after which it surely does"
+    )
     if proof.verdict.is_proved:
         fails = "never, with a friction of the class"
     return (
@@ -39,9 +55,17 @@ def _verdict_rows(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple
         ("verdict", report.headline, proof.verdict),
         ("meaning", report.meaning, _MEANING_OF_PROOF[proof.verdict]),
         ("because", report.reason, proof.claim if settles else proof.reason or proof.claim),
-        ("holds for", report.proved or "the nominal plant and the measured set around it", proof.scope),
+        (
+            "holds for",
+            report.proved or "the nominal plant and the measured set around it",
+            proof.scope,
+        ),
         ("linear part", "any plant of the set", f"{proof.machine.description}, exactly"),
-        ("a harder kick than measured", "not covered: the machine slides more than in any record", "covered"),
+        (
+            "a harder kick than measured",
+            "not covered: the machine slides more than in any record",
+            "covered",
+        ),
         ("runs away", "not judged", fails),
         ("not covered", report.not_proved, proof.not_claimed),
     )
@@ -52,7 +76,10 @@ def describe_proof(proof: FrictionProof) -> str:
     size = f"{proof.kick_sure:.3g} {proof.units.velocity}"
     kick = f"; with any friction of the given force it surely runs away from a kick of {size}"
     away = kick if np.isfinite(proof.kick_sure) else ""
-    return f"Proof for a class of friction: {proof.verdict} ({_MEANING_OF_PROOF[proof.verdict]}){away}."
+    return (
+        f"Proof for a class of friction: {proof.verdict}"
+        f" ({_MEANING_OF_PROOF[proof.verdict]}){away}."
+    )
 
 
 def friction_section(report: RobustnessReport, proof: FrictionProof) -> Section:
@@ -60,8 +87,9 @@ def friction_section(report: RobustnessReport, proof: FrictionProof) -> Section:
     return Section(
         "friction",
         "Two verdicts",
-        "The two verdicts answer different questions. A statistically robust loop may run away after a hard kick; a "
-        "loop proved for a class of friction may fail with a plant of a wide set.",
+        "The two verdicts answer different questions. A statistically robust loop may run away"
+        " after a hard kick; a loop proved for a class of friction may fail with a plant of a wide"
+        " set.",
         table=_verdict_rows(report, proof),
     )
 
@@ -70,17 +98,32 @@ def friction_section(report: RobustnessReport, proof: FrictionProof) -> Section:
 
 #: Curves of the loop to compare; several channels have only some of them.
 _COMPARED = ("omega", "G", "K", "radius", "rs")
-_WRONG_REPORT = "report must be the result of check for this model and this K, got that of another loop"
+_WRONG_REPORT = (
+    "report must be the result of check for this model and this K, got that of another loop"
+)
 
 
 def require_report_of(
-    report: RobustnessReport, model: UncertaintyModel, *, K: control.StateSpace, w_P: Weight | None, delay: float
+    report: RobustnessReport,
+    model: UncertaintyModel,
+    *,
+    K: control.StateSpace,
+    w_P: Weight | None,
+    delay: float,
 ) -> None:
-    """Refuse a report of another loop. For the comparison the loop is checked again without proofs."""
+    """Refuse a report of another loop.
+
+    For the comparison the loop is checked again without proofs.
+    """
     if delay not in (0.0, report.given.delay):
-        raise ValueError(f"delay must be that of the report, {report.given.delay:g} s, got {delay:g} s")
+        raise ValueError(
+            f"delay must be that of the report, {report.given.delay:g} s, got {delay:g} s"
+        )
     if w_P is not None and not _has_demand(report, w_P):
-        raise ValueError("w_P must be that of the report, got another one. Leave it out, or check again with this one")
+        raise ValueError(
+            "w_P must be that of the report, got another one. Leave it out, or check again with"
+            " this one"
+        )
     if report.is_single != model.is_single:
         raise ValueError(_WRONG_REPORT)
     try:

@@ -1,8 +1,9 @@
-"""Periodic trajectories of the operating point on which a scheduled loop grows: searched in doubles, proved in balls.
+"""Periodic trajectories of the operating point on which a scheduled loop grows: searched in
+doubles, proved in balls.
 
-theta goes to and fro as a triangle or a sine about a centre (parametric resonance: near twice the frequency of a mode,
-or a fraction of that), or jumps between two points. The growth over a period is the spectral radius of a product of
-transition matrices. Delta is 0, 1 or -1.
+theta goes to and fro as a triangle or a sine about a centre (parametric resonance: near twice the
+frequency of a mode, or a fraction of that), or jumps between two points. The growth over a period
+is the spectral radius of a product of transition matrices. Delta is 0, 1 or -1.
 """
 
 from __future__ import annotations
@@ -39,18 +40,26 @@ class _Wave:
     delta: float
 
     def trajectory(self, period: float, amplitude: float, dt: float) -> Trajectory:
-        """Return a period; for a sampled loop (dt [s]) so many of them that they are whole samples, nearly."""
+        """Return a period; for a sampled loop (dt [s]) so many of them that they are whole samples,
+        nearly.
+        """
         cycles = max(1, round(_SAMPLES * dt / period))
         count = max(2, round(cycles * period / dt)) if dt else _VERTICES
         phase = np.arange(count) * cycles / count % 1
-        wave = np.sin(2 * np.pi * phase) if self.shape == "sine" else 4 * np.abs((phase + 0.25) % 1 - 0.5) - 1
+        wave = (
+            np.sin(2 * np.pi * phase)
+            if self.shape == "sine"
+            else 4 * np.abs((phase + 0.25) % 1 - 0.5) - 1
+        )
         theta = np.clip(self.centre + amplitude * wave, -1, 1)
         return Trajectory(theta=theta, step=dt or period / count, delta=self.delta)
 
 
 def _exponentials(matrices: np.ndarray) -> np.ndarray:
     """Return exp of (N, n, n) matrices, all at once."""
-    halvings = max(0, int(np.ceil(np.log2(max(np.linalg.norm(matrices, axis=(1, 2)).max(), 1e-300)))) + 2)
+    halvings = max(
+        0, int(np.ceil(np.log2(max(np.linalg.norm(matrices, axis=(1, 2)).max(), 1e-300)))) + 2
+    )
     small = matrices / 2.0**halvings
     made = term = np.broadcast_to(np.eye(matrices.shape[1]), matrices.shape)
     for k in range(1, 9):
@@ -62,7 +71,8 @@ def _exponentials(matrices: np.ndarray) -> np.ndarray:
 
 
 def slowest_growth(claim: ScheduleClaim) -> Trajectory | None:
-    """Return the slowest trajectory found on which the loop grows, proved in balls; None if none was found.
+    """Return the slowest trajectory found on which the loop grows, proved in balls; None if none
+    was found.
 
     claim : loop and set; its P and its rate are not used.
     """
@@ -99,7 +109,9 @@ def _growth_at_rest(loop: _FrozenLoop, claim: ScheduleClaim) -> Trajectory | Non
 
 
 def growing_jumps(claim: ScheduleClaim) -> Trajectory | None:
-    """Return a trajectory that jumps between two points, on which the loop grows, proved in balls; or None."""
+    """Return a trajectory that jumps between two points, on which the loop grows, proved in balls;
+    or None.
+    """
     loop = _FrozenLoop(claim)
     if (still := _growth_at_rest(loop, claim)) is not None:
         return still
@@ -117,7 +129,9 @@ def growing_jumps(claim: ScheduleClaim) -> Trajectory | None:
 
 
 def _refine(loop: _FrozenLoop, wave: _Wave, period: float, amplitude: float) -> Trajectory:
-    """Return a slower trajectory that grows: the least amplitude of each period, the best period near the given one."""
+    """Return a slower trajectory that grows: the least amplitude of each period, the best period
+    near the given one.
+    """
     best = wave.trajectory(period, amplitude, loop.dt)
 
     def rate(log_period: float) -> float:
@@ -133,7 +147,12 @@ def _refine(loop: _FrozenLoop, wave: _Wave, period: float, amplitude: float) -> 
                 low = middle
         return least if np.isfinite(least) else 10 * best.rate
 
-    minimize_scalar(rate, bounds=np.log(period) + np.array([-0.1, 0.1]), method="bounded", options={"maxiter": 12})
+    minimize_scalar(
+        rate,
+        bounds=np.log(period) + np.array([-0.1, 0.1]),
+        method="bounded",
+        options={"maxiter": 12},
+    )
     return best
 
 
@@ -155,7 +174,9 @@ class _FrozenLoop:
     def at(self, theta: np.ndarray, delta: float) -> np.ndarray:
         """Return (N, n, n) A closed by the perturbation at each theta."""
         powers = theta[:, None] ** np.arange(max(map(len, (self._A, self._B, self._C, self._D))))
-        A, B, C, D = (np.tensordot(powers[:, : len(M)], M, 1) for M in (self._A, self._B, self._C, self._D))
+        A, B, C, D = (
+            np.tensordot(powers[:, : len(M)], M, 1) for M in (self._A, self._B, self._C, self._D)
+        )
         if not delta:
             return np.asarray(A)
         q = self._q
@@ -168,14 +189,18 @@ class _FrozenLoop:
         return A if self.dt else _exponentials(A * step)
 
     def periods(self, centre: float = 0.0, delta: float = 0.0) -> np.ndarray:
-        """Return periods [s] about half and one period of each mode with theta held at the centre, and between them."""
+        """Return periods [s] about half and one period of each mode with theta held at the centre,
+        and between them.
+        """
         poles = np.linalg.eigvals(self.at(np.array([centre]), delta)[0])
         if self.dt:
             poles = np.log(poles[np.abs(poles) > 1e-3] + 0j) / self.dt
         turning = poles.imag[poles.imag > 0.05 * np.abs(poles)]
         turning = turning if turning.size else np.abs(poles)
         near = np.pi / turning[:, None] * np.concatenate([_NEAR, 2 * _NEAR])
-        found = np.union1d(near, np.geomspace(np.pi / 2 / turning.max(), 4 * np.pi / turning.min(), _PERIODS))
+        found = np.union1d(
+            near, np.geomspace(np.pi / 2 / turning.max(), 4 * np.pi / turning.min(), _PERIODS)
+        )
         return found[(found >= 2 * self.dt) & (found <= _LONGEST * self.dt)] if self.dt else found
 
     def radius(self, trajectory: Trajectory) -> float:
@@ -183,7 +208,9 @@ class _FrozenLoop:
         theta, delta = trajectory.theta, trajectory.delta
         middle = theta if trajectory.held else (theta + np.roll(theta, -1)) / 2
         steps = self.steps(middle, trajectory.step, delta)
-        if self.dt and not trajectory.held:  # the plant in the middle of the sample, the controller at its start
+        if (
+            self.dt and not trajectory.held
+        ):  # the plant in the middle of the sample, the controller at its start
             n = self._plant_states
             steps = np.concatenate([steps[:, :n], self.at(theta, delta)[:, n:]], axis=1)
         while len(steps) > 1:  # neighbours, later ones from the left

@@ -1,4 +1,6 @@
-"""``prove_schedule``: a scheduled loop while its operating point moves: proved, refuted or not decided."""
+"""``prove_schedule``: a scheduled loop while its operating point moves: proved, refuted or not
+decided.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from nlfrf._base.arguments import require_choice, require_integer, require_nonnegative, require_positive
+from nlfrf._base.arguments import (
+    require_choice,
+    require_integer,
+    require_nonnegative,
+    require_positive,
+)
 from nlfrf._base.values import value
 from robust._base.states import Outcome
 from robust._base.types import Controller
@@ -35,8 +42,8 @@ class ScheduleProof:
     Fields
     ------
     outcome : Outcome
-        "holds": everything asked for is proved, at every rate up to `rate`. "violated": `broken` is a trajectory within
-        that rate, on which the loop grows. "undecided": neither.
+        "holds": everything asked for is proved, at every rate up to `rate`. "violated": `broken` is
+        a trajectory within that rate, on which the loop grows. "undecided": neither.
     rate : float
         Rate that was asked for, in units of the operating point per second; inf for jumps.
     provable : float
@@ -54,7 +61,8 @@ class ScheduleProof:
 
     References
     ----------
-    Wu, Yang, Packard & Becker, "Induced L2-norm control for LPV systems with bounded parameter variation rates", 1996.
+    Wu, Yang, Packard & Becker, "Induced L2-norm control for LPV systems with bounded parameter
+    variation rates", 1996.
 
     Examples
     --------
@@ -102,23 +110,32 @@ class ScheduleProof:
         unit = f"{self.plant.unit}/s" if self.plant.unit else "per second"
         speed = "jumping at will" if np.isinf(self.rate) else f"at most {self.rate:g} {unit}"
         clock = f"at {1 / self.K.dt:g} Hz" if self.K.dt else "in continuous time"
-        lines = [f"{self.plant.describe_range()}, {speed}, controller of order {self.K.order} {clock}"]
+        lines = [
+            f"{self.plant.describe_range()}, {speed}, controller of order {self.K.order} {clock}"
+        ]
         whom = "" if self.plant.weight is None else ", for every operator within the weight"
         one, no = self.certificate, "refuted" if self.certificate.violated else "not decided"
-        how = f"proved, rigorous (P of degree {self.degree})" if one.holds else f"{no}: {one.reason}"
+        how = (
+            f"proved, rigorous (P of degree {self.degree})" if one.holds else f"{no}: {one.reason}"
+        )
         lines.append(f"  {one.subject}{whom}: {how}")
         if self.provable not in (0, self.rate):
             lines.append(
-                f"  provable {f'up to {self.provable:.3g} {unit}' if np.isfinite(self.provable) else 'at any rate'}"
+                "  provable"
+                f" {f'up to {self.provable:.3g} {unit}' if np.isfinite(self.provable) else 'at any rate'}"
             )
         if self.broken is not None:
             lines.append(f"  {self.broken.describe(unit)}")
         held = " and held within a sample" if self.K.dt and np.isinf(self.rate) else ""
         if self.K.dt and self.plant.weight is not None:
-            held += "; the perturbation acts from sample to sample, aliases of the set above Nyquist are not in it"
+            held += (
+                "; the perturbation acts from sample to sample, aliases of the set above Nyquist"
+                " are not in it"
+            )
         lines.append(
-            f"  assumed: matrices go with {self.plant.over} as polynomials of degree {len(self.plant.A) - 1}, in this "
-            f"realisation; {self.plant.over} is known to the controller{held}"
+            f"  assumed: matrices go with {self.plant.over} as polynomials of degree"
+            f" {len(self.plant.A) - 1}, in this realisation; {self.plant.over} is known to the"
+            f" controller{held}"
         )
         return "\n".join(lines)
 
@@ -130,7 +147,8 @@ class BrokenRate:
     Fields
     ------
     rate : float
-        Its largest rate, per second; inf for jumps; 0: the loop grows with the operating point held.
+        Its largest rate, per second; inf for jumps; 0: the loop grows with the operating point
+        held.
     points : (N,) ndarray
         Operating points at its vertices; linear in between, or held for jumps.
     step : float
@@ -140,7 +158,8 @@ class BrokenRate:
 
     References
     ----------
-    Shamma & Athans, "Gain scheduling: potential hazards and possible remedies", IEEE Control Systems, 1992.
+    Shamma & Athans, "Gain scheduling: potential hazards and possible remedies", IEEE Control
+    Systems, 1992.
 
     Examples
     --------
@@ -184,32 +203,38 @@ def prove_schedule(
 ) -> ScheduleProof:
     """Prove that a scheduled loop u = -K(p) y stays stable while its operating point p moves.
 
-    With V = x'P(p)x and one scaling for each perturbation, V falls on every trajectory with |p'| <= rate, for every
-    causal perturbation of gain one in the set of the plant. The inequality is decided at every p, in balls. That the
-    loop is stable with p held anywhere proves nothing of this (Shamma & Athans).
+    With V = x'P(p)x and one scaling for each perturbation, V falls on every trajectory with |p'| <=
+    rate, for every causal perturbation of gain one in the set of the plant. The inequality is
+    decided at every p, in balls. That the loop is stable with p held anywhere proves nothing of
+    this (Shamma & Athans).
 
-    A sampled controller acts on the continuous plant through a hold; the motion of p within a sample is covered. The
-    perturbation then acts from sample to sample: aliases of the set above Nyquist are not in it.
+    A sampled controller acts on the continuous plant through a hold; the motion of p within a
+    sample is covered. The perturbation then acts from sample to sample: aliases of the set above
+    Nyquist are not in it.
 
     Parameters
     ----------
     plant : LpvModel
-        Continuous, or discrete with the sampling time of K; no direct feedthrough. Its weight, if it has one, must have
-        the time base of K.
+        Continuous, or discrete with the sampling time of K; no direct feedthrough. Its weight, if
+        it has one, must have the time base of K.
     K : LpvModel or control.StateSpace
         The controller as a polynomial of the same operating point, or one for all.
     rate : float
-        Largest rate of the operating point, in its units per second. inf: it jumps; with a sampled K at the samples.
+        Largest rate of the operating point, in its units per second. inf: it jumps; with a sampled
+        K at the samples.
     delay : float
         Delay between controller and plant [s]: whole samples; 0 for a continuous K.
     gain : str
-        "S": from the reference to the error; "GS": from the input of the plant to its output. "" for stability.
+        "S": from the reference to the error; "GS": from the input of the plant to its output. ""
+        for stability.
     level : float, optional
         Level to prove for the L2 gain.
     degree : int, optional
-        Degree of P; by default 1 and 2 are tried for a sampled K, 0 to 3 for a continuous one, 0 and 1 for jumps.
+        Degree of P; by default 1 and 2 are tried for a sampled K, 0 to 3 for a continuous one, 0
+        and 1 for jumps.
     limit : bool
-        Whether to search for the largest provable rate (to 20 percent) and for a trajectory on which the loop grows.
+        Whether to search for the largest provable rate (to 20 percent) and for a trajectory on
+        which the loop grows.
 
     Returns
     -------
@@ -218,13 +243,14 @@ def prove_schedule(
     Raises
     ------
     ValueError
-        Plants or controllers of other types, ranges, units, sizes or sampling times; a rate that is not positive; a
-        delay that is not whole samples; a gain without a level.
+        Plants or controllers of other types, ranges, units, sizes or sampling times; a rate that is
+        not positive; a delay that is not whole samples; a gain without a level.
 
     References
     ----------
-    Wu, Yang, Packard & Becker, "Induced L2-norm control for LPV systems with bounded parameter variation rates", 1996.
-    Shamma & Athans, "Guaranteed properties of gain scheduled control for linear parameter-varying plants", 1991.
+    Wu, Yang, Packard & Becker, "Induced L2-norm control for LPV systems with bounded parameter
+    variation rates", 1996. Shamma & Athans, "Guaranteed properties of gain scheduled control for
+    linear parameter-varying plants", 1991.
 
     Examples
     --------
@@ -241,7 +267,9 @@ def prove_schedule(
     """
     claim = _claim(plant, K, rate=rate, delay=delay, gain=gain, level=level)
     sampled = bool(claim.controller.dt)
-    degrees = ((0, 1) if sampled else (0,)) if claim.jumps else _SAMPLED_DEGREES if sampled else _DEGREES
+    degrees = (
+        ((0, 1) if sampled else (0,)) if claim.jumps else _SAMPLED_DEGREES if sampled else _DEGREES
+    )
     if degree is not None:
         degrees = (require_integer("degree", degree, least=0),)
     found, used, reason = None, degrees[-1], ""
@@ -255,7 +283,9 @@ def prove_schedule(
     if limit and not claim.jumps:
         any_rate = found is not None and not used and not sampled
         provable = (
-            np.inf if any_rate else _largest_rate(claim, used, provable, np.inf if broken is None else broken.rate)
+            np.inf
+            if any_rate
+            else _largest_rate(claim, used, provable, np.inf if broken is None else broken.rate)
         )
     outcome = Outcome.HOLDS if found is not None else Outcome.UNDECIDED
     if found is None and broken is not None and broken.rate <= claim.speed:
@@ -275,13 +305,22 @@ def prove_schedule(
 
 
 def _claim(
-    plant: LpvModel, K: LpvModel | Controller, *, rate: float, delay: float, gain: str, level: float | None
+    plant: LpvModel,
+    K: LpvModel | Controller,
+    *,
+    rate: float,
+    delay: float,
+    gain: str,
+    level: float | None,
 ) -> ScheduleClaim:
     """Return the claim in theta, without P; refuse what does not fit."""
     plant = require_lpv("plant", plant)
     controller = constant_model("K", K, plant)
     mine, own = controller.points[[0, -1]], plant.points[[0, -1]]
-    if not np.array_equal(mine, own) or (controller.over, controller.unit) != (plant.over, plant.unit):
+    if not np.array_equal(mine, own) or (controller.over, controller.unit) != (
+        plant.over,
+        plant.unit,
+    ):
         raise ValueError(
             f"K must be scheduled over the range of the plant, {plant.describe_range()}, "
             f"got {controller.describe_range()}"
@@ -299,8 +338,11 @@ def _claim(
         raise ValueError(f"delay must be {wanted}, got {delay:g} s")
     if not plant.order:
         raise ValueError("plant must have states, got a gain")
-    machine, law = (LpvMatrices(A=one.A, B=one.B, C=one.C, D=one.D, dt=one.dt) for one in (plant, controller))
-    weight, reads = _weight(plant, dt), tuple(one for one in FORMS[plant.form].rs_factors if one in ("G", "K"))
+    machine, law = (
+        LpvMatrices(A=one.A, B=one.B, C=one.C, D=one.D, dt=one.dt) for one in (plant, controller)
+    )
+    weight = _weight(plant, dt)
+    reads = tuple(one for one in FORMS[plant.form].rs_factors if one in ("G", "K"))
     require_schedule(machine, law, weight, reads)
     return ScheduleClaim(
         plant=machine, controller=law, weight=weight, reads=reads, delay=round(samples),
@@ -335,7 +377,9 @@ def _in_units(found: Trajectory, plant: LpvModel) -> BrokenRate:
 
 
 def _largest_rate(claim: ScheduleClaim, degree: int, proved: float, broken: float) -> float:
-    """Return the largest rate of theta that is proved with a degree of P, to a step of 20 percent."""
+    """Return the largest rate of theta that is proved with a degree of P, to a step of 20
+    percent.
+    """
     low, high = proved, min(broken, claim.rate * _WIDEST)
     trial = 2 * low if low else claim.rate / 2
     while high > _STEP * low and trial > claim.rate / _WIDEST:
@@ -348,7 +392,9 @@ def _largest_rate(claim: ScheduleClaim, degree: int, proved: float, broken: floa
     return float(low)
 
 
-def _certificate(claim: ScheduleClaim, found: ScheduleClaim | None, reason: str, outcome: Outcome) -> Certificate:
+def _certificate(
+    claim: ScheduleClaim, found: ScheduleClaim | None, reason: str, outcome: Outcome
+) -> Certificate:
     subject = (
         "stability on every trajectory"
         if not claim.gain

@@ -1,6 +1,8 @@
-"""A servo axis: experiments under its running drive, the gains of the drive, and a check of the gains against traces.
+"""A servo axis: experiments under its running drive, the gains of the drive, and a check of the
+gains against traces.
 
-    design_experiment -> set points -> trace -> read_experiments -> records -> check(records, gains) -> write_page
+    design_experiment -> set points -> trace -> read_experiments -> records -> check(records, gains)
+    -> write_page
 
 checking    the check: traces, machine, friction, simulation, findings
 cli         the commands `robust servo`

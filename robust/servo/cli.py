@@ -28,7 +28,13 @@ from robust._base.options import Discard, Period, Reference, Resample, SamplingF
 axis_file, design, findings, gains_file, judge, levels, page, play, read = (
     lazy_loader.load(f"robust.servo.{module}", suppress_warning=True)
     for module in (
-        *("experiment.axis_file", "experiment.design", "checking.findings", "gains.gains_file", "checking.judge"),
+        *(
+            "experiment.axis_file",
+            "experiment.design",
+            "checking.findings",
+            "gains.gains_file",
+            "checking.judge",
+        ),
         *("experiment.levels", "page", "experiment.play", "checking.read"),
     )
 )
@@ -38,27 +44,49 @@ servo_app = Commands(
     no_args_is_help=True,
 )
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
-Force = Annotated[str, typer.Option("--input", help="Name of the force, torque or current set point in the trace.")]
-Position = Annotated[str, typer.Option("--output", help="Name of the actual position in the trace.")]
+Force = Annotated[
+    str,
+    typer.Option("--input", help="Name of the force, torque or current set point in the trace."),
+]
+Position = Annotated[
+    str, typer.Option("--output", help="Name of the actual position in the trace.")
+]
 
 
 @servo_app.command("design")
 def design_for_drive(
-    source: Annotated[Path, typer.Argument(help="Preset, .toml file of an axis, or a first trace (with --first).")],
+    source: Annotated[
+        Path, typer.Argument(help="Preset, .toml file of an axis, or a first trace (with --first).")
+    ],
     out: Out,
-    period: Annotated[int, typer.Option(help="Samples in one period, at the sampling frequency of the drive.")],
+    period: Annotated[
+        int, typer.Option(help="Samples in one period, at the sampling frequency of the drive.")
+    ],
     f_min: Annotated[float, typer.Option(help="Lowest frequency [Hz].")],
     f_max: Annotated[float, typer.Option(help="Highest frequency [Hz].")],
     rms: Annotated[
-        float | None, typer.Option(help="Rms of the force set point [N], [Nm]; default: largest within the limits.")
+        float | None,
+        typer.Option(
+            help="Rms of the force set point [N], [Nm]; default: largest within the limits."
+        ),
     ] = None,
-    port: Annotated[str, typer.Option(help="Set point to add it to: position, velocity or force.")] = "position",
-    max_force: Annotated[float, typer.Option(help="Limit of the force set point [N], [Nm].")] = np.inf,
-    max_velocity: Annotated[float, typer.Option(help="Limit of the velocity [m/s], [rad/s].")] = np.inf,
+    port: Annotated[
+        str, typer.Option(help="Set point to add it to: position, velocity or force.")
+    ] = "position",
+    max_force: Annotated[
+        float, typer.Option(help="Limit of the force set point [N], [Nm].")
+    ] = np.inf,
+    max_velocity: Annotated[
+        float, typer.Option(help="Limit of the velocity [m/s], [rad/s].")
+    ] = np.inf,
     max_travel: Annotated[float, typer.Option(help="Limit of the travel [m], [rad].")] = np.inf,
-    velocity: Annotated[float, typer.Option(help="Base velocity [m/s], [rad/s]; 0: at rest.")] = 0.0,
+    velocity: Annotated[
+        float, typer.Option(help="Base velocity [m/s], [rad/s]; 0: at rest.")
+    ] = 0.0,
     strokes: Annotated[int, typer.Option(help="Strokes forth and back.")] = 0,
-    ramp: Annotated[int, typer.Option(help="Levels of a pre-test at rest, up to --rms; 0: none.")] = 0,
+    ramp: Annotated[
+        int, typer.Option(help="Levels of a pre-test at rest, up to --rms; 0: none.")
+    ] = 0,
     span: Annotated[float, typer.Option(help="Highest over lowest level of the pre-test.")] = 1e4,
     periods: Annotated[int, typer.Option(help="Periods to keep of each stroke or level.")] = 2,
     discard: Annotated[int, typer.Option(help="Periods before them, not kept.")] = 2,
@@ -66,7 +94,10 @@ def design_for_drive(
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of the random phases.")] = None,
     first: Annotated[Path | None, typer.Option(help="Design (.npz) of the first trace.")] = None,
     level: Annotated[
-        str, typer.Option(help="Level of the first trace, if that is a pre-test: sticks, bends or slides.")
+        str,
+        typer.Option(
+            help="Level of the first trace, if that is a pre-test: sticks, bends or slides."
+        ),
     ] = "",
     input: Force = "force set point",
     output: Position = "position",
@@ -84,16 +115,20 @@ def design_for_drive(
             found, states = levels.find_levels(records, played), ("sticks", "bends", "slides")
             if level not in states or found.reason:
                 raise ValueError(
-                    found.reason or f"--level must be {', '.join(states)} for a pre-test, got {level or 'none'}"
+                    found.reason
+                    or f"--level must be {', '.join(states)} for a pre-test, got {level or 'none'}"
                 )
             k = states.index(level)
             origin, rms = found.records[k], float(found.rms[k]) if rms is None else rms
     if ramp and (velocity or strokes or realizations != 1):
         raise ValueError(
-            "--ramp must be left out with --velocity, --strokes or --realizations, got it with one of them"
+            "--ramp must be left out with --velocity, --strokes or --realizations, got it with one"
+            " of them"
         )
     fs = origin.drive.fs if isinstance(origin, nlfrf.rig.ServoAxis) else origin.fs
-    ms = nlfrf.multisine(fs=fs, n_samples=period, f_min=f_min, f_max=f_max, n_realizations=realizations, rng=seed)
+    ms = nlfrf.multisine(
+        fs=fs, n_samples=period, f_min=f_min, f_max=f_max, n_realizations=realizations, rng=seed
+    )
     motion = partial(design.design_experiment, base_velocity=velocity, strokes=strokes)
     experiment = (partial(design.design_ramp, n_levels=ramp, span=span) if ramp else motion)(
         origin,
@@ -114,17 +149,21 @@ def design_for_drive(
 @servo_app.command("play")
 def play_set_points(
     axis: Annotated[Path, typer.Argument(help="Preset, or .toml file of an axis.")],
-    file: Annotated[Path, typer.Argument(help="Set points to play, from 'robust servo design' (.csv).")],
+    file: Annotated[
+        Path, typer.Argument(help="Set points to play, from 'robust servo design' (.csv).")
+    ],
     out: Out,
 ) -> None:
     """Play set points on a simulated axis, and write the trace of its drive (.csv)."""
     trace = play.play_experiment(_read_axis(axis), file, out)
     if trace.diverged:
         raise ValueError(
-            f"axis must be stable under its drive, got one that diverges after {trace.t[-1]:.3g} s: lower its gains"
+            f"axis must be stable under its drive, got one that diverges after {trace.t[-1]:.3g} s:"
+            " lower its gains"
         )
     printer(False)(
-        f"{trace.t.size} samples, {trace.t[-1]:.3g} s; current at its limit in {trace.limited.mean():.1%} of them"
+        f"{trace.t.size} samples, {trace.t[-1]:.3g} s; current at its limit in"
+        f" {trace.limited.mean():.1%} of them"
     )
 
 
@@ -132,13 +171,18 @@ def play_set_points(
 def find_levels(
     file: Annotated[Path, typer.Argument(help="Trace of the pre-test.")],
     played: Annotated[
-        Path, typer.Option("--design", help="Design of the pre-test, from 'robust servo design --ramp' (.npz).")
+        Path,
+        typer.Option(
+            "--design", help="Design of the pre-test, from 'robust servo design --ramp' (.npz)."
+        ),
     ],
     input: Force = "force set point",
     output: Position = "position",
     json: Json = False,
 ) -> None:
-    """Find the levels of a pre-test at which an axis sticks, bends and slides (exit code 1: it does not show three)."""
+    """Find the levels of a pre-test at which an axis sticks, bends and slides (exit code 1: it does
+    not show three).
+    """
     experiment = _load_experiment(played)
     found = levels.find_levels(nlfrf.io.load_trace(file, experiment, u=input, y=output), experiment)
     printer(json)(found)
@@ -146,9 +190,13 @@ def find_levels(
 
 
 def _read_axis(path: Path) -> nlfrf.rig.ServoAxis:
-    """Return the axis of a preset, or of a TOML file with the fields of `ServoAxis` and its drive."""
+    """Return the axis of a preset, or of a TOML file with the fields of `ServoAxis` and its
+    drive.
+    """
     if path.suffix.lower() not in ("", ".toml"):
-        raise ValueError(f"axis must be a preset or a .toml file, got {path.name!r}: for a trace give --first")
+        raise ValueError(
+            f"axis must be a preset or a .toml file, got {path.name!r}: for a trace give --first"
+        )
     return axis_file.load_axis(path) if path.suffix else nlfrf.servo_axis(str(path))
 
 
@@ -156,14 +204,19 @@ def _read_axis(path: Path) -> nlfrf.rig.ServoAxis:
 def check_gains(
     file: Annotated[
         list[Path],
-        typer.Argument(metavar="TRACE... GAINS.toml", help="Traces, and the gains with their units."),
+        typer.Argument(
+            metavar="TRACE... GAINS.toml", help="Traces, and the gains with their units."
+        ),
     ],
     input: Annotated[
         str | None,
-        typer.Option("--input", help='Current or force in the traces: "u", with --design "force set point".'),
+        typer.Option(
+            "--input", help='Current or force in the traces: "u", with --design "force set point".'
+        ),
     ] = None,
     output: Annotated[
-        str | None, typer.Option("--output", help='Position in the traces: "y", with --design "position".')
+        str | None,
+        typer.Option("--output", help='Position in the traces: "y", with --design "position".'),
     ] = None,
     reference: Reference = None,
     fs: SamplingFrequency = None,
@@ -173,42 +226,62 @@ def check_gains(
     design: Annotated[
         list[Path] | None,
         typer.Option(
-            help="Design of the traces, from 'robust servo design' or 'nlfrf design'; one, or one for each trace."
+            help=(
+                "Design of the traces, from 'robust servo design' or 'nlfrf design'; one, or one"
+                " for each trace."
+            )
         ),
     ] = None,
-    peak: Annotated[float, typer.Option(help="Largest |S| over the set that counts as safe.")] = 2.0,
+    peak: Annotated[
+        float, typer.Option(help="Largest |S| over the set that counts as safe.")
+    ] = 2.0,
     actual: Annotated[
         bool, typer.Option("--actual", help="The input is the actual current, not its set point.")
     ] = False,
     stiction: Annotated[float, typer.Option(help="Largest over smallest force of a slider.")] = 1.5,
     force: Annotated[
         float | None,
-        typer.Option(help="Largest friction force [N] or [Nm], to bound how far the axis may hunt; default: as read."),
+        typer.Option(
+            help=(
+                "Largest friction force [N] or [Nm], to bound how far the axis may hunt; default:"
+                " as read."
+            )
+        ),
     ] = None,
-    within: Annotated[float | None, typer.Option(help="Distance [m] or [rad] within which the axis must stay.")] = None,
-    spring: Annotated[bool, typer.Option("--spring", help="The machine has a spring to ground.")] = False,
+    within: Annotated[
+        float | None, typer.Option(help="Distance [m] or [rad] within which the axis must stay.")
+    ] = None,
+    spring: Annotated[
+        bool, typer.Option("--spring", help="The machine has a spring to ground.")
+    ] = False,
     masses: Annotated[
-        int, typer.Option(help="2: read friction of motor and load, which takes up to half a minute.")
+        int,
+        typer.Option(help="2: read friction of motor and load, which takes up to half a minute."),
     ] = 1,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Page to write: .html with pictures, or .txt.")
+        Path | None,
+        typer.Option("--out", "-o", help="Page to write: .html with pictures, or .txt."),
     ] = None,
     json: Json = False,
 ) -> None:
-    """Check whether the gains of a drive are safe: margins, set, worst case, friction and step, on one page.
+    """Check whether the gains of a drive are safe: margins, set, worst case, friction and step, on
+    one page.
 
-    Exit code 0: the linear loop is proved stable with the whole set, the axis is proved to come to rest with its
-    friction, and the page has no warning. Exit code 3: the linear loop passed, but rest was not judged, because there
-    are no traces at rest or no friction can be read from them. The axis may hunt, within a bound if there is one. Exit
-    code 1: the gains did not pass. The axis hunts in simulation, margins are thin, a trace has a warning, friction
-    held the axis, the loop crosses over outside the measured band, or the position loop is slower than the velocity
-    loop, which is approximated. Exit code 2: bad input.
+    Exit code 0: the linear loop is proved stable with the whole set, the axis is proved to come to
+    rest with its friction, and the page has no warning. Exit code 3: the linear loop passed, but
+    rest was not judged, because there are no traces at rest or no friction can be read from them.
+    The axis may hunt, within a bound if there is one. Exit code 1: the gains did not pass. The axis
+    hunts in simulation, margins are thin, a trace has a warning, friction held the axis, the loop
+    crosses over outside the measured band, or the position loop is slower than the velocity loop,
+    which is approximated. Exit code 2: bad input.
     """
     traces, gains = _split_gains(file)
     settings, say = gains_file.load_gains(gains), printer(json)
     experiments = _load_experiments(design or [])
     if experiments:
-        require_left_out({"reference": reference, "period": period, "discard": discard, "resample": resample})
+        require_left_out(
+            {"reference": reference, "period": period, "discard": discard, "resample": resample}
+        )
         records, names, conditions = read.read_experiments(
             traces,
             experiments,
@@ -232,7 +305,9 @@ def check_gains(
             design=design[0] if design else None,
         )
         try:
-            records, names, conditions = read.read_traces(traces, settings, actual=actual, load=load)
+            records, names, conditions = read.read_traces(
+                traces, settings, actual=actual, load=load
+            )
         except ValueError:
             if input is None and not design:
                 _require_design(traces)
@@ -267,7 +342,9 @@ def _split_gains(files: list[Path]) -> tuple[list[Path], Path]:
     gains = [path for path in files if path.suffix.lower() == ".toml"]
     traces = [path for path in files if path not in gains]
     if len(gains) != 1 or not traces:
-        raise ValueError(f"file must be traces and one GAINS.toml, got {', '.join(map(str, files))}")
+        raise ValueError(
+            f"file must be traces and one GAINS.toml, got {', '.join(map(str, files))}"
+        )
     return traces, gains[0]
 
 
@@ -276,7 +353,8 @@ def _load_experiment(path: Path) -> nlfrf.signals.AxisExperiment:
     found = nlfrf.load(path)
     if not isinstance(found, nlfrf.signals.AxisExperiment):
         raise ValueError(
-            f"design must be a file from 'robust servo design', got {path.name} with a {type(found).__name__}"
+            f"design must be a file from 'robust servo design', got {path.name} with a"
+            f" {type(found).__name__}"
         )
     return found
 
@@ -287,20 +365,26 @@ def _load_experiments(designs: list[Path]) -> list[nlfrf.signals.AxisExperiment]
     experiments = [one for one in played if isinstance(one, nlfrf.signals.AxisExperiment)]
     if len(played) > max(len(experiments), 1):
         raise ValueError(
-            "design must be one multisine, or an experiment of 'robust servo design' for each trace, got several "
-            "multisines"
+            "design must be one multisine, or an experiment of 'robust servo design' for each"
+            " trace, got several multisines"
         )
     return experiments
 
 
 def _require_design(traces: list[Path]) -> None:
-    """Refuse the trace of a servo axis without its design, which has the names of its signals and its periods."""
+    """Refuse the trace of a servo axis without its design, which has the names of its signals and
+    its periods.
+    """
     from nlfrf.io.channels import read_channels
 
     for path in traces:
         file = read_channels(path)
-        if file.full_name("u") not in file.arrays and file.full_name("force set point") in file.arrays:
+        if (
+            file.full_name("u") not in file.arrays
+            and file.full_name("force set point") in file.arrays
+        ):
             raise ValueError(
-                f"design must be given for {path.name}, which looks like the trace of a servo axis: give --design with "
-                "the .npz from 'robust servo design'. For another trace give --input and --output"
+                f"design must be given for {path.name}, which looks like the trace of a servo axis:"
+                " give --design with the .npz from 'robust servo design'. For another trace give"
+                " --input and --output"
             ) from None

@@ -1,4 +1,6 @@
-"""The page of a check of a drive: its verdict with pictures of FRF, friction, loop, step and rest."""
+"""The page of a check of a drive: its verdict with pictures of FRF, friction, loop, step and
+rest.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,10 @@ from robust.servo.checking.friction import force_over_position
 from robust.servo.checking.simulation import SHOWN
 
 #: Style of the page for a verdict; the default is that of a warning.
-_STYLES = dict.fromkeys(DriveVerdict, "") | {DriveVerdict.PASSED: "robust", DriveVerdict.NOT_PASSED: "not-robust"}
+_STYLES = dict.fromkeys(DriveVerdict, "") | {
+    DriveVerdict.PASSED: "robust",
+    DriveVerdict.NOT_PASSED: "not-robust",
+}
 
 
 def write_page(
@@ -82,7 +87,9 @@ def write_page(
     path = page_path(path)
     require_kind("found", found, DriveCheck)
     if len(records) != len(found.traces):
-        raise ValueError(f"records must be the {len(found.traces)} traces of the check, got {len(records)}")
+        raise ValueError(
+            f"records must be the {len(found.traces)} traces of the check, got {len(records)}"
+        )
     names = [  # levels of one pre-test may have one name
         f"{trace.name}, {np.std(record.u):.3g} {record.u_unit} rms"
         for trace, record in zip(found.traces, records, strict=True)
@@ -92,14 +99,25 @@ def write_page(
         "traces": _pictures_of_traces(records, names),
         "friction": _pictures_of_friction(found, at_rest),
         "loop": [
-            draw_picture("L in the complex plane, with discs of the set.", plot_nyquist, found.report, square=True),
-            draw_picture("Loop gain and sensitivities of the nominal loop.", plot_loop, found.report),
-            draw_picture("Stability of the set: each curve must stay below one.", plot_check, found.report),
+            draw_picture(
+                "L in the complex plane, with discs of the set.",
+                plot_nyquist,
+                found.report,
+                square=True,
+            ),
+            draw_picture(
+                "Loop gain and sensitivities of the nominal loop.", plot_loop, found.report
+            ),
+            draw_picture(
+                "Stability of the set: each curve must stay below one.", plot_check, found.report
+            ),
         ],
     }
     if found.step is not None:
         unit = found.settings.base_unit
-        pictures["step"] = [draw_picture("A step of the position set point.", plot_step, found.step, unit=unit)]
+        pictures["step"] = [
+            draw_picture("A step of the position set point.", plot_step, found.step, unit=unit)
+        ]
     text = render_page(
         [replace(section, pictures=pictures.get(section.name, ())) for section in found.sections],
         title=title,
@@ -121,36 +139,54 @@ def _pictures_of_traces(records: Sequence[Record], names: Sequence[str]) -> list
 
 
 def _pictures_of_friction(found: DriveCheck, at_rest: dict[str, Record]) -> list[Picture]:
-    """Draw force over position if machine and friction are known, the fit, and the distances from the set point."""
+    """Draw force over position if machine and friction are known, the fit, and the distances from
+    the set point.
+    """
     friction, pictures = found.friction, []
     fit, force = friction.fit, friction.force
     read, machine = fit or force, fit if force is None else force.sliding
-    one_mass = machine is not None and np.isfinite(machine.stds["mass"]) and not (fit is not None and fit.load_mass)
+    one_mass = (
+        machine is not None
+        and np.isfinite(machine.stds["mass"])
+        and not (fit is not None and fit.load_mass)
+    )
     if read is not None and machine is not None and one_mass and at_rest:
         loops = {name: force_over_position(record, machine) for name, record in at_rest.items()}
         caption = (
-            "Friction force over the position: commanded force minus mass and viscous friction. Sticking is a line."
+            "Friction force over the position: commanded force minus mass and viscous friction."
+            " Sticking is a line."
         )
         pictures.append(draw_picture(caption, plot_friction_force, loops, read))
     if fit is not None:
-        caption = "Stiffness and damping of the friction over the motion, measured and for the class that was read."
+        caption = (
+            "Stiffness and damping of the friction over the motion, measured and for the class that"
+            " was read."
+        )
         pictures.append(draw_picture(caption, plot_friction_fit, fit, tall=True))
     if cases := _rest_cases(found):
-        unit, caption = found.settings.base_unit, "Largest final distance from the set point, at rest or hunting."
+        unit = found.settings.base_unit
+        caption = "Largest final distance from the set point, at rest or hunting."
         pictures.append(draw_picture(caption, plot_rest, cases, unit=unit, asked=found.asked))
     return pictures
 
 
 def _rest_cases(found: DriveCheck) -> list[RestCase]:
-    """Return verdict and largest distance from the set point: for the class, for any friction, and for each change.
+    """Return verdict and largest distance from the set point: for the class, for any friction, and
+    for each change.
 
     An unknown distance is not finite.
     """
     friction, cases = found.friction, []
     if friction.proofs:
         at_set_point = friction.proved and friction.has_integral
-        within = 0.0 if at_set_point else friction.error_bound if friction.proved else friction.within
-        cases.append(RestCase("these gains, with the class that was read", friction.proofs[0].verdict, within))
+        within = (
+            0.0 if at_set_point else friction.error_bound if friction.proved else friction.within
+        )
+        cases.append(
+            RestCase(
+                "these gains, with the class that was read", friction.proofs[0].verdict, within
+            )
+        )
     if friction.largest is not None and np.isfinite(friction.error_bound):
         name = f"these gains, with any friction of at most {friction.largest_forces}"
         cases.append(RestCase(name, FrictionVerdict.SETTLES, friction.error_bound))

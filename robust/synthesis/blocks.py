@@ -1,4 +1,5 @@
-"""The elements of controllers: each as a system and as a section of a drive, with its free parameters for `tune`.
+"""The elements of controllers: each as a system and as a section of a drive, with its free
+parameters for `tune`.
 
     Notch       (p^2 + depth width p + 1)/(p^2 + width p + 1)
     Lead        (r p + 1)/(p + r), r^2 = (1 + sin phase)/(1 - sin phase)
@@ -9,13 +10,13 @@
     Gain        a matrix
     StateSpace  any A, B, C, D of a given order
 
-with p = s/omega. Every frequency is an `omega` [rad/s], as in the rest of the package; 2 pi f for f in Hz. With a
-sampling time T an element is its bilinear image: a filter is exact at its own omega,
-p = (z - 1)/(z + 1)/tan(omega T/2), a PID at zero frequency, s = 2/T (z - 1)/(z + 1), which is the trapezoidal rule of a
-PLC. The tuned element is the one that runs.
+with p = s/omega. Every frequency is an `omega` [rad/s], as in the rest of the package; 2 pi f for f
+in Hz. With a sampling time T an element is its bilinear image: a filter is exact at its own omega,
+p = (z - 1)/(z + 1)/tan(omega T/2), a PID at zero frequency, s = 2/T (z - 1)/(z + 1), which is the
+trapezoidal rule of a PLC. The tuned element is the one that runs.
 
-`tune` joins blocks by the signals that they read and drive; elsewhere these stay empty. A parameter that starts
-positive (or negative) keeps its sign, and its logarithm is searched for.
+`tune` joins blocks by the signals that they read and drive; elsewhere these stay empty. A parameter
+that starts positive (or negative) keeps its sign, and its logarithm is searched for.
 """
 
 from __future__ import annotations
@@ -43,10 +44,12 @@ from robust.lti.norms import continuous_image, discrete_matrices
 from robust.lti.realisation import multivariable
 
 Names: TypeAlias = str | Sequence[str]
-#: Numbers of a block by name, real or complex; coefficients of numerator and denominator, highest power first.
+# : Numbers of a block by name, real or complex; coefficients of numerator and denominator, highest
+# power first.
 Numbers: TypeAlias = Mapping[str, float | np.ndarray]
 Coefficients: TypeAlias = tuple[list[float | np.ndarray], list[float | np.ndarray]]
-#: Type of a field that is None or a mapping of bounds by name: a dataclass can declare a mapping only.
+# : Type of a field that is None or a mapping of bounds by name: a dataclass can declare a mapping
+# only.
 BoundsField: TypeAlias = Any
 Coordinate = TypeVar("Coordinate", float, complex)
 #: Default range of a parameter, as a factor about its start.
@@ -94,7 +97,10 @@ class Parameter:
 
 @value
 class TunableBlock(ABC):
-    """Base of all blocks: signals, free parameters, bounds. Subclasses are values with numbers as fields."""
+    """Base of all blocks: signals, free parameters, bounds.
+
+    Subclasses are values with numbers as fields.
+    """
 
     #: Fields with numbers, which keep their sign unless they are entries of a matrix.
     NUMBERS: ClassVar[tuple[str, ...]] = ()
@@ -113,16 +119,22 @@ class TunableBlock(ABC):
             object.__setattr__(self, name, () if given in ("", ()) else signal_names(name, given))
         fixed = (self.fixed,) if isinstance(self.fixed, str) else self.fixed
         if not isinstance(fixed, tuple | list) or not set(fixed) <= set(self.NUMBERS):
-            raise ValueError(f"fixed must name parameters ({', '.join(self.NUMBERS)}), got {short_form(self.fixed)}")
+            raise ValueError(
+                f"fixed must name parameters ({', '.join(self.NUMBERS)}), got"
+                f" {short_form(self.fixed)}"
+            )
         object.__setattr__(self, "fixed", tuple(fixed))
         for name in ("lower", "upper"):
             bounds = getattr(self, name) or {}
             if not isinstance(bounds, Mapping) or not set(bounds) <= set(self.NUMBERS):
                 raise ValueError(
-                    f"{name} must bound parameters by name ({', '.join(self.NUMBERS)}), got {short_form(bounds)}"
+                    f"{name} must bound parameters by name ({', '.join(self.NUMBERS)}), got"
+                    f" {short_form(bounds)}"
                 )
             object.__setattr__(
-                self, name, {key: require_real(f"{name}[{key!r}]", number) for key, number in bounds.items()}
+                self,
+                name,
+                {key: require_real(f"{name}[{key!r}]", number) for key, number in bounds.items()},
             )
         self.check_numbers()
 
@@ -132,7 +144,8 @@ class TunableBlock(ABC):
         """Check the numbers of the block and the number of its signals."""
         if len(self.reads) > 1 or len(self.drives) > 1:
             raise ValueError(
-                f"reads and drives must name one signal each, got {len(self.reads)} and {len(self.drives)}"
+                f"reads and drives must name one signal each, got {len(self.reads)} and"
+                f" {len(self.drives)}"
             )
         for name in self.NUMBERS:
             object.__setattr__(self, name, self.check_number(name, getattr(self, name)))
@@ -146,8 +159,12 @@ class TunableBlock(ABC):
         return list(self.NUMBERS)
 
     def parameters(self, dt: float) -> list[Parameter]:
-        """Return free numbers in the order of the fields, with bounds for a sampling time dt [s] (0: continuous)."""
-        numbers = {name: array for name, array in parameter_values(self).items() if name not in self.fixed}
+        """Return free numbers in the order of the fields, with bounds for a sampling time dt [s]
+        (0: continuous).
+        """
+        numbers = {
+            name: array for name, array in parameter_values(self).items() if name not in self.fixed
+        }
         return [
             self.parameter(name, index, float(start), dt)
             for name, array in numbers.items()
@@ -165,7 +182,8 @@ class TunableBlock(ABC):
         low, high = self.lower.get(name, low), self.upper.get(name, high)
         if sign and (low * sign <= 0 or high * sign <= 0):
             raise ValueError(
-                f"lower and upper must keep the sign of {name}, which starts at {start:g}, got {low:g} to {high:g}"
+                f"lower and upper must keep the sign of {name}, which starts at {start:g}, got"
+                f" {low:g} to {high:g}"
             )
         if not low <= start <= high or low == high:
             raise ValueError(
@@ -197,7 +215,9 @@ class TunableBlock(ABC):
         """
         dt = require_nonnegative("dt", dt)
         self.require_below_nyquist(dt)
-        A, B, C, D = (np.asarray(part, dtype=float) for part in self.state_space(parameter_values(self), dt))
+        A, B, C, D = (
+            np.asarray(part, dtype=float) for part in self.state_space(parameter_values(self), dt)
+        )
         A, B, C, D = discrete_matrices((A, B, C, D), dt)
         names = {"inputs": list(self.reads) or None, "outputs": list(self.drives) or None}
         return control.StateSpace(A, B, C, D, dt, remove_useless_states=False, **names)
@@ -207,8 +227,8 @@ class TunableBlock(ABC):
         omega = getattr(self, "omega", 0.0)
         if omega * dt >= np.pi:
             raise ValueError(
-                f"omega must lie below half the sampling frequency, {np.pi / dt:.6g} rad/s ({0.5 / dt:.6g} Hz), got "
-                f"{omega:.6g} rad/s ({omega / _TWO_PI:.6g} Hz)"
+                f"omega must lie below half the sampling frequency, {np.pi / dt:.6g} rad/s"
+                f" ({0.5 / dt:.6g} Hz), got {omega:.6g} rad/s ({omega / _TWO_PI:.6g} Hz)"
             )
 
     @property
@@ -220,7 +240,11 @@ class TunableBlock(ABC):
 def signal_names(name: str, given: Names) -> tuple[str, ...]:
     """Return signal names as a tuple; refuse anything else."""
     names = (given,) if isinstance(given, str) else given
-    if not isinstance(names, tuple | list) or not names or not all(isinstance(one, str) and one for one in names):
+    if (
+        not isinstance(names, tuple | list)
+        or not names
+        or not all(isinstance(one, str) and one for one in names)
+    ):
         raise ValueError(f"{name} must name one signal or several, got {short_form(given)}")
     return tuple(names)
 
@@ -228,7 +252,8 @@ def signal_names(name: str, given: Names) -> tuple[str, ...]:
 def second_order_section(
     numerator: Sequence[float | np.ndarray], denominator: Sequence[float | np.ndarray], scale: float
 ) -> np.ndarray:
-    """Return (6,) b0 b1 b2 1 a1 a2, in powers of z^-1, for a quotient of polynomials in scale (z - 1)/(z + 1).
+    """Return (6,) b0 b1 b2 1 a1 a2, in powers of z^-1, for a quotient of polynomials in scale (z -
+    1)/(z + 1).
 
     Both have the same number of coefficients, at most three, highest power first.
 
@@ -236,7 +261,10 @@ def second_order_section(
     array([0.5, 0.5, 0. , 1. , 0. , 0. ])
     """
     n = len(denominator) - 1
-    powers = [scale ** (n - k) * np.atleast_1d(np.poly([1.0] * (n - k) + [-1.0] * k)) for k in range(n + 1)]
+    powers = [
+        scale ** (n - k) * np.atleast_1d(np.poly([1.0] * (n - k) + [-1.0] * k))
+        for k in range(n + 1)
+    ]
     b, a = (np.asarray(one) @ np.array(powers) for one in (numerator, denominator))
     return np.concatenate([np.pad(one, (0, 2 - n)) for one in (b / a[0], a / a[0])])
 
@@ -245,12 +273,16 @@ def parameter_values(block: TunableBlock) -> dict[str, np.ndarray]:
     return {name: np.array(getattr(block, name), dtype=float) for name in block.present()}
 
 
-def with_parameters(block: TunableBlock, parameters: list[Parameter], numbers: np.ndarray) -> TunableBlock:
+def with_parameters(
+    block: TunableBlock, parameters: list[Parameter], numbers: np.ndarray
+) -> TunableBlock:
     """Return the same block with other numbers."""
     new = parameter_values(block)
     for parameter, number in zip(parameters, numbers, strict=True):
         new[parameter.name][parameter.index] = number
-    held: dict[str, ArrayField] = {name: array if array.ndim else float(array) for name, array in new.items()}
+    held: dict[str, ArrayField] = {
+        name: array if array.ndim else float(array) for name, array in new.items()
+    }
     return replace(block, **held)
 
 
@@ -296,8 +328,8 @@ class Gain(TunableBlock):
         K = require_real_array("K", np.atleast_2d(np.asarray(self.K)), ndim=2).copy()
         if K.shape != (len(self.drives), len(self.reads)):
             raise ValueError(
-                f"K must be {len(self.drives)} by {len(self.reads)}, one row a signal it drives, got "
-                f"{K.shape[0]} by {K.shape[1]}"
+                f"K must be {len(self.drives)} by {len(self.reads)}, one row a signal it drives,"
+                f" got {K.shape[0]} by {K.shape[1]}"
             )
         object.__setattr__(self, "K", _read_only(K))
 
@@ -316,8 +348,8 @@ class Pid(TunableBlock):
     Fields
     ------
     kp, ki, kd : float
-        Gains at the start of the search: unit of drives over reads, the same per second, the same times seconds. A part
-        with zero gain is left out. Each gain keeps its sign.
+        Gains at the start of the search: unit of drives over reads, the same per second, the same
+        times seconds. A part with zero gain is left out. Each gain keeps its sign.
     filter_time : float
         Time constant of the derivative filter [s]; positive if kd is not zero.
     reads, drives : str
@@ -325,8 +357,8 @@ class Pid(TunableBlock):
     fixed : tuple of str
         Parameters that stay at their start.
     lower, upper : dict of str to float, optional
-        Bounds by name; by default a thousandth and a thousand times the start. When sampled, filter_time stays above
-        dt/10.
+        Bounds by name; by default a thousandth and a thousand times the start. When sampled,
+        filter_time stays above dt/10.
 
     Raises
     ------
@@ -358,14 +390,19 @@ class Pid(TunableBlock):
         >>> Pid.from_gains(PidGains(kp=2.0, ki=10.0), reads="e", drives="u").ki
         10.0
         """
-        return cls(reads=reads, drives=drives, **{name: getattr(gains, name) for name in cls.NUMBERS})
+        return cls(
+            reads=reads, drives=drives, **{name: getattr(gains, name) for name in cls.NUMBERS}
+        )
 
     def check_numbers(self) -> None:
         """Check the gains, and the filter of a derivative."""
         super().check_numbers()
         require_nonnegative("filter_time", self.filter_time)
         if self.kd and not self.filter_time:
-            raise ValueError("filter_time must be positive [s] if kd is not zero: a derivative needs a filter, got 0")
+            raise ValueError(
+                "filter_time must be positive [s] if kd is not zero: a derivative needs a filter,"
+                " got 0"
+            )
 
     def present(self) -> list[str]:
         """Return the names of the nonzero gains, and the filter of a derivative."""
@@ -392,7 +429,9 @@ class Pid(TunableBlock):
         kp, ki, kd, tau = self.kp, self.ki, self.kd, self.filter_time if self.kd else 0.0
         numerator, denominator = [kp * tau + kd, kp + ki * tau, ki], [tau, 1.0, 0.0]
         first, last = 0 if self.kd else 1, 3 if self.ki else 2
-        return second_order_section(numerator[first:last], denominator[first:last], 2 * require_positive("fs", fs))
+        return second_order_section(
+            numerator[first:last], denominator[first:last], 2 * require_positive("fs", fs)
+        )
 
 
 @value
@@ -409,18 +448,24 @@ class Filter(TunableBlock):
         """Return coefficients of numerator and monic denominator in p, highest power first."""
 
     def state_space(self, numbers: Numbers, dt: float = 0.0) -> Matrices:
-        """Return states in units of omega (sampled: of its image), so that the rows of A have equal size."""
+        """Return states in units of omega (sampled: of its image), so that the rows of A have equal
+        size.
+        """
         omega = numbers["omega"]
         rate = 2 / dt * np.tan(omega * dt / 2) if dt else omega
         (direct, *top), (_, *bottom) = self.polynomials(numbers)
-        C = np.array([[b - direct * a for b, a in zip(reversed(top), reversed(bottom), strict=True)]])
+        C = np.array(
+            [[b - direct * a for b, a in zip(reversed(top), reversed(bottom), strict=True)]]
+        )
         if len(bottom) == 1:
             return np.array([[-rate * bottom[0]]]), np.array([[rate]]), C, np.array([[direct]])
         A = np.array([[0.0, rate], [-rate * bottom[1], -rate * bottom[0]]])
         return A, np.array([[0.0], [rate]]), C, np.array([[direct]])
 
     def section(self, fs: float) -> np.ndarray:
-        """Return (6,) b0 b1 b2 1 a1 a2 of the filter sampled at fs [Hz], in powers of z^-1, as in a drive."""
+        """Return (6,) b0 b1 b2 1 a1 a2 of the filter sampled at fs [Hz], in powers of z^-1, as in a
+        drive.
+        """
         self.require_below_nyquist(1 / require_positive("fs", fs))
         return second_order_section(*self.polynomials(vars(self)), 1 / np.tan(self.omega / fs / 2))
 
@@ -430,18 +475,19 @@ class Filter(TunableBlock):
 
 @value
 class Notch(Filter):
-    """(p^2 + depth width p + 1)/(p^2 + width p + 1), p = s/omega: a notch that removes a band around a resonance.
+    """(p^2 + depth width p + 1)/(p^2 + width p + 1), p = s/omega: a notch that removes a band
+    around a resonance.
 
     Fields
     ------
     omega : float
         Its frequency [rad/s].
     depth : float
-        Gain at omega: 0 blocks it completely, a depth above one makes a peak. The default range for tuning is 0.001 to
-        1.
+        Gain at omega: 0 blocks it completely, a depth above one makes a peak. The default range for
+        tuning is 0.001 to 1.
     width : float
-        Relative width, 2 zeta of the poles: a notch of depth zero has a gain of 1/sqrt(2) at two frequencies whose
-        distance is width times omega. The default range for tuning is 0.01 to 4.
+        Relative width, 2 zeta of the poles: a notch of depth zero has a gain of 1/sqrt(2) at two
+        frequencies whose distance is width times omega. The default range for tuning is 0.01 to 4.
     reads, drives, fixed, lower, upper : as for `Pid`
 
     Raises
@@ -451,9 +497,10 @@ class Notch(Filter):
 
     References
     ----------
-    Steinbuch & Norg, *Advanced motion control: an industrial perspective*, European Journal of Control 4 (1998).
-    Siemens, *SINAMICS S120 Function Manual Drive Functions*: current set point filters, bandstop with its blocking
-    frequency, bandwidth (here `width` times it) and numerator bandwidth (here `depth` times the bandwidth).
+    Steinbuch & Norg, *Advanced motion control: an industrial perspective*, European Journal of
+    Control 4 (1998). Siemens, *SINAMICS S120 Function Manual Drive Functions*: current set point
+    filters, bandstop with its blocking frequency, bandwidth (here `width` times it) and numerator
+    bandwidth (here `depth` times the bandwidth).
 
     Examples
     --------
@@ -475,7 +522,11 @@ class Notch(Filter):
 
     def check_number(self, name: str, number: float) -> float:
         """Return a number of the block; refuse a bad one. The depth may be zero."""
-        return require_nonnegative(name, number) if name == "depth" else super().check_number(name, number)
+        return (
+            require_nonnegative(name, number)
+            if name == "depth"
+            else super().check_number(name, number)
+        )
 
     def polynomials(self, numbers: Numbers) -> Coefficients:
         """Return coefficients in p."""
@@ -485,7 +536,8 @@ class Notch(Filter):
 
 @value
 class Lead(Filter):
-    """(r p + 1)/(p + r), p = s/omega: phase lead at omega with gain one there, for phase margin at the crossover.
+    """(r p + 1)/(p + r), p = s/omega: phase lead at omega with gain one there, for phase margin at
+    the crossover.
 
     r^2 = (1 + sin phase)/(1 - sin phase): the gain falls by r below omega and rises by r above it.
 
@@ -500,7 +552,8 @@ class Lead(Filter):
     Raises
     ------
     ValueError
-        A frequency that is not positive, a phase that is not between zero and pi/2, names that are no parameters.
+        A frequency that is not positive, a phase that is not between zero and pi/2, names that are
+        no parameters.
 
     References
     ----------
@@ -534,12 +587,14 @@ class Lead(Filter):
 
 @value
 class Lag(Filter):
-    """(p + 1)/(p + 1/gain), p = s/omega: higher gain below omega, gain one above it; PI action for an infinite gain.
+    """(p + 1)/(p + 1/gain), p = s/omega: higher gain below omega, gain one above it; PI action for
+    an infinite gain.
 
     Fields
     ------
     omega : float
-        Frequency below which the gain is raised [rad/s]; at a tenth of the crossover the lag costs 6 degrees of phase.
+        Frequency below which the gain is raised [rad/s]; at a tenth of the crossover the lag costs
+        6 degrees of phase.
     gain : float
         Gain at zero frequency, above one; inf for an integrator, which is not tuned.
     reads, drives, fixed, lower, upper : as for `Pid`
@@ -585,15 +640,16 @@ class Lag(Filter):
 
 @value
 class LowPass(Filter):
-    """1/(p^2 + 2 zeta p + 1) or 1/(p + 1), p = s/omega: less gain for noise and unknown modes above omega.
+    """1/(p^2 + 2 zeta p + 1) or 1/(p + 1), p = s/omega: less gain for noise and unknown modes above
+    omega.
 
     Fields
     ------
     omega : float
         Corner [rad/s].
     zeta : float
-        Damping ratio for second order; 1/sqrt(2) for the flattest gain (Butterworth). The default range for tuning is
-        0.1 to 2.
+        Damping ratio for second order; 1/sqrt(2) for the flattest gain (Butterworth). The default
+        range for tuning is 0.1 to 2.
     order : int
         1 or 2.
     reads, drives, fixed, lower, upper : as for `Pid`
@@ -601,12 +657,14 @@ class LowPass(Filter):
     Raises
     ------
     ValueError
-        A frequency or damping that is not positive, an order other than one or two, names that are no parameters.
+        A frequency or damping that is not positive, an order other than one or two, names that are
+        no parameters.
 
     References
     ----------
-    Steinbuch & Norg, *Advanced motion control: an industrial perspective*, European Journal of Control 4 (1998).
-    G. Ellis, *Control System Design Guide*, 4th ed., Butterworth-Heinemann, 2012, 9.2.
+    Steinbuch & Norg, *Advanced motion control: an industrial perspective*, European Journal of
+    Control 4 (1998). G. Ellis, *Control System Design Guide*, 4th ed., Butterworth-Heinemann, 2012,
+    9.2.
 
     Examples
     --------
@@ -643,7 +701,8 @@ class LowPass(Filter):
 
 @value
 class Biquad(Filter):
-    """(p^2/q^2 + 2 numerator_zeta p/q + 1)/(p^2 + 2 zeta p + 1), p = s/omega, q = numerator_omega/omega.
+    """(p^2/q^2 + 2 numerator_zeta p/q + 1)/(p^2 + 2 zeta p + 1), p = s/omega, q =
+    numerator_omega/omega.
 
     The general filter of second order with gain one at zero frequency.
 
@@ -658,7 +717,8 @@ class Biquad(Filter):
     Raises
     ------
     ValueError
-        A frequency or the damping of the denominator that is not positive, a negative damping of the numerator.
+        A frequency or the damping of the denominator that is not positive, a negative damping of
+        the numerator.
 
     References
     ----------
@@ -688,19 +748,28 @@ class Biquad(Filter):
 
     def check_number(self, name: str, number: float) -> float:
         """Return a number of the block; refuse a bad one. The numerator may have no damping."""
-        return require_nonnegative(name, number) if name == "numerator_zeta" else super().check_number(name, number)
+        return (
+            require_nonnegative(name, number)
+            if name == "numerator_zeta"
+            else super().check_number(name, number)
+        )
 
     def polynomials(self, numbers: Numbers) -> Coefficients:
         """Return coefficients in p."""
         ratio = numbers["omega"] / numbers["numerator_omega"]
-        return [ratio**2, 2 * numbers["numerator_zeta"] * ratio, 1.0], [1.0, 2 * numbers["zeta"], 1.0]
+        return [ratio**2, 2 * numbers["numerator_zeta"] * ratio, 1.0], [
+            1.0,
+            2 * numbers["zeta"],
+            1.0,
+        ]
 
 
 @value
 class StateSpace(TunableBlock):
     """A system of a given order whose A, B, C and D are all free.
 
-    Use it in `tune` for a controller without a prescribed structure, or to continue from another design.
+    Use it in `tune` for a controller without a prescribed structure, or to continue from another
+    design.
 
     Fields
     ------
@@ -708,7 +777,8 @@ class StateSpace(TunableBlock):
         Number of states.
     reads, drives : str or list of str
         Signals.
-    A, B, C, D : (n_states, n_states), (n_states, n_y), (n_u, n_states), (n_u, n_y) ndarray, optional
+    A, B, C, D : (n_states, n_states), (n_states, n_y), (n_u, n_states), (n_u, n_y) ndarray,
+    optional
         Start. By default A is -1 on the diagonal, B and C are 0.1 everywhere and D is zero.
     fixed : tuple of str
         Matrices that stay at their start: ("D",) keeps the block strictly proper.
@@ -743,7 +813,8 @@ class StateSpace(TunableBlock):
     def from_system(
         cls, K: control.StateSpace | control.TransferFunction, *, reads: Names, drives: Names
     ) -> StateSpace:
-        """Return a block that starts at a controller or filter K, continuous or sampled, from any design.
+        """Return a block that starts at a controller or filter K, continuous or sampled, from any
+        design.
 
         >>> start = StateSpace.from_system(control.ss(-2.0, 1.0, 3.0, 0.0), reads="e", drives="u")
         >>> start.A.tolist(), start.C.tolist()
@@ -757,21 +828,33 @@ class StateSpace(TunableBlock):
         n_y, n_u = len(signal_names("reads", reads)), len(signal_names("drives", drives))
         if D.shape != (n_u, n_y):
             raise ValueError(
-                f"K must have {n_y} input{'s' * (n_y != 1)} and {n_u} output{'s' * (n_u != 1)}, as reads and drives "
-                f"name them, got {D.shape[1]} and {D.shape[0]}"
+                f"K must have {n_y} input{'s' * (n_y != 1)} and {n_u} output{'s' * (n_u != 1)}, as"
+                f" reads and drives name them, got {D.shape[1]} and {D.shape[0]}"
             )
         return cls(n_states=len(A), reads=reads, drives=drives, A=A, B=B, C=C, D=D)
 
     def check_numbers(self) -> None:
         """Check the matrices against order and signals."""
-        n, m, p = require_integer("n_states", self.n_states, least=0), len(self.reads), len(self.drives)
-        starts = {"A": -np.eye(n), "B": np.full((n, m), 0.1), "C": np.full((p, n), 0.1), "D": np.zeros((p, m))}
+        n = require_integer("n_states", self.n_states, least=0)
+        m = len(self.reads)
+        p = len(self.drives)
+        starts = {
+            "A": -np.eye(n),
+            "B": np.full((n, m), 0.1),
+            "C": np.full((p, n), 0.1),
+            "D": np.zeros((p, m)),
+        }
         for name, start in starts.items():
             given = getattr(self, name)
-            given = start if given is None else require_real_array(name, np.atleast_2d(np.asarray(given)), ndim=2)
+            given = (
+                start
+                if given is None
+                else require_real_array(name, np.atleast_2d(np.asarray(given)), ndim=2)
+            )
             if given.shape != start.shape:
                 raise ValueError(
-                    f"{name} must be {start.shape[0]} by {start.shape[1]}, got {given.shape[0]} by {given.shape[1]}"
+                    f"{name} must be {start.shape[0]} by {start.shape[1]}, got {given.shape[0]} by"
+                    f" {given.shape[1]}"
                 )
             object.__setattr__(self, name, _read_only(given.copy()))
         object.__setattr__(self, "n_states", n)
@@ -789,11 +872,15 @@ def _read_only(array: np.ndarray) -> np.ndarray:
 def require_blocks(blocks: object) -> dict[str, TunableBlock]:
     """Return blocks by name; refuse anything else."""
     if not isinstance(blocks, Mapping) or not blocks:
-        raise ValueError(f"blocks must be named blocks, {{name: robust.tuning.Pid(...)}}, got {short_form(blocks)}")
+        raise ValueError(
+            "blocks must be named blocks, {name: robust.tuning.Pid(...)}, got"
+            f" {short_form(blocks)}"
+        )
     for name, block in blocks.items():
         require_kind(f"blocks[{name!r}]", block, TunableBlock)
         if not (block.reads and block.drives):
             raise ValueError(
-                f"blocks[{name!r}] must name the signal that it reads and the one that it drives, got none"
+                f"blocks[{name!r}] must name the signal that it reads and the one that it drives,"
+                " got none"
             )
     return dict(blocks)

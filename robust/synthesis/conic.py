@@ -1,4 +1,6 @@
-"""Convex programs in cones in the form of the solver: for small ones a modelling layer takes longer than solving."""
+"""Convex programs in cones in the form of the solver: for small ones a modelling layer takes longer
+than solving.
+"""
 
 from __future__ import annotations
 
@@ -20,16 +22,22 @@ def solve_conic(
 ) -> tuple[np.ndarray, np.ndarray, str]:
     """Return x and multipliers of min x'P x/2 + q'x, and "" or the reason of a failure.
 
-    The first `zero` rows of b - A x are zero and the next `positive` are not negative; the others are second-order
-    cones of these sizes, whose first entry is at least the norm of the others.
+    The first `zero` rows of b - A x are zero and the next `positive` are not negative; the others
+    are second-order cones of these sizes, whose first entry is at least the norm of the others.
     """
     import clarabel
 
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    kinds = [clarabel.ZeroConeT(zero), clarabel.NonnegativeConeT(positive), *map(clarabel.SecondOrderConeT, cones)]
+    kinds = [
+        clarabel.ZeroConeT(zero),
+        clarabel.NonnegativeConeT(positive),
+        *map(clarabel.SecondOrderConeT, cones),
+    ]
     try:
-        solver = clarabel.DefaultSolver(sparse.csc_matrix(np.triu(P)), q, sparse.csc_matrix(A), b, kinds, settings)
+        solver = clarabel.DefaultSolver(
+            sparse.csc_matrix(np.triu(P)), q, sparse.csc_matrix(A), b, kinds, settings
+        )
         solution = solver.solve()
     except BaseException as error:  # the solver panics with an exception of its own
         if isinstance(error, KeyboardInterrupt | SystemExit):

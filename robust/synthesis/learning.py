@@ -1,4 +1,5 @@
-r"""Iterative learning control: the next input of a repeating trial, from the error of the previous one.
+r"""Iterative learning control: the next input of a repeating trial, from the error of the previous
+one.
 
     u_next = Q (u + L e),    e = S_p r - J_p u,    J_p = G_p S_p from u at the plant input to y; the feedback stays
 
@@ -7,9 +8,10 @@ Over the set G_p = (G + g Delta)/(1 + a Delta), |Delta| <= 1, with b of `robust.
     J_p = S (G + g Delta)/(1 + b Delta),    a disc with the centre c = S (G - g b*)/(1 - |b|^2)
                                             and the radius rho = |S| |g - G b|/(1 - |b|^2).
 
-In each trial the distance to the final error is multiplied by Q (1 - L J_p), at most |Q| (|1 - L c| + |L| rho) over the
-set. For x = rho/|c| < 1 the best L is 1/c, with the factor x; for x >= 1 it is zero. A jump of L would ring for long,
-so L fades in between: L = k/c, k = min(1, (1 - x)/(1 - factor)); the factor is then 1 - k (1 - x).
+In each trial the distance to the final error is multiplied by Q (1 - L J_p), at most |Q| (|1 - L c|
++ |L| rho) over the set. For x = rho/|c| < 1 the best L is 1/c, with the factor x; for x >= 1 it is
+zero. A jump of L would ring for long, so L fades in between: L = k/c, k = min(1, (1 - x)/(1 -
+factor)); the factor is then 1 - k (1 - x).
 """
 
 from __future__ import annotations
@@ -56,9 +58,11 @@ class Learning:
     delay : float
         Computation delay [s], in addition to the delay of the model.
     L : "set", "nominal" or control.StateSpace
-        Filter from the error to the input: the best for the set, 1/J of the nominal loop, or a filter of the user.
+        Filter from the error to the input: the best for the set, 1/J of the nominal loop, or a
+        filter of the user.
     omega_Q : float
-        Cut-off of the zero-phase low-pass Q [rad/s]: Q is 1 up to it, then falls as cos^2 to zero at twice that.
+        Cut-off of the zero-phase low-pass Q [rad/s]: Q is 1 up to it, then falls as cos^2 to zero
+        at twice that.
     factor : float
         Bound of the factor per trial, for every plant of the set, at every frequency if proved.
     full : float
@@ -70,7 +74,8 @@ class Learning:
 
     References
     ----------
-    Bristow, Tharayil & Alleyne, *A survey of iterative learning control*, IEEE Control Systems 26(3), 2006.
+    Bristow, Tharayil & Alleyne, *A survey of iterative learning control*, IEEE Control Systems
+    26(3), 2006.
 
     Examples
     --------
@@ -99,16 +104,20 @@ class Learning:
         require_one_channel(self.model, "learning is for one loop", "to learn on")
         loop = self.loop
         if not loop.dt:
-            raise ValueError("K must be sampled, as trials are samples, got a continuous controller: discretize(K, dt)")
+            raise ValueError(
+                "K must be sampled, as trials are samples, got a continuous controller:"
+                " discretize(K, dt)"
+            )
         if self.model.perturbation == "operator":
             raise ValueError(
-                'model must have linear plants to learn on, got the class "operator": a nonlinear plant fills no disc '
-                'at a frequency. perturbation="LTI" claims that the plants are linear'
+                'model must have linear plants to learn on, got the class "operator": a nonlinear'
+                ' plant fills no disc at a frequency. perturbation="LTI" claims that the plants are'
+                " linear"
             )
         if loop.aliases is not None and loop.aliases.inverse:
             raise ValueError(
-                f"model must be multiplicative or additive for a sampled K on a continuous nominal, got {loop.form}: "
-                "with its aliases the plant fills no disc at a frequency"
+                "model must be multiplicative or additive for a sampled K on a continuous nominal,"
+                f" got {loop.form}: with its aliases the plant fills no disc at a frequency"
             )
         if not self.u_max > 0:
             raise ValueError(f"u_max must be a positive limit of |u|, got {short_form(self.u_max)}")
@@ -116,7 +125,9 @@ class Learning:
             self.__dict__["L"] = L = state_space("L", self.L)
             require_sampling_time("L", L, reference="the loop", wanted=loop.dt)
         elif self.L not in (_SET, _NOMINAL):
-            raise ValueError(f'L must be "{_SET}", "{_NOMINAL}" or a system, got {short_form(self.L)}')
+            raise ValueError(
+                f'L must be "{_SET}", "{_NOMINAL}" or a system, got {short_form(self.L)}'
+            )
 
     @property
     def proved(self) -> bool:
@@ -140,7 +151,9 @@ class Learning:
 
     @cached_property
     def settling(self) -> float:
-        """Return the longest time constant of the nominal loop, or one period of the cut-off of Q if longer [s]."""
+        """Return the longest time constant of the nominal loop, or one period of the cut-off of Q
+        if longer [s].
+        """
         rates = -to_s_plane(self.loop.poles[0].astype(complex), self.dt).real
         slowest = min(rates.min(initial=np.inf), self.omega_Q / (2 * np.pi))
         return float(1 / max(slowest, 1e-300))
@@ -151,7 +164,9 @@ class Learning:
 
     def Q(self, omega: np.ndarray) -> np.ndarray:
         """Return the response (W,) of Q, which is real."""
-        return np.asarray(np.cos(np.pi / 2 * np.clip(np.asarray(omega) / self.omega_Q - 1, 0, 1)) ** 2)
+        return np.asarray(
+            np.cos(np.pi / 2 * np.clip(np.asarray(omega) / self.omega_Q - 1, 0, 1)) ** 2
+        )
 
     def filter(self, omega: np.ndarray) -> np.ndarray:
         """Return the response (W,) of L."""
@@ -183,7 +198,8 @@ class Learning:
         Parameters
         ----------
         u : (n,) or (n, 1) ndarray
-            Learned input of this trial, added to that of the controller at the plant input; zeros in the first.
+            Learned input of this trial, added to that of the controller at the plant input; zeros
+            in the first.
         e : (n,) or (n, 1) ndarray
             Error r - y of this trial, sampled at the same instants.
 
@@ -208,15 +224,17 @@ class Learning:
             raise ValueError(f"e must have a sample for each of the {n} of u, got {error.size}")
         if n * self.dt < self.settling:
             warnings.warn(
-                "a trial must be longer than the longest time constant of the loop and the filters, "
-                f"{self.settling:.3g} s, for the factor to hold, got {n * self.dt:.3g} s: let it run on at rest",
+                "a trial must be longer than the longest time constant of the loop and the"
+                f" filters, {self.settling:.3g} s, for the factor to hold, got {n * self.dt:.3g} s:"
+                " let it run on at rest",
                 DesignWarning,
                 stacklevel=2,
             )
         total = next_fast_len(_PADDED * n, real=True)
         omega = 2 * np.pi * rfftfreq(total, self.dt)
         L, order = self._without_poles(omega)
-        # differences are zero before and after the trial: the learned input begins at rest and is held at the end
+        # differences are zero before and after the trial: the learned input begins at rest and is
+        # held at the end
         k = max(order, 1)
         change, error = _differences(samples, k), _differences(error, k - order)
         learned = irfft(self.Q(omega) * (rfft(change, total) + L * rfft(error, total)), total)[:n]
@@ -226,7 +244,10 @@ class Learning:
         return np.clip(learned, -self.u_max, self.u_max).reshape(np.shape(u))
 
     def _without_poles(self, omega: np.ndarray) -> tuple[np.ndarray, int]:
-        """Return L (W,) without its poles at zero frequency, and their number: J is zero there if K integrates."""
+        """Return L (W,) without its poles at zero frequency, and their number:
+
+        J is zero there if K integrates.
+        """
         inside = (omega > 0) & (omega < min(2 * self.omega_Q, self.loop.omega_max))
         low = omega[1] / 8 * np.array([1.0, 2.0])
         at = np.concatenate([low, omega[inside]])
@@ -244,7 +265,9 @@ class Learning:
         shrinks = omega[np.maximum.accumulate(np.divide(*np.abs(self.disc(omega)[::-1]))) < 1]
         end = format_hertz(shrinks[-1]) if shrinks.size else "no frequency"
         top, zero = format_hertz(min(self.omega_Q, self.loop.omega_max)), 2 * self.omega_Q
-        last = f" and nothing above {format_hertz(zero)} (Q = 0)" if zero < self.loop.omega_max else ""
+        last = (
+            f" and nothing above {format_hertz(zero)} (Q = 0)" if zero < self.loop.omega_max else ""
+        )
         where = "at every frequency: proved, rigorous"
         if not self.proved:
             where = f"{seen}, not proved between them: {self.reason}"
@@ -253,16 +276,31 @@ class Learning:
             most = f"at most {self.left(omega).max():.3g} of that without learning, {seen}"
         lines = [
             f"learns everything up to {top} (Q = 1){last}, sampled at {1 / self.dt:g} Hz",
-            f"factor per trial: at most {self.factor:.3g} for every linear plant of the set, {where}",
-            "rule: the loop is robustly stable, so learning can contract exactly at frequencies where the disc of J_p "
-            f"excludes zero (multiplicative set: |w| < 1): up to {end}, {seen}",
+            (
+                f"factor per trial: at most {self.factor:.3g} for every linear plant of the set,"
+                f" {where}"
+            ),
+            (
+                "rule: the loop is robustly stable, so learning can contract exactly at"
+                " frequencies where the disc of J_p excludes zero (multiplicative set: |w| < 1):"
+                f" up to {end}, {seen}"
+            ),
             f"final error: none up to {top}; elsewhere {most}",
-            "assumed: trials begin in the same state, repeat except for noise, and have no end. Let a trial run on at "
-            f"rest for {_END * self.settling:.2g} s, over which the learned input becomes constant",
-            f"measured: the set from {format_hertz(low)} to {format_hertz(high)}; it is assumed elsewhere",
+            (
+                "assumed: trials begin in the same state, repeat except for noise, and have no"
+                f" end. Let a trial run on at rest for {_END * self.settling:.2g} s, over which the"
+                " learned input becomes constant"
+            ),
+            (
+                f"measured: the set from {format_hertz(low)} to {format_hertz(high)}; it is assumed"
+                " elsewhere"
+            ),
         ]
         if self.model.perturbation == "statistical":
-            lines.append("the set is statistical: it contains measured FRFs, and no theorem extends it to the machine")
+            lines.append(
+                "the set is statistical: it contains measured FRFs, and no theorem extends it to"
+                " the machine"
+            )
         return "\n".join(lines)
 
 
@@ -276,7 +314,8 @@ def design_learning(
     delay: float = 0.0,
     u_max: float = np.inf,
 ) -> Learning:
-    """Design a learning filter for a loop whose trials repeat: u_next = Q (u + L e), with a factor for the whole set.
+    """Design a learning filter for a loop whose trials repeat: u_next = Q (u + L e), with a factor
+    for the whole set.
 
     Use it if feedback alone leaves an error that is the same in every trial, as with friction.
 
@@ -285,14 +324,16 @@ def design_learning(
     model : UncertaintyModel
         Set with one input and output and a parametric nominal.
     K : control.StateSpace, TransferFunction or float
-        Sampled controller, u = K (r - y), that stabilises every plant of the set. It stays in the loop.
+        Sampled controller, u = K (r - y), that stabilises every plant of the set. It stays in the
+        loop.
     factor : float
         Required bound of the factor per trial, for every plant of the set, between 0 and 1.
     L : "set", "nominal", control.StateSpace or TransferFunction
-        Filter from the error to the input: the best for the set (1/J of the centre of its disc), 1/J of the nominal
-        loop, or a filter of your own on the sampling time of the loop.
+        Filter from the error to the input: the best for the set (1/J of the centre of its disc),
+        1/J of the nominal loop, or a filter of your own on the sampling time of the loop.
     omega_Q : float, optional
-        Cut-off of Q [rad/s]; by default the highest one in the measured band for which the factor stays below `factor`.
+        Cut-off of Q [rad/s]; by default the highest one in the measured band for which the factor
+        stays below `factor`.
     delay : float
         Computation delay [s], in addition to the delay of the model.
     u_max : float
@@ -301,17 +342,20 @@ def design_learning(
     Returns
     -------
     Learning
-        Its factor is proved for L "set", except in the coprime form; otherwise it holds on a grid of the printed size.
+        Its factor is proved for L "set", except in the coprime form; otherwise it holds on a grid
+        of the printed size.
 
     Raises
     ------
     ValueError
-        A model that is not such a set, a continuous K, a loop that is not robustly stable, an operator, an inverse form
-        with a continuous nominal, an `omega_Q` with a factor of one or more.
+        A model that is not such a set, a continuous K, a loop that is not robustly stable, an
+        operator, an inverse form with a continuous nominal, an `omega_Q` with a factor of one or
+        more.
 
     References
     ----------
-    Bristow, Tharayil & Alleyne, IEEE Control Systems 26(3), 2006: Q and L in the frequency domain, theorem 6.
+    Bristow, Tharayil & Alleyne, IEEE Control Systems 26(3), 2006: Q and L in the frequency domain,
+    theorem 6.
 
     Examples
     --------
@@ -335,37 +379,45 @@ def design_learning(
     report = check(model, K, delay=delay)
     if not report.margins.rs > 1:
         raise ValueError(
-            f"K must leave every plant of the set stable to learn on, got {report.verdict}: {report.reason}"
+            f"K must leave every plant of the set stable to learn on, got {report.verdict}:"
+            f" {report.reason}"
         )
     if omega_Q is None:
         omega_Q = _largest_cutoff(widest, factor)
         if omega_Q < widest.loop.band[0]:
             raise ValueError(
-                f"factor must be reachable in the measured band, got {factor:g}, which is reached up to "
-                f"{format_hertz(omega_Q)} only, below {format_hertz(widest.loop.band[0])}. Use a smaller set, or give "
-                "omega_Q"
+                f"factor must be reachable in the measured band, got {factor:g}, which is reached"
+                f" up to {format_hertz(omega_Q)} only, below {format_hertz(widest.loop.band[0])}."
+                " Use a smaller set, or give omega_Q"
             )
     omega_Q = require_positive("omega_Q", omega_Q)
     filtered = Learning(**made, omega_Q=omega_Q, factor=1.0)
     largest, where = filtered.loop.peak(filtered.contraction, filtered.omega, filtered.loop.band)
     level = largest * (1 + _BELOW)
     if level >= 1:
-        raise ValueError(f"omega_Q must leave a factor below 1 per trial, got {largest:.3g} at {format_hertz(where)}")
+        raise ValueError(
+            f"omega_Q must leave a factor below 1 per trial, got {largest:.3g} at"
+            f" {format_hertz(where)}"
+        )
     if L != _SET:
         reason = 'only L "set" has a proof'
     elif not report.proofs.robustly_stable:
         reason = f"robust stability is not proved: {report.reason}"
     else:
         loop = stability_claim(model, K, w_P=None, delay=delay)
-        found = prove_learning(LearningClaim(loop=loop, omega_Q=omega_Q, full=factor, level=level), time_cap=_TIME_CAP)
+        found = prove_learning(
+            LearningClaim(loop=loop, omega_Q=omega_Q, full=factor, level=level), time_cap=_TIME_CAP
+        )
         reason = "" if found.holds else found.reason
     return Learning(**made, omega_Q=omega_Q, factor=level, reason=reason)
 
 
 def _largest_cutoff(learning: Learning, factor: float) -> float:
-    """Return the highest cut-off [rad/s] of Q for which the factor per trial stays below the required one.
+    """Return the highest cut-off [rad/s] of Q for which the factor per trial stays below the
+    required one.
 
-    At a frequency where |1 - L J_p| reaches f > factor, Q has to be factor/f, and this gives the cut-off.
+    At a frequency where |1 - L J_p| reaches f > factor, Q has to be factor/f, and this gives the
+    cut-off.
     """
 
     def inverse_cutoff(omega: np.ndarray) -> np.ndarray:
@@ -373,8 +425,11 @@ def _largest_cutoff(learning: Learning, factor: float) -> float:
         return np.where(need > 0, (1 + 2 / np.pi * need) / omega, 0.0)
 
     least = learning.loop.peak(inverse_cutoff, learning.omega, learning.loop.band).value
-    # nothing was measured above the band, and for omega_Q at the Nyquist frequency Q is one everywhere
-    return float(min((1 - 2 * _BELOW) / max(least, 1e-300), learning.loop.band[1], learning.loop.omega_max))
+    # nothing was measured above the band, and for omega_Q at the Nyquist frequency Q is one
+    # everywhere
+    return float(
+        min((1 - 2 * _BELOW) / max(least, 1e-300), learning.loop.band[1], learning.loop.omega_max)
+    )
 
 
 def _disc(loop: Loop, curves: Curves) -> tuple[np.ndarray, np.ndarray]:
@@ -382,7 +437,8 @@ def _disc(loop: Loop, curves: Curves) -> tuple[np.ndarray, np.ndarray]:
     G, S = replace_infinite(curves.G), curves.S
     if loop.aliases is None:
         g, b = plant_numerator(loop.form, curves.w, G=G, W=curves.W), curves.b
-    else:  # for a continuous set: a disc about the sampled plant whose radius sums those of its aliases
+    # for a continuous set: a disc about the sampled plant whose radius sums those of its aliases
+    else:
         g = loop.aliases.sampled_radius(curves.omega, curves.G)
         b = g * curves.K_S
     inside = 1 - np.abs(b) ** 2
@@ -392,10 +448,18 @@ def _disc(loop: Loop, curves: Curves) -> tuple[np.ndarray, np.ndarray]:
 def _trial(name: str, samples: np.ndarray) -> np.ndarray:
     """Return the samples (n,) of a trial with one channel; refuse others."""
     found = np.asarray(samples)
-    if found.dtype.kind not in "fiu" or found.shape not in ((found.size,), (found.size, 1)) or found.size < 2:
-        raise ValueError(f"{name} must be real samples of one channel, (n,) or (n, 1), got {short_form(samples)}")
+    if (
+        found.dtype.kind not in "fiu"
+        or found.shape not in ((found.size,), (found.size, 1))
+        or found.size < 2
+    ):
+        raise ValueError(
+            f"{name} must be real samples of one channel, (n,) or (n, 1), got {short_form(samples)}"
+        )
     if not np.isfinite(found).all():
-        raise ValueError(f"{name} must be finite, got {found.ravel()[~np.isfinite(found.ravel())][0]}")
+        raise ValueError(
+            f"{name} must be finite, got {found.ravel()[~np.isfinite(found.ravel())][0]}"
+        )
     return found.ravel().astype(float)
 
 
@@ -410,4 +474,6 @@ def _end_window(n: int, settling: float) -> np.ndarray:
     An error after the end is not measured. Late inputs that cause it may grow if they are learned.
     """
     length = int(min(_END * settling, n / 3)) + 1
-    return np.minimum(1.0, np.sin(np.pi / 2 * np.clip(np.arange(n, 0, -1) - 1, 0, length) / length) ** 2)
+    return np.minimum(
+        1.0, np.sin(np.pi / 2 * np.clip(np.arange(n, 0, -1) - 1, 0, length) / length) ** 2
+    )

@@ -1,4 +1,6 @@
-"""A PID with its filters from a TOML file, every number with its unit, as blocks; the filters are those of a drive."""
+"""A PID with its filters from a TOML file, every number with its unit, as blocks; the filters are
+those of a drive.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,13 @@ from collections.abc import Mapping
 import control
 import numpy as np
 
-from nlfrf._base.arguments import require_choice, require_known, require_nonnegative, require_positive, short_form
+from nlfrf._base.arguments import (
+    require_choice,
+    require_known,
+    require_nonnegative,
+    require_positive,
+    short_form,
+)
 from nlfrf._base.files import parse_toml
 from nlfrf._base.types import Json, JsonObject
 from nlfrf._base.units import parse_quantity, split_quantity, unit_factor
@@ -17,7 +25,8 @@ from nlfrf._base.values import value
 from robust._base.warnings import DesignWarning
 from robust.synthesis.blocks import Biquad, Filter, LowPass, Notch, Pid
 
-#: Filters: their frequency stands under their name, the other numbers under these names, with these defaults.
+# : Filters: their frequency stands under their name, the other numbers under these names, with
+# these defaults.
 _FILTERS: dict[str, dict[str, float]] = {
     "notch": {"bandwidth": np.nan, "depth": 0.0},
     "low_pass": {"zeta": LowPass.zeta},
@@ -45,10 +54,14 @@ class _PidSettings:
 
     @property
     def K(self) -> control.StateSpace:
-        """Return the controller u = K (r - y); sampled by the trapezoidal rule, each filter exact at its frequency."""
+        """Return the controller u = K (r - y); sampled by the trapezoidal rule, each filter exact
+        at its frequency.
+        """
         K = self.pid.system(self.dt)
         for slot in self.filters:
-            K = K * slot.system(self.dt)  # the gains stand behind the filters: states of similar size
+            K = K * slot.system(
+                self.dt
+            )  # the gains stand behind the filters: states of similar size
         return K
 
 
@@ -60,15 +73,16 @@ def load_pid(path: str | os.PathLike[str]) -> _PidSettings:
     Parameters
     ----------
     path : path
-        File with `sample_time` ("0 s": continuous), `Kp`, and optional entries: `delay`; `form`, "parallel" (default:
-        Kp + Ki/s + Kd s/(Tf s + 1)), "ideal" (Kp (1 + 1/(Ti s) + Td s/(Tf s + 1))) or "series" (Kp (1 + 1/(Ti s))
-        (Td s + 1)/(Tf s + 1)); tables [[filters]] as in `servo.load_gains`.
+        File with `sample_time` ("0 s": continuous), `Kp`, and optional entries: `delay`; `form`,
+        "parallel" (default: Kp + Ki/s + Kd s/(Tf s + 1)), "ideal" (Kp (1 + 1/(Ti s) + Td s/(Tf s +
+        1))) or "series" (Kp (1 + 1/(Ti s)) (Td s + 1)/(Tf s + 1)); tables [[filters]] as in
+        `servo.load_gains`.
 
     Raises
     ------
     ValueError
-        A file that is not TOML, an entry that is unknown, missing or for another form, a number without a unit or with
-        a wrong one, a filter above half the sampling frequency.
+        A file that is not TOML, an entry that is unknown, missing or for another form, a number
+        without a unit or with a wrong one, a filter above half the sampling frequency.
     FileNotFoundError
         No such file.
 
@@ -84,14 +98,19 @@ def load_pid(path: str | os.PathLike[str]) -> _PidSettings:
     """
     content = parse_toml(path, "path", " with a PID")
     form = _require_entries(str(path), content)
-    times = {name: parse_quantity(name, "time", content[name]) for name in _TIMES if name in content}
-    times |= {name: require_positive(name, times[name]) for name in ("Ti", "Td", "Tf") if name in times}
+    times = {
+        name: parse_quantity(name, "time", content[name]) for name in _TIMES if name in content
+    }
+    times |= {
+        name: require_positive(name, times[name]) for name in ("Ti", "Td", "Tf") if name in times
+    }
     dt, delay = require_nonnegative("sample_time", times["sample_time"]), times.get("delay")
     pid, unit = _read_pid(form, content, times)
     if dt and pid.kd and pid.filter_time < _LEAST_FILTER * dt:
         warnings.warn(
-            f"Tf = {1e3 * pid.filter_time:g} ms is below half a sample of {1e3 * dt:g} ms: the derivative of the "
-            "trapezoidal rule rings from sample to sample. Use a longer Tf, unless the PID runs by another rule",
+            f"Tf = {1e3 * pid.filter_time:g} ms is below half a sample of {1e3 * dt:g} ms: the"
+            " derivative of the trapezoidal rule rings from sample to sample. Use a longer Tf,"
+            " unless the PID runs by another rule",
             DesignWarning,
             stacklevel=2,
         )
@@ -107,23 +126,31 @@ def load_pid(path: str | os.PathLike[str]) -> _PidSettings:
 def _require_entries(path: str, content: JsonObject) -> str:
     """Return the form of a PID; refuse entries that are unknown, missing or for another form."""
     if "kv" in content:
-        raise ValueError(f"path must hold a PID, got the gains of a drive; go on with: robust servo check TRACE {path}")
+        raise ValueError(
+            "path must hold a PID, got the gains of a drive; go on with: robust servo check TRACE"
+            f" {path}"
+        )
     form = require_choice("form", content.get("form", "parallel"), tuple(_FORMS))
     integral, derivative = _FORMS[form]
-    if others := [name for name in ("Ki", "Kd", "Ti", "Td") if name in content and name not in _FORMS[form]]:
+    if others := [
+        name for name in ("Ki", "Kd", "Ti", "Td") if name in content and name not in _FORMS[form]
+    ]:
         raise ValueError(
-            f"{path} must have no entry {others[0]} in the {form} form, which takes Kp, {integral}, {derivative} and "
-            'Tf. form = "parallel" takes Ki and Kd; "ideal" and "series" take Ti and Td'
+            f"{path} must have no entry {others[0]} in the {form} form, which takes Kp, {integral},"
+            f' {derivative} and Tf. form = "parallel" takes Ki and Kd; "ideal" and "series" take Ti'
+            " and Td"
         )
-    require_known(path, content, ["form", "sample_time", "delay", "Kp", integral, derivative, "Tf", "filters"])
+    require_known(
+        path, content, ["form", "sample_time", "delay", "Kp", integral, derivative, "Tf", "filters"]
+    )
     needed = {"sample_time": 'such as "1 ms", or "0 s" for a continuous PID', "Kp": "the gain"}
     if missing := [name for name in needed if name not in content]:
         raise ValueError(f"{path} must have an entry {missing[0]}, {needed[missing[0]]}, got none")
     alone = [name for name in (derivative, "Tf") if name in content]
     if len(alone) == 1:
         raise ValueError(
-            f"{path} must have {derivative} and Tf, the time constant of its filter, or none of them, got {alone[0]} "
-            "alone. A low_pass in [[filters]] filters the whole PID"
+            f"{path} must have {derivative} and Tf, the time constant of its filter, or none of"
+            f" them, got {alone[0]} alone. A low_pass in [[filters]] filters the whole PID"
         )
     return form
 
@@ -144,8 +171,12 @@ def _read_pid(form: str, content: JsonObject, times: Mapping[str, float]) -> tup
     return Pid(kp=kp, ki=ki, kd=kd, filter_time=tf), unit
 
 
-def _read_gain(name: str, written: Json, unit: str | None = None, per: str = "") -> tuple[float, str]:
-    """Return a gain and its unit; if `unit`, that of Kp, is given, converted to it with a power of the time."""
+def _read_gain(
+    name: str, written: Json, unit: str | None = None, per: str = ""
+) -> tuple[float, str]:
+    """Return a gain and its unit; if `unit`, that of Kp, is given, converted to it with a power of
+    the time.
+    """
     if isinstance(written, int | float) and not isinstance(written, bool) and not unit:
         return float(written), ""
     try:
@@ -155,13 +186,21 @@ def _read_gain(name: str, written: Json, unit: str | None = None, per: str = "")
     wanted = f"{unit or '1'}{per}"
     factor = 1.0 if unit is None else unit_factor(own, wanted)
     if not np.isfinite(number * factor):
-        such = 'of u over y, such as "800 N/m"' if unit is None else f"{wanted}, as Kp has {unit or 'no unit'}"
-        raise ValueError(f"{name} must be a number with its unit, {such}, got {short_form(written)}")
+        such = (
+            'of u over y, such as "800 N/m"'
+            if unit is None
+            else f"{wanted}, as Kp has {unit or 'no unit'}"
+        )
+        raise ValueError(
+            f"{name} must be a number with its unit, {such}, got {short_form(written)}"
+        )
     return number * factor, own
 
 
 def read_filters(slots: Json, dt: float = 0.0) -> tuple[Filter, ...]:
-    """Return the filters of tables [[filters]]; each below half the sampling frequency if dt [s] is given."""
+    """Return the filters of tables [[filters]]; each below half the sampling frequency if dt [s] is
+    given.
+    """
     if not isinstance(slots, list):
         raise ValueError(f"filters must be tables [[filters]], got {short_form(slots)}")
     return tuple(_read_slot(given, dt) for given in slots)
@@ -170,17 +209,25 @@ def read_filters(slots: Json, dt: float = 0.0) -> tuple[Filter, ...]:
 def _read_slot(given: Json, dt: float) -> Filter:
     kinds = [kind for kind in _FILTERS if isinstance(given, Mapping) and kind in given]
     if len(kinds) != 1:
-        raise ValueError(f"filters must each have one of {', '.join(_FILTERS)}, got {short_form(given)}")
+        raise ValueError(
+            f"filters must each have one of {', '.join(_FILTERS)}, got {short_form(given)}"
+        )
     kind = kinds[0]
     require_known("filters", given, [kind, *_FILTERS[kind]])
-    if missing := [name for name, usual in _FILTERS[kind].items() if np.isnan(usual) and name not in given]:
+    if missing := [
+        name for name, usual in _FILTERS[kind].items() if np.isnan(usual) and name not in given
+    ]:
         raise ValueError(f"filters must have an entry {missing[0]} with {kind}, got none")
     numbers = _FILTERS[kind] | {
-        name: parse_quantity(name, _FILTER_NUMBERS[name], given[name]) for name in given if name != kind
+        name: parse_quantity(name, _FILTER_NUMBERS[name], given[name])
+        for name in given
+        if name != kind
     }
     f = require_positive(kind, parse_quantity(kind, "frequency", given[kind]))
     if f * dt >= 0.5:
-        raise ValueError(f"{kind} must lie below half the sampling frequency, {0.5 / dt:g} Hz, got {f:g} Hz")
+        raise ValueError(
+            f"{kind} must lie below half the sampling frequency, {0.5 / dt:g} Hz, got {f:g} Hz"
+        )
     omega = 2 * np.pi * f
     if kind == "notch":
         return Notch(omega=omega, width=numbers["bandwidth"] / f, depth=numbers["depth"])

@@ -1,4 +1,6 @@
-"""Controllers of lower order that keep the proved properties: candidates by model reduction, judged by the check."""
+"""Controllers of lower order that keep the proved properties: candidates by model reduction, judged
+by the check.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,11 @@ from robust.lti.lti import response, response_by_channel, timebase, with_names
 from robust.lti.minimal import channel_units
 from robust.lti.norms import continuous_image, to_discrete
 from robust.lti.realisation import multivariable, state_space
-from robust.lti.truncation import balanced_candidates, coprime_factor_candidates, weighted_candidates
+from robust.lti.truncation import (
+    balanced_candidates,
+    coprime_factor_candidates,
+    weighted_candidates,
+)
 from robust.models.sets.forms import ADDITIVE, DEFAULT_FORM
 from robust.models.sets.measured import FrfSource
 from robust.models.sets.model import UncertaintyModel, has_several_channels
@@ -43,8 +49,8 @@ class Reduction:
     order : int
         Number of states of K.
     method : str
-        Method of reduction: "balanced", "weighted by the loop" or "coprime factors", truncated (exact at high
-        frequencies) or residualised (exact at zero); "not reduced" otherwise.
+        Method of reduction: "balanced", "weighted by the loop" or "coprime factors", truncated
+        (exact at high frequencies) or residualised (exact at zero); "not reduced" otherwise.
     kept : bool
         True if the check of K proves all that the check of the given controller proves.
     report, before : RobustnessReport
@@ -87,17 +93,24 @@ class Reduction:
 
     def __str__(self) -> str:
         if self.order == self.full_order:
-            return f"order {self.order}, not reduced ({format_count(self.n_tried, 'candidate')}): {self.reason}"
+            return (
+                f"order {self.order}, not reduced ({format_count(self.n_tried, 'candidate')}):"
+                f" {self.reason}"
+            )
         end = "all proofs are kept" if self.kept else f"not all proofs are kept: {self.reason}"
         facts = []
         for label, report in (("before", self.before), ("reduced", self.report)):
             found = [report.headline]
             if np.isfinite(report.margins.rs):
-                found.append(f"max {'rs' if report.is_single else 'mu'} {1 / report.margins.rs:.3g}")
+                found.append(
+                    f"max {'rs' if report.is_single else 'mu'} {1 / report.margins.rs:.3g}"
+                )
             if np.isfinite(report.margins.S_worst):
                 found.append(f"|S| reaches {report.margins.S_worst:.3g} over the set")
             facts.append(Fact(label, ", ".join(found)))
-        return f"order {self.full_order} to {self.order}, {self.method}: {end}\n{format_facts(facts)}"
+        return (
+            f"order {self.full_order} to {self.order}, {self.method}: {end}\n{format_facts(facts)}"
+        )
 
 
 def reduce_controller(
@@ -109,15 +122,17 @@ def reduce_controller(
     delay: float = 0.0,
     max_candidates: int = 300,
 ) -> Reduction:
-    """Find the controller of lowest order that keeps the properties that the check of a controller proves.
+    """Find the controller of lowest order that keeps the properties that the check of a controller
+    proves.
 
     Use this before you put a controller of high order on a target.
 
-    Candidates come from balanced truncation, from the same weighted by the loop (G S before and S after the error of
-    K), and from truncation of the coprime factors of K, each truncated and residualised. Starting at the lowest
-    order, the best candidate of each order is checked in full until one keeps the verdict, and robust performance if
-    that was proved. Without a
-    proved performance K = 0 would keep the verdict on a stable plant: then max |T_r - T| must stay below 0.1 too.
+    Candidates come from balanced truncation, from the same weighted by the loop (G S before and S
+    after the error of K), and from truncation of the coprime factors of K, each truncated and
+    residualised. Starting at the lowest order, the best candidate of each order is checked in full
+    until one keeps the verdict, and robust performance if that was proved. Without a proved
+    performance K = 0 would keep the verdict on a stable plant: then max |T_r - T| must stay below
+    0.1 too.
 
     Parameters
     ----------
@@ -128,7 +143,8 @@ def reduce_controller(
     order : int, optional
         Only this order: its best controller, kept or not.
     max_candidates : int
-        Largest number of reduced controllers to try; if none of them suffices, K is returned unchanged.
+        Largest number of reduced controllers to try; if none of them suffices, K is returned
+        unchanged.
 
     Returns
     -------
@@ -137,7 +153,8 @@ def reduce_controller(
     Raises
     ------
     ValueError
-        A controller for which the check proves nothing (give an order then), an order that is not lower.
+        A controller for which the check proves nothing (give an order then), an order that is not
+        lower.
 
     References
     ----------
@@ -156,30 +173,43 @@ def reduce_controller(
     given, model = model, _plant_as_set(model)
     alone = model is not given  # the plant was given without a set
     several = has_several_channels(model)
-    K, delay = multivariable("K", K) if several else state_space("K", K), require_nonnegative("delay", delay)
+    K = multivariable("K", K) if several else state_space("K", K)
+    delay = require_nonnegative("delay", delay)
     max_candidates = require_integer("max_candidates", max_candidates, least=1)
     if order is not None and require_integer("order", order, least=0) >= K.nstates:
         raise ValueError(f"order must be below the {K.nstates} states of K, got {order}")
     before = check(model, K, w_P=w_P, delay=delay)
     if order is None and not before.verdict.is_robust:
         raise ValueError(
-            f"K must have a proof to keep, got '{before.verdict}': {before.reason}. Give an order to reduce it anyway."
+            f"K must have a proof to keep, got '{before.verdict}': {before.reason}. Give an order"
+            " to reduce it anyway."
         )
     by_order: dict[int, list[tuple[str, control.StateSpace]]] = {}
     for method, n, small in _candidates(K, model, w_P=w_P, delay=delay):
         if order in (None, n) and n < K.nstates:
             by_order.setdefault(n, []).append((method, small))
-    n_tried, reason = 0, "no controller of lower order keeps the proofs" if K.nstates else "a gain has no states"
+    n_tried = 0
+    reason = (
+        "no controller of lower order keeps the proofs" if K.nstates else "a gain has no states"
+    )
     for n in sorted(by_order):
         if n_tried >= max_candidates:
             reason = f"{n_tried} candidates were tried below order {n}"
             break
         n_tried += len(by_order[n])
         for method, small in _rank_candidates(
-            by_order[n], model, w_P=w_P, delay=delay, whole=K, before=before, every=order is not None
+            by_order[n],
+            model,
+            w_P=w_P,
+            delay=delay,
+            whole=K,
+            before=before,
+            every=order is not None,
         ):
             report = check(model, small, w_P=w_P, delay=delay)
-            kept, lost = _compare_reports(report, before, _change_of_T(model, K, small=small, before=before))
+            kept, lost = _compare_reports(
+                report, before, _change_of_T(model, K, small=small, before=before)
+            )
             if kept or order is not None:
                 return Reduction(
                     K=with_names(small, K.input_labels, K.output_labels),
@@ -211,23 +241,35 @@ def _plant_as_set(model: FrfSource | LinearSystem) -> FrfSource:
     if is_known_on_lines(model) or isinstance(model, UncertaintyModel):
         return model
     G = multivariable("model", model)
-    omega, one, small = np.ones(1), *(control.StateSpace([], [], [], [[size]], G.dt) for size in (1.0, _LEAST_RADIUS))
+    omega, one, small = (
+        np.ones(1),
+        *(control.StateSpace([], [], [], [[size]], G.dt) for size in (1.0, _LEAST_RADIUS)),
+    )
     if G.ninputs == G.noutputs == 1:
         radius = np.full(1, 0.9 * _LEAST_RADIUS)
         return UncertaintyModel(G, small, DEFAULT_FORM, omega, radius, perturbation="LTI")
     if G.ninputs == G.noutputs:
         left, right = (one,) * G.ninputs, (small,) * G.ninputs
-        return UncertaintyModel(G, form="input", left=left, right=right, omega=omega, perturbation="LTI")
-    # a set at the inputs alone cannot move all outputs if there are more of them: every entry, in units of its channels
-    rows, columns = channel_units(np.median(np.abs(response_by_channel(G, structure_grid(G)[1:])), axis=2))
+        return UncertaintyModel(
+            G, form="input", left=left, right=right, omega=omega, perturbation="LTI"
+        )
+    # a set at the inputs alone cannot move all outputs if there are more of them: every entry, in
+    # units of its channels
+    rows, columns = channel_units(
+        np.median(np.abs(response_by_channel(G, structure_grid(G)[1:])), axis=2)
+    )
     left, right = tuple(small * size for size in rows), tuple(one * size for size in columns)
-    return UncertaintyModel(G, form=ADDITIVE, left=left, right=right, omega=omega, perturbation="LTI")
+    return UncertaintyModel(
+        G, form=ADDITIVE, left=left, right=right, omega=omega, perturbation="LTI"
+    )
 
 
 def _without_set(report: RobustnessReport) -> RobustnessReport:
     """Return the report on a plant that stands for a set, in words for a plant."""
     stable = report.proofs.robustly_stable
-    what = "Stability and the performance demand" if report.proofs.robust_performance else "Stability"
+    what = (
+        "Stability and the performance demand" if report.proofs.robust_performance else "Stability"
+    )
     return replace(
         report,
         margins=replace(report.margins, rs=np.nan, S_worst=np.nan, broken=np.nan, worst=None),
@@ -252,7 +294,8 @@ def _candidates(
         pairs = ((("y",), ("p_in",)), (("e",), ("r",)))
         if has_several_channels(model):
             closed_loops = [
-                control.StateSpace(*closed_loop(model.nominal, K, *pair), model.nominal.dt) for pair in pairs
+                control.StateSpace(*closed_loop(model.nominal, K, *pair), model.nominal.dt)
+                for pair in pairs
             ]
         else:
             assert isinstance(model, UncertaintyModel)
@@ -265,7 +308,11 @@ def _candidates(
         try:
             for method, n, small in way():
                 if all(np.isfinite(part).all() for part in small):
-                    yield method, n, control.StateSpace(*(to_discrete(*small) if dt else small), K.dt)
+                    yield (
+                        method,
+                        n,
+                        control.StateSpace(*(to_discrete(*small) if dt else small), K.dt),
+                    )
         except (np.linalg.LinAlgError, ValueError):
             continue
 
@@ -280,7 +327,9 @@ def _rank_candidates(
     before: RobustnessReport,
     every: bool,
 ) -> list[tuple[str, control.StateSpace]]:
-    """Sort reduced controllers by their curves, best first, and drop those that cannot keep the proved properties."""
+    """Sort reduced controllers by their curves, best first, and drop those that cannot keep the
+    proved properties.
+    """
     found = []
     for method, K in small:
         try:
@@ -288,17 +337,26 @@ def _rank_candidates(
         except ValueError:  # a loop without a solution
             continue
         change = _change_of_T(model, whole, small=K, before=before)
-        performs = report.margins.rp >= 1 if before.proofs.robust_performance else change <= _MAX_CHANGE_OF_T
+        performs = (
+            report.margins.rp >= 1
+            if before.proofs.robust_performance
+            else change <= _MAX_CHANGE_OF_T
+        )
         if (report.margins.rs > 1 and performs) or every:
             size = report.margins.rp if before.proofs.robust_performance else -change
             found.append((report.nominally_stable, float(np.nan_to_num(size)), method, K))
     return [(method, K) for _, _, method, K in sorted(found, key=lambda one: one[:2], reverse=True)]
 
 
-def _compare_reports(report: RobustnessReport, before: RobustnessReport, change: float) -> tuple[bool, str]:
+def _compare_reports(
+    report: RobustnessReport, before: RobustnessReport, change: float
+) -> tuple[bool, str]:
     """Return True if everything proved before is proved again, and a description of the loss."""
     if before.verdict.is_robust and report.verdict != before.verdict:
-        return False, f"the verdict is '{report.verdict}' instead of '{before.verdict}': {report.reason}"
+        return (
+            False,
+            f"the verdict is '{report.verdict}' instead of '{before.verdict}': {report.reason}",
+        )
     if before.proofs.robust_performance and not report.proofs.robust_performance:
         return False, "robust performance is no longer proved"
     if not before.proofs.robust_performance and not change <= _MAX_CHANGE_OF_T:
@@ -313,12 +371,16 @@ def _change_of_T(
     if has_several_channels(model):
         G, one = response_by_channel(model.nominal, before.curves.omega), np.eye(model.n_outputs)
         L = (
-            np.moveaxis(np.einsum("jkw,klw->jlw", G, response_by_channel(part, before.curves.omega)), 2, 0)
+            np.moveaxis(
+                np.einsum("jkw,klw->jlw", G, response_by_channel(part, before.curves.omega)), 2, 0
+            )
             for part in (K, small)
         )
         S, S_r = (np.linalg.inv(one + part) for part in L)
         return float(np.linalg.norm(S_r - S, 2, axis=(1, 2)).max())
     with np.errstate(all="ignore"):
-        d = before.curves.T * (1 - response(small, before.curves.omega) / before.curves.K)  # (W,) (K - K_r) G S
+        d = before.curves.T * (
+            1 - response(small, before.curves.omega) / before.curves.K
+        )  # (W,) (K - K_r) G S
         change = np.abs(before.curves.S * d / (1 - d))
     return float(np.nanmax(change)) if np.isfinite(change).any() else np.inf

@@ -1,4 +1,6 @@
-"""Elements for manual loop shaping: lead, lag, notch, low-pass, PID as systems, to be multiplied."""
+"""Elements for manual loop shaping: lead, lag, notch, low-pass, PID as systems, to be
+multiplied.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ def lead(omega: float, phase: float, *, dt: float = 0.0) -> control.StateSpace:
     omega, phase : float
         Frequency of the largest lead [rad/s], and the lead there [rad], as for `Lead`.
     dt : float
-        Sampling time [s] of a sampled element, by the bilinear map that is exact at omega; 0 for continuous.
+        Sampling time [s] of a sampled element, by the bilinear map that is exact at omega; 0 for
+        continuous.
 
     Returns
     -------
@@ -41,7 +44,8 @@ def lag(omega: float, gain: float, *, dt: float = 0.0) -> control.StateSpace:
     Parameters
     ----------
     omega, gain : float
-        Frequency below which the gain is raised [rad/s], and the gain at zero frequency, as for `Lag`.
+        Frequency below which the gain is raised [rad/s], and the gain at zero frequency, as for
+        `Lag`.
     dt : float
         Sampling time [s], as in `lead`.
 
@@ -79,7 +83,8 @@ def notch(
 
     References
     ----------
-    Steinbuch & Norg, *Advanced motion control: an industrial perspective*, European Journal of Control 4 (1998).
+    Steinbuch & Norg, *Advanced motion control: an industrial perspective*, European Journal of
+    Control 4 (1998).
 
     Examples
     --------
@@ -94,7 +99,8 @@ def notch(
 def low_pass(
     omega: float, *, order: int = LowPass.order, zeta: float = LowPass.zeta, dt: float = 0.0
 ) -> control.StateSpace:
-    """Return a low-pass filter of first or second order: less gain for noise and unknown modes above its corner.
+    """Return a low-pass filter of first or second order: less gain for noise and unknown modes
+    above its corner.
 
     Parameters
     ----------
@@ -110,7 +116,8 @@ def low_pass(
 
     References
     ----------
-    Steinbuch & Norg, *Advanced motion control: an industrial perspective*, European Journal of Control 4 (1998).
+    Steinbuch & Norg, *Advanced motion control: an industrial perspective*, European Journal of
+    Control 4 (1998).
 
     Examples
     --------

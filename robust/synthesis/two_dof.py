@@ -1,12 +1,13 @@
-"""Two degrees of freedom: a prefilter that makes a loop follow a reference model, with the error over the set.
+"""Two degrees of freedom: a prefilter that makes a loop follow a reference model, with the error
+over the set.
 
     r --->[ F ]--->(+)-- e -->[ K ]-- u -->[ G ]---+--> y        y = T_p F r,   wanted: T_ref r
                    -^                              |
                     +------------------------------+
 
-F stands outside the loop: stability and its margins are those of K for any F. (SP 9.4.3 finds both at once.)
-Over a set, T_p F fills a disc at each frequency for one channel; for several channels the largest error is bounded by
-skewed mu (SP 8.10.3).
+F stands outside the loop: stability and its margins are those of K for any F. (SP 9.4.3 finds both
+at once.) Over a set, T_p F fills a disc at each frequency for one channel; for several channels the
+largest error is bounded by skewed mu (SP 8.10.3).
 """
 
 from __future__ import annotations
@@ -34,7 +35,8 @@ from robust.proofs.search.certificate import Certificate
 from robust.synthesis.hinf.hinfsyn import Synthesis, hinfsyn
 
 _REDUCTION_TOLERANCE = 0.01  # largest change of T F by removed states of F
-_ROUNDING = 1e-9  # singular value of T at zero frequency over the largest, below which T has no gain in a direction
+# singular value of T at zero frequency over the largest, below which T has no gain in a direction
+_ROUNDING = 1e-9
 
 
 @value
@@ -44,10 +46,11 @@ class _ReferenceFilter:
     Fields
     ------
     F : control.StateSpace
-        Stable, on the time base of the loop. Prefilter: the loop input is F r. Feedforward: u = K (T_ref r - y) + F r.
+        Stable, on the time base of the loop. Prefilter: the loop input is F r. Feedforward: u = K
+        (T_ref r - y) + F r.
     gamma, gamma_min : float
-        Norm of [T_ref - T F; effort F] before the reduction of F (feedforward: with G in place of T), and a lower bound
-        for any F.
+        Norm of [T_ref - T F; effort F] before the reduction of F (feedforward: with G in place of
+        T), and a lower bound for any F.
     certificate : Certificate or None
         The proof of gamma, or the reason why there is none.
     omega : (W,) ndarray
@@ -58,8 +61,8 @@ class _ReferenceFilter:
     error_without : (W,) ndarray or None
         For a feedforward filter: the largest error over the set with F = 0.
     n_lines : int
-        For several channels 0 if the largest `error_worst` is proved at all frequencies, otherwise the number of
-        frequencies of the grid.
+        For several channels 0 if the largest `error_worst` is proved at all frequencies, otherwise
+        the number of frequencies of the grid.
 
     References
     ----------
@@ -97,7 +100,8 @@ def prefilter(
     effort: float = 0.01,
     delay: float = 0.0,
 ) -> _ReferenceFilter:
-    """Find the prefilter that brings a loop nearest to a reference model, and bound its error over the whole set.
+    """Find the prefilter that brings a loop nearest to a reference model, and bound its error over
+    the whole set.
 
     Use this after the design of K, if the response to r has to follow a model.
 
@@ -108,8 +112,9 @@ def prefilter(
     K : control.StateSpace, TransferFunction
         Controller, negative feedback; a sampled one on a continuous nominal as for `check`.
     reference : control.StateSpace, TransferFunction
-        T_ref, stable: the wanted response from r to y. If the loop is sampled, a continuous T_ref is converted by the
-        bilinear map. For several channels a square matrix, or one transfer function for every output.
+        T_ref, stable: the wanted response from r to y. If the loop is sampled, a continuous T_ref
+        is converted by the bilinear map. For several channels a square matrix, or one transfer
+        function for every output.
     effort : float
         Weight on F against the error.
     delay : float
@@ -118,7 +123,8 @@ def prefilter(
     Returns
     -------
     ReferenceFilter
-        F has the fewest states that change T F by less than 0.01; at zero frequency T F = T_ref if T has an inverse.
+        F has the fewest states that change T F by less than 0.01; at zero frequency T F = T_ref if
+        T has an inverse.
 
     Raises
     ------
@@ -127,7 +133,8 @@ def prefilter(
 
     References
     ----------
-    SP 9.4.3 (there together with the feedback); Hoyle, Hyde & Limebeer 1991; Limebeer, Kasenally & Perkins 1993.
+    SP 9.4.3 (there together with the feedback); Hoyle, Hyde & Limebeer 1991; Limebeer, Kasenally &
+    Perkins 1993.
 
     Examples
     --------
@@ -147,7 +154,9 @@ def prefilter(
     found = _synthesise_matching(T_ref, T, effort=effort)
     omega = loop.grid(model.omega)
     F = _exact_at_zero(_fewest_states(found.K, T, omega=omega, dt=loop.dt), T, T_ref)
-    error, worst = _tracking_errors(loop, response(F, omega), wanted=response(T_ref, omega), omega=omega)
+    error, worst = _tracking_errors(
+        loop, response(F, omega), wanted=response(T_ref, omega), omega=omega
+    )
     return _ReferenceFilter(
         F=F,
         gamma=found.gamma,
@@ -162,9 +171,11 @@ def prefilter(
 def _prefilter_matrix(
     model: UncertaintyModel, K: Controller, *, reference: Weight, effort: float, delay: float
 ) -> _ReferenceFilter:
-    """Return the prefilter for several channels, with its error over the set bounded by `gain_bound`.
+    """Return the prefilter for several channels, with its error over the set bounded by
+    `gain_bound`.
 
-    With e = r - y, the loop with its perturbations pulled out is N = [N11 N12; N21 S]: see `_error_loop`.
+    With e = r - y, the loop with its perturbations pulled out is N = [N11 N12; N21 S]: see
+    `_error_loop`.
     """
     model, _ = set_on_controller_time_base(model, K, delay)
     system = performance_loop(model, K, None)
@@ -191,8 +202,12 @@ def _prefilter_matrix(
     )
 
 
-def _error_loop(N: control.StateSpace, F: control.StateSpace, T_ref: control.StateSpace) -> control.StateSpace:
-    """Return [N11 N12 F; N21 E] of a loop N = [N11 N12; N21 S] with a prefilter, E = S F + T_ref - F."""
+def _error_loop(
+    N: control.StateSpace, F: control.StateSpace, T_ref: control.StateSpace
+) -> control.StateSpace:
+    """Return [N11 N12 F; N21 E] of a loop N = [N11 N12; N21 S] with a prefilter, E = S F + T_ref -
+    F.
+    """
     n, n_d = T_ref.noutputs, N.ninputs - F.noutputs
     passed = control.StateSpace([], [], [], np.eye(n_d), N.dt)
     onto, taken = np.eye(N.noutputs)[:, -n:], np.eye(n_d + n)[-n:]
@@ -204,7 +219,9 @@ def _error_loop(N: control.StateSpace, F: control.StateSpace, T_ref: control.Sta
 def _synthesise_matching(
     T_ref: control.StateSpace, T: control.StateSpace, *, effort: float, name: str = "prefilter"
 ) -> Synthesis:
-    """Return the F that makes [T_ref - T F; effort F] small, as the K of a synthesis; refuse if there is none."""
+    """Return the F that makes [T_ref - T F; effort F] small, as the K of a synthesis; refuse if
+    there is none.
+    """
     found = hinfsyn(_matching_plant(T_ref, T, effort=effort, dt=T.dt), T_ref.ninputs, T.ninputs)
     if not found.found:
         raise ValueError(f"reference must allow a {name}, got one without: {found.reason}")
@@ -218,7 +235,9 @@ def _reference_loop(model: UncertaintyModel, K: Controller, delay: float) -> Loo
     loop = assemble_loop(model, K, w_P=None, delay=require_nonnegative("delay", delay))
     nominal = decide_nominal_stability(loop)
     if not nominal.stable:
-        raise ValueError(f"K must make a stable loop to follow a reference, got a loop that is {nominal}")
+        raise ValueError(
+            f"K must make a stable loop to follow a reference, got a loop that is {nominal}"
+        )
     return loop
 
 
@@ -246,7 +265,9 @@ def _matching_plant(
     return control.StateSpace(A, B, C.reshape(n_y + n_u + n_r, -1), D, dt)
 
 
-def _fewest_states(F: control.StateSpace, T: control.StateSpace, *, omega: np.ndarray, dt: float) -> control.StateSpace:
+def _fewest_states(
+    F: control.StateSpace, T: control.StateSpace, *, omega: np.ndarray, dt: float
+) -> control.StateSpace:
     """Return F without the states that hardly affect T F."""
     T_response, whole = (response_by_channel(each, omega) for each in (T, F))
     for _, _, small in balanced_candidates(continuous_image(F)):
@@ -257,12 +278,18 @@ def _fewest_states(F: control.StateSpace, T: control.StateSpace, *, omega: np.nd
     return F
 
 
-def _exact_at_zero(F: control.StateSpace, T: control.StateSpace, T_ref: control.StateSpace) -> control.StateSpace:
-    """Return X F with T X F = T_ref at zero frequency, so that a constant reference is followed exactly.
+def _exact_at_zero(
+    F: control.StateSpace, T: control.StateSpace, T_ref: control.StateSpace
+) -> control.StateSpace:
+    """Return X F with T X F = T_ref at zero frequency, so that a constant reference is followed
+    exactly.
 
-    X is used if it is nearer to one than to zero. Otherwise T or T_ref has no gain there, and F is left unchanged.
+    X is used if it is nearer to one than to zero. Otherwise T or T_ref has no gain there, and F is
+    left unchanged.
     """
-    at_zero, f, wanted = (response_by_channel(each, np.zeros(1))[:, :, 0].real for each in (T, F, T_ref))
+    at_zero, f, wanted = (
+        response_by_channel(each, np.zeros(1))[:, :, 0].real for each in (T, F, T_ref)
+    )
     if np.linalg.cond(at_zero) > 1 / _ROUNDING:
         return F
     X = np.linalg.solve(at_zero, wanted @ np.linalg.pinv(at_zero @ f, rcond=_ROUNDING) @ at_zero)
@@ -274,7 +301,10 @@ def _exact_at_zero(F: control.StateSpace, T: control.StateSpace, T_ref: control.
 def _tracking_errors(
     loop: Loop, f: np.ndarray, *, wanted: np.ndarray, omega: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (W,) |T_ref - T F| and the largest |T_ref - T_p F|: S_p fills a disc, and T_p = 1 - S_p."""
+    """Return (W,) |T_ref - T F| and the largest |T_ref - T_p F|:
+
+    S_p fills a disc, and T_p = 1 - S_p.
+    """
     curves = loop.curves(omega)
     S, a, b = curves.S, curves.a, curves.b
     with np.errstate(all="ignore"):
@@ -291,14 +321,21 @@ def _tracking_errors(
 #      |                +-------------------|-----------------+
 #      +-------------->[ F ]----------------+
 #
-# With F = T_ref/G the nominal loop follows exactly. A plant of the set has the error T_ref S_p (1 - G_p/G) instead of
-# T_ref S_p: feedforward helps where the relative error of the plant is below one, and harms where it is not.
+# With F = T_ref/G the nominal loop follows exactly. A plant of the set has the error T_ref S_p (1 -
+# G_p/G) instead of T_ref S_p: feedforward helps where the relative error of the plant is below one,
+# and harms where it is not.
 
 
 def feedforward_filter(
-    model: UncertaintyModel, K: Controller, reference: LinearSystem, *, effort: float = 1e-3, delay: float = 0.0
+    model: UncertaintyModel,
+    K: Controller,
+    reference: LinearSystem,
+    *,
+    effort: float = 1e-3,
+    delay: float = 0.0,
 ) -> _ReferenceFilter:
-    """Find the signal to add to u so that a loop follows a reference model, and bound its error over the set.
+    """Find the signal to add to u so that a loop follows a reference model, and bound its error
+    over the set.
 
     Use this for a stable plant; `prefilter` is for any stable loop.
 
@@ -307,10 +344,11 @@ def feedforward_filter(
     model : UncertaintyModel
         Plant with its set, with a stable parametric nominal.
     K : control.StateSpace, TransferFunction or float
-        Controller, negative feedback from T_ref r - y; a sampled one on a continuous nominal as for `check`.
+        Controller, negative feedback from T_ref r - y; a sampled one on a continuous nominal as for
+        `check`.
     reference : control.StateSpace, TransferFunction
-        T_ref, stable: the wanted response from r to y. If the loop is sampled, a continuous T_ref is converted by the
-        bilinear map.
+        T_ref, stable: the wanted response from r to y. If the loop is sampled, a continuous T_ref
+        is converted by the bilinear map.
     effort : float
         Weight on F against the error, in units of error over those of u.
     delay : float
@@ -341,9 +379,9 @@ def feedforward_filter(
     effort, loop = require_positive("effort", effort), _reference_loop(model, K, delay)
     if not is_stable(loop.G):
         raise ValueError(
-            f"model must have a stable nominal for a feedforward, got a pole at {rightmost_pole(loop.G):.4g}. Close "
-            "a loop around it first (cascade), or use prefilter, which feeds the closed loop; for a free mass use "
-            "robust.servo.feedforward"
+            "model must have a stable nominal for a feedforward, got a pole at"
+            f" {rightmost_pole(loop.G):.4g}. Close a loop around it first (cascade), or use"
+            " prefilter, which feeds the closed loop; for a free mass use robust.servo.feedforward"
         )
     T_ref = _on_time_base(reference, loop.dt)
     found = _synthesise_matching(T_ref, loop.G, effort=effort, name="feedforward")
@@ -359,14 +397,17 @@ def feedforward_filter(
         omega=omega,
         error=error,
         error_worst=worst,
-        error_without=_feedforward_errors(loop, np.zeros_like(wanted), wanted=wanted, omega=omega)[1],
+        error_without=_feedforward_errors(loop, np.zeros_like(wanted), wanted=wanted, omega=omega)[
+            1
+        ],
     )
 
 
 def _feedforward_errors(
     loop: Loop, f: np.ndarray, *, wanted: np.ndarray, omega: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (W,) |S (T_ref - G F)| and the largest |S_p (T_ref - G_p F)| over the set, without a division by K.
+    """Return (W,) |S (T_ref - G F)| and the largest |S_p (T_ref - G_p F)| over the set, without a
+    division by K.
 
     S_p (T_ref - G_p F) = S (p + q Delta)/(1 + b Delta) fills a disc; inf where |b| reaches one.
     """

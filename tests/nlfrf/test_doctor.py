@@ -28,13 +28,17 @@ def place(wheel, tmp_path):
     """A fresh environment that sees the packages of this one, with our wheel in front."""
     run([sys.executable, "-m", "venv", "--without-pip", str(tmp_path / "env")])
     site = next((tmp_path / "env").glob("lib/python*/site-packages"))
-    (site / "outer.pth").write_text("\n".join(path for path in sys.path if path.endswith("site-packages")) + "\n")
+    (site / "outer.pth").write_text(
+        "\n".join(path for path in sys.path if path.endswith("site-packages")) + "\n"
+    )
     unpack(wheel, site)
     return site
 
 
 def run(command, **options):
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=True, **options).stdout
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=300, check=True, **options
+    ).stdout
 
 
 def unpack(wheel, site):
@@ -56,13 +60,21 @@ def other(site):
 def said(site, code):
     python = site.parents[2] / "bin" / "python"
     result = subprocess.run(
-        [str(python), "-c", code], cwd=site.parents[2], capture_output=True, text=True, timeout=300, check=False
+        [str(python), "-c", code],
+        cwd=site.parents[2],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
     )
     return result.returncode, result.stdout, result.stderr
 
 
 DOCTOR = "import sys; sys.argv = ['nlfrf', 'doctor']; from nlfrf.cli import main; main()"
-ROBUST = "import sys; sys.argv = ['robust', '--version']; from nlfrf.doctor import robust_command; robust_command()"
+ROBUST = (
+    "import sys; sys.argv = ['robust', '--version']; from nlfrf.doctor import robust_command;"
+    " robust_command()"
+)
 
 
 def test_all_is_well_with_our_wheel(place):
@@ -76,8 +88,9 @@ def test_a_neighbour_that_overwrote_ours_is_named_with_the_cure(place):
     other(place)
     code, out, _ = said(place, DOCTOR)
     assert code == 1
-    assert out.splitlines()[-1] == (
-        "`import robust` must give our package, got files of the distribution robust 0.5: "
+    assert (
+        out.splitlines()[-1]
+        == "`import robust` must give our package, got files of the distribution robust 0.5: "
         "pip uninstall robust, then pip install --force-reinstall --no-deps nlfrf"
     )
     code, _, err = said(place, ROBUST)
@@ -98,7 +111,10 @@ def test_a_package_of_the_name_that_comes_first_on_the_path(place):
     front = place.parents[2] / "robust"
     front.mkdir()
     (front / "__init__.py").write_text("")
-    line = f"{front} hides the package 'robust' from every program run in its folder: rename that folder"
+    line = (
+        f"{front} hides the package 'robust' from every program run in its folder: rename that"
+        " folder"
+    )
     code, _, err = said(place, ROBUST)
     assert (code, err) == (2, f"robust: {line}\n")
     code, out, _ = said(place, DOCTOR)
@@ -116,13 +132,20 @@ def test_a_package_of_the_name_that_comes_first_on_the_path(place):
         ("random", "module of Python 'random'"),
     ],
 )
-def test_a_file_of_ones_own_in_the_working_folder_is_seen_by_the_commands(name, whose, place, tmp_path):
-    """As installed: the folder is not on the path of a console script, but on that of everything run in it."""
+def test_a_file_of_ones_own_in_the_working_folder_is_seen_by_the_commands(
+    name, whose, place, tmp_path
+):
+    """As installed: the folder is not on the path of a console script, but on that of everything
+    run in it.
+    """
     folder = tmp_path / "my work"
     folder.mkdir()
     (folder / f"{name}.py").write_text("gain = 3\n")
     python = place.parents[2] / "bin" / "python"
-    line = f"{folder / name}.py hides the {whose} from every program run in its folder: rename that file"
+    line = (
+        f"{folder / name}.py hides the {whose} from every program run in its folder: rename that"
+        " file"
+    )
     script = tmp_path / "bin" / "nlfrf"
     script.parent.mkdir()
     script.write_text("from nlfrf.doctor import nlfrf_command; nlfrf_command()\n")
@@ -131,10 +154,17 @@ def test_a_file_of_ones_own_in_the_working_folder_is_seen_by_the_commands(name, 
     done = subprocess.run(command, env={"PATH": ""}, **run)
     assert (done.returncode, done.stdout.splitlines()[-1], done.stderr) == (1, line, "")
     # on the path of the command itself it is one line too, and no traceback
-    for which, arguments in (("nlfrf", "doctor"), ("robust", "--version"), ("robust", "check a.json b.json")):
+    for which, arguments in (
+        ("nlfrf", "doctor"),
+        ("robust", "--version"),
+        ("robust", "check a.json b.json"),
+    ):
         if name == "nlfrf":
             continue  # then nothing of ours is run at all
-        script.write_text(f"import sys; sys.argv[0] = {which!r}\nfrom nlfrf.doctor import {which}_command as c; c()\n")
+        script.write_text(
+            f"import sys; sys.argv[0] = {which!r}\nfrom nlfrf.doctor import {which}_command as c;"
+            " c()\n"
+        )
         command = [str(python), str(script), *arguments.split()]
         done = subprocess.run(command, env={"PYTHONPATH": str(folder), "PATH": ""}, **run)
         assert "Traceback" not in done.stderr, (which, done.stderr)
@@ -156,7 +186,9 @@ def test_what_hides_nothing_is_not_named(tmp_path):
     for folder in (front, behind):
         folder.mkdir()
         (folder / "control.py").write_text("")
-    assert [line.split(" hides ")[0] for line in find_hiding_files([front, behind])] == [str(front / "control.py")]
+    assert [line.split(" hides ")[0] for line in find_hiding_files([front, behind])] == [
+        str(front / "control.py")
+    ]
     (front / "some-1.0.dist-info").mkdir()  # modules are installed there
     assert find_hiding_files([front]) == []
 
@@ -177,7 +209,9 @@ def test_linear_algebra_that_computes_wrong_is_named(monkeypatch):
     right = np.linalg.eigh
     monkeypatch.setattr(np.linalg, "eigh", lambda H: (right(H)[0] + 1e-3, right(H)[1]))
     assert examine()[1] == doctor.find_wrong_algebra()
-    assert doctor.find_wrong_algebra()[0].startswith("NumPy's linear algebra must be right, got wrong factorisations: ")
+    assert doctor.find_wrong_algebra()[0].startswith(
+        "NumPy's linear algebra must be right, got wrong factorisations: "
+    )
     monkeypatch.setattr(np.linalg, "eigh", lambda H: (np.nan * right(H)[0], right(H)[1]))
     assert doctor.find_wrong_algebra()
 
@@ -190,7 +224,10 @@ def test_linear_algebra_that_computes_wrong_is_named(monkeypatch):
 
 def test_a_cache_of_numba_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "file").write_text("")  # where no folder can be made
-    nowhere = {"NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator", "NUMBA_CACHE_DIR": str(tmp_path / "file")}
+    nowhere = {
+        "NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator",
+        "NUMBA_CACHE_DIR": str(tmp_path / "file"),
+    }
     code = "from nlfrf.doctor import find_cache_fault; print(*find_cache_fault())"
     for variables, begin in ((nowhere, "numba must have a folder for its compiled code"), ({}, "")):
         line = run([sys.executable, "-c", code], env=os.environ | variables, cwd=tmp_path).strip()
@@ -215,7 +252,9 @@ def test_readers_that_the_files_of_a_folder_need_are_named(tmp_path, monkeypatch
     monkeypatch.chdir(tmp_path)
     assert doctor.find_missing_readers(tmp_path, extra_of_file) == []
     have = doctor.installed_version
-    monkeypatch.setattr(doctor, "installed_version", lambda name: "" if name in ABSENT else have(name))
+    monkeypatch.setattr(
+        doctor, "installed_version", lambda name: "" if name in ABSENT else have(name)
+    )
     assert doctor.find_missing_readers(tmp_path, extra_of_file) == [
         "old.dat needs asammdf, which is not installed: pip install 'nlfrf[mdf]'",
         "run.tdms needs nptdms, which is not installed: pip install 'nlfrf[tdms]'",
@@ -231,10 +270,18 @@ ABSENT = ("nptdms", "npTDMS", "asammdf", "h5py", "pyuff")
 def test_a_file_of_ones_own_called_lazy_loader_is_named_by_whatever_imports_us(tmp_path, package):
     (tmp_path / "lazy_loader.py").write_text("gain = 3\n")
     command = [sys.executable, "-c", f"import {package}"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False
+    )
     last = done.stderr.splitlines()[-1]
-    assert last == f"ImportError: {tmp_path / 'lazy_loader.py'} hides the package 'lazy_loader': rename that file"
-    assert find_hiding_files([tmp_path])[0].startswith(last.removeprefix("ImportError: ").partition(":")[0])
+    assert (
+        last
+        == f"ImportError: {tmp_path / 'lazy_loader.py'} hides the package 'lazy_loader': rename"
+        " that file"
+    )
+    assert find_hiding_files([tmp_path])[0].startswith(
+        last.removeprefix("ImportError: ").partition(":")[0]
+    )
 
 
 def test_the_wheel_holds_types_schemas_and_no_tests(wheel):
@@ -242,6 +289,11 @@ def test_the_wheel_holds_types_schemas_and_no_tests(wheel):
         names = set(files.namelist())
     assert {"nlfrf/py.typed", "robust/py.typed", "robust/__init__.pyi"} <= names
     assert not [name for name in names if name.startswith(("tests/", "benchmarks/", "examples/"))]
-    files = [path for package in ("nlfrf", "robust") for path in (ROOT / package).rglob("*") if path.is_file()]
+    files = [
+        path
+        for package in ("nlfrf", "robust")
+        for path in (ROOT / package).rglob("*")
+        if path.is_file()
+    ]
     here = {path.relative_to(ROOT).as_posix() for path in files}
     assert {name for name in here if not name.endswith((".pyc", ".nbi", ".nbc"))} <= names

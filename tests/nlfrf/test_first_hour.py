@@ -29,11 +29,17 @@ def command(monkeypatch, capsys, tmp_path):
 
 @pytest.mark.parametrize("kind", ["special-odd", "odd-odd"])
 def test_what_the_warning_asks_for_has_a_line_there(command, kind, tmp_path):
-    """4aa289a said that the band begins at 2.25 Hz instead of 1, and not why, nor what to ask for."""
+    """4aa289a said that the band begins at 2.25 Hz instead of 1, and not why, nor what to ask
+    for.
+    """
     _, _, err = command(f"{BAND} --kind {kind} --f-min 1 -o exc.npz")
     assert f"a {kind} grid has the lines" in err
     for asked in re.findall(r"--f-min [\d.]+|--period \d+", err):
-        line = BAND.replace("--period 8000", asked) + " --f-min 1" if "period" in asked else f"{BAND} {asked}"
+        line = (
+            BAND.replace("--period 8000", asked) + " --f-min 1"
+            if "period" in asked
+            else f"{BAND} {asked}"
+        )
         assert command(f"{line} --kind {kind} -o cured.npz --overwrite")[0] == 0
         assert nlfrf.load(tmp_path / "cured.npz").f[0] <= 1.2
 
@@ -49,7 +55,9 @@ def test_a_frequency_below_the_resolution_asks_for_its_period(command, tmp_path)
 def test_a_wav_file_says_its_full_scale_in_units(command, tmp_path):
     code, out, _ = command(f"{BAND} --f-min 0.25 --rms 3 -o exc.wav")
     assert code == 0
-    scale = float(re.search(r"full scale of the WAV file is ([\d.]+), in the unit of --rms", out)[1])
+    scale = float(
+        re.search(r"full scale of the WAV file is ([\d.]+), in the unit of --rms", out)[1]
+    )
     ms = nlfrf.load(tmp_path / "exc.npz")
     assert scale == pytest.approx(np.abs(ms.u).max(), rel=1e-5)
 
@@ -74,7 +82,9 @@ def test_tables_hold_the_shortest_digits_that_are_exact(command, tmp_path):
 def test_decimal_commas_come_back_exactly(command, tmp_path):
     assert command(f"{BAND} --f-min 0.25 --rms 0.25 -o exc.csv --decimal ,")[0] == 0
     assert (tmp_path / "exc.csv").read_text().startswith("t [s];u0\n0,0;")
-    assert command(f"{BAND} --f-min 0.25 --rms 0.25 -o exc.csv --decimal ,")[0] == 0  # known as one of ours
+    assert (
+        command(f"{BAND} --f-min 0.25 --rms 0.25 -o exc.csv --decimal ,")[0] == 0
+    )  # known as one of ours
     assert command("nlfrf simulate exc.npz -o run.csv --decimal ,")[0] == 0
     assert command("nlfrf simulate exc.npz -o run.npz")[0] == 0
     comma = nlfrf.load_record(tmp_path / "run.csv", fs=2000, n_samples=8000)

@@ -1,4 +1,6 @@
-"""Pictures of records and second opinions: they show the numbers that are there, and name what is missing."""
+"""Pictures of records and second opinions: they show the numbers that are there, and name what is
+missing.
+"""
 
 import matplotlib
 import numpy as np
@@ -51,9 +53,15 @@ def test_a_screened_record_shows_what_is_left_out_and_what_is_wrong(ax):
     y = 2 * u
     y[300] = 50.0
     rows = np.delete(np.arange(u.size), 400)
-    found = screen_streams([u[rows], y[rows]], ["u [N]", "y [m]"], n_inputs=1, fs=128, period=128, place=rows)
+    found = screen_streams(
+        [u[rows], y[rows]], ["u [N]", "y [m]"], n_inputs=1, fs=128, period=128, place=rows
+    )
     top, bottom = plot_screened(found, ax=ax)[:, 0]
-    assert (top.get_ylabel(), bottom.get_ylabel(), bottom.get_xlabel()) == ("u [N]", "y [m]", "time [s]")
+    assert (top.get_ylabel(), bottom.get_ylabel(), bottom.get_xlabel()) == (
+        "u [N]",
+        "y [m]",
+        "time [s]",
+    )
     assert top.get_title() == "4 whole periods of 128 samples"
     assert labels(top.figure.axes[-1]) == [
         "silence, left out: 200 samples, 60 samples",
@@ -68,9 +76,15 @@ def test_a_screened_record_shows_what_is_left_out_and_what_is_wrong(ax):
 
 
 def test_a_record_without_clock_or_period_is_drawn_over_samples(ax):
-    found = screen_streams([np.random.default_rng(1).standard_normal(300)], ["u"], n_inputs=1, fs=np.nan, period=0.0)
+    found = screen_streams(
+        [np.random.default_rng(1).standard_normal(300)], ["u"], n_inputs=1, fs=np.nan, period=0.0
+    )
     (only,) = plot_screened(found, ax=ax)[:, 0]
-    assert (only.get_title(), only.get_xlabel(), only.get_xlim()) == ("no channel repeats", "sample", (0, 299))
+    assert (only.get_title(), only.get_xlabel(), only.get_xlim()) == (
+        "no channel repeats",
+        "sample",
+        (0, 299),
+    )
     with pytest.raises(ValueError, match="screened must be of type ScreenedStreams"):
         plot_screened(U)
 
@@ -78,7 +92,9 @@ def test_a_record_without_clock_or_period_is_drawn_over_samples(ax):
 def test_several_blas_lie_over_one_another_with_their_bounds(ax):
     """A gain, and one of the other sign: 0 dB and 20 dB, phases within one turn."""
     noise = 1e-3 * np.random.default_rng(1).standard_normal(U.shape)
-    blas = [identify(Record(u=U, y=gain * U + noise, fs=128, lines=MS.lines)) for gain in (1.0, -10.0)]
+    blas = [
+        identify(Record(u=U, y=gain * U + noise, fs=128, lines=MS.lines)) for gain in (1.0, -10.0)
+    ]
     top, bottom = pictures.plot_blas(blas, ["soft", "stiff"], ax=ax)
     for k, (decibel, degrees) in enumerate(((0, 0), (20, -180))):
         assert top.get_lines()[k].get_ydata() == pytest.approx(decibel, abs=0.1)
@@ -96,7 +112,9 @@ def test_an_opinion_shows_both_readings(ax):
     pictures.plot_opinion(opinion, ax=ax)
     curves = {line.get_label(): line.get_ydata() for line in ax.get_lines()}
     assert curves["roughness of the FRF"] == pytest.approx(10 * np.log10(opinion.roughness))
-    assert curves["odd detection lines, calibrated"] == pytest.approx(10 * np.log10(opinion.detection))
+    assert curves["odd detection lines, calibrated"] == pytest.approx(
+        10 * np.log10(opinion.detection)
+    )
     assert ("more than 6 dB apart" in curves) == bool(opinion.disagree.any())
 
 
@@ -136,7 +154,10 @@ def test_of_a_long_multisine_the_first_lines_are_seen_one_by_one(ax):
     start, end = ax.get_xlim()
     assert end - start <= 51
     assert all(line.get_xdata().size < 30 for line in ax.get_lines())
-    assert ax.get_xlabel() == f"harmonic of 0.25 Hz; it continues like this up to {long.lines.excited[-1]}"
+    assert (
+        ax.get_xlabel()
+        == f"harmonic of 0.25 Hz; it continues like this up to {long.lines.excited[-1]}"
+    )
 
 
 # A bound over 100 %: no lower edge, which a logarithmic axis cannot show
@@ -157,7 +178,12 @@ def drowned():
 
 def edges_of(ax):
     """(f, lowest) of every band that is drawn."""
-    return [path.vertices for band in ax.collections for path in band.get_paths() if len(path.vertices) > 2]
+    return [
+        path.vertices
+        for band in ax.collections
+        for path in band.get_paths()
+        if len(path.vertices) > 2
+    ]
 
 
 @pytest.mark.parametrize("picture", [pictures.plot_bla, pictures.plot_bode])
@@ -166,7 +192,9 @@ def test_a_bound_over_100_percent_is_hatched_named_and_no_curtain(picture, drown
     assert 0.2 < over.mean() < 0.9
     made = picture(drowned)
     top, legend = (made, made) if not isinstance(made, tuple) else made
-    assert any("over 100 %: G may be 0" in text.get_text() for text in legend.get_legend().get_texts())
+    assert any(
+        "over 100 %: G may be 0" in text.get_text() for text in legend.get_legend().get_texts()
+    )
     assert any(band.get_hatch() for band in top.collections)
     size = 20 * np.log10(np.abs(drowned.G))
     for vertices in edges_of(top):
@@ -200,10 +228,13 @@ def test_a_bode_picture_takes_the_two_axes_of_subplots_and_other_pictures_refuse
         assert all(one.get_lines() for one in both)
         assert pictures.plot_bla(bla, ax=np.array([[both[0]]])) is both[0]
         with pytest.raises(
-            ValueError, match=r"ax must be one Axes, got an array of 2; give one of them, such as ax.flat"
+            ValueError,
+            match=r"ax must be one Axes, got an array of 2; give one of them, such as ax.flat",
         ):
             pictures.plot_bla(bla, ax=both)
-        with pytest.raises(ValueError, match=r"ax must be one Axes, or 2 of them, got an array of 3"):
+        with pytest.raises(
+            ValueError, match=r"ax must be one Axes, or 2 of them, got an array of 3"
+        ):
             pictures.plot_bode(bla, ax=[*both, both[0]])
     finally:
         plt.close(figure)
@@ -214,4 +245,6 @@ def test_the_phase_has_its_bound(ax):
     pictures.plot_phase(bla, ax=ax)
     assert ax.get_lines()[0].get_ydata() == pytest.approx(np.degrees(np.angle(bla.G)))
     top = ax.collections[0].get_paths()[0].vertices[:, 1].max()
-    assert top == pytest.approx(np.degrees(np.max(np.angle(bla.G) + np.arcsin(bla.bound(0.95) / np.abs(bla.G)))))
+    assert top == pytest.approx(
+        np.degrees(np.max(np.angle(bla.G) + np.arcsin(bla.bound(0.95) / np.abs(bla.G))))
+    )

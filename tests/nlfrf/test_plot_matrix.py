@@ -35,7 +35,9 @@ def test_every_entry_stands_where_it_belongs():
     for (j, i), ax in np.ndenumerate(made):
         np.testing.assert_allclose(curve(ax, "|G|"), 20 * np.log10(np.abs(FRM.G[j, i])))
         band, *hatched = ax.collections
-        assert len(hatched) == np.any(FRM.bound()[j, i] >= np.abs(FRM.G[j, i]))  # where it has no lower edge
+        assert len(hatched) == np.any(
+            FRM.bound()[j, i] >= np.abs(FRM.G[j, i])
+        )  # where it has no lower edge
         top = band.get_paths()[0].vertices[:, 1].max()
         assert top == pytest.approx(20 * np.log10((np.abs(FRM.G) + FRM.bound())[j, i].max()))
     assert [ax.get_ylabel() for ax in made[:, 0]] == ["x  [dB]", "y  [dB]", "angle  [dB]"]
@@ -47,12 +49,19 @@ def test_the_bound_of_the_matrix_reaches_further_than_that_of_an_entry():
     made = pictures.plot_frm_bounds(FRM, confidence=0.9)
     left, right = FRM.block(0.9)
     for (j, i), ax in np.ndenumerate(made):
-        reach, radius = (10 ** (curve(ax, f"90 % bound of the {of}") / 20) for of in ("matrix", "entry"))
+        reach, radius = (
+            10 ** (curve(ax, f"90 % bound of the {of}") / 20) for of in ("matrix", "entry")
+        )
         np.testing.assert_allclose(radius, FRM.bound(0.9)[j, i])
-        by_hand = [np.linalg.norm(left[j, :, k]) * np.linalg.norm(right[:, i, k]) for k in range(FRM.f.size)]
+        by_hand = [
+            np.linalg.norm(left[j, :, k]) * np.linalg.norm(right[:, i, k])
+            for k in range(FRM.f.size)
+        ]
         np.testing.assert_allclose(reach, by_hand)
         assert np.all(reach > radius)
-        np.testing.assert_allclose(10 ** (curve(ax, "std by noise") / 20), np.sqrt(FRM.var_noise[j, i]))
+        np.testing.assert_allclose(
+            10 ** (curve(ax, "std by noise") / 20), np.sqrt(FRM.var_noise[j, i])
+        )
     plt.close(made[0, 0].figure)
 
 
@@ -60,7 +69,9 @@ def test_the_bound_of_the_matrix_reaches_further_than_that_of_an_entry():
 @pytest.mark.parametrize("name", MATRICES)
 @pytest.mark.parametrize("how", ["own", "beside", "placed"])
 def test_a_matrix_takes_the_place_that_it_is_given(name, how):
-    """A figure of its own, a cell among others, a place by its corners: axes inside it, one legend under all."""
+    """A figure of its own, a cell among others, a place by its corners: axes inside it, one legend
+    under all.
+    """
     if how == "placed":
         figure = plt.figure(figsize=(7.6, 5.0))
         ax = figure.add_axes((0.1, 0.2, 0.86, 0.7))
@@ -99,7 +110,9 @@ def test_singular_values_in_their_bands(ax):
 def test_many_lines_are_drawn_without_points():
     ms = nlfrf.multisine("odd", fs=2048, n_samples=2048, f_min=1, f_max=900, n_inputs=2, rng=1)
     u = np.repeat(ms.u[:, :, None], 2, axis=2)
-    with pytest.warns(nlfrf.DataWarning, match="the odd grid of this record has no odd detection lines"):
+    with pytest.warns(
+        nlfrf.DataWarning, match="the odd grid of this record has no odd detection lines"
+    ):
         frm = nlfrf.identify(nlfrf.Record(u=u, y=u, fs=2048, lines=ms.lines))
     made = pictures.plot_frm(frm)
     assert made[0, 0].get_lines()[0].get_marker() == "None"

@@ -1,4 +1,6 @@
-"""Commands and files of every kind, mixed by chance: an answer or one line, and nothing that was there is touched."""
+"""Commands and files of every kind, mixed by chance: an answer or one line, and nothing that was
+there is touched.
+"""
 
 import pytest
 

@@ -1,4 +1,6 @@
-"""The layout: packages and parts with their arrows, modules that name what is public, heavy packages late."""
+"""The layout: packages and parts with their arrows, modules that name what is public, heavy
+packages late.
+"""
 
 import ast
 import subprocess
@@ -43,12 +45,24 @@ PARTS = {
     "nlfrf.io": {"readers": "", ".": "readers"},
     "robust.models": {"fit": "", "sets": "fit", ".": "sets fit"},
     "robust.proofs": {"exact": "", "search": "exact"},
-    "robust.friction": {"exact": "", ".": "", "proof": "exact .", "classes": "proof exact .", "reading": "classes ."},
+    "robust.friction": {
+        "exact": "",
+        ".": "",
+        "proof": "exact .",
+        "classes": "proof exact .",
+        "reading": "classes .",
+    },
     "robust.synthesis": {"hinf": "", ".": "hinf", "fixed": "hinf .", "tuning": "."},
-    "robust.servo": {"gains": "", "experiment": "", "checking": "experiment gains", ".": "checking experiment gains"},
+    "robust.servo": {
+        "gains": "",
+        "experiment": "",
+        "checking": "experiment gains",
+        ".": "checking experiment gains",
+    },
     "robust.reports": {".": "", "shaping_page": ""},
 }
-#: Faces: public modules that hand on the names of a package, and the commands, which may import from every module.
+# : Faces: public modules that hand on the names of a package, and the commands, which may import
+# from every module.
 FACES = {
     *("nlfrf", "nlfrf.cli", "nlfrf.friction", "nlfrf.hysteresis", "nlfrf.plot"),
     *(
@@ -62,19 +76,26 @@ FACES = {
     ),
 }
 #: What `robust` may take from `nlfrf`: its public names.
-NLFRF_FACES = {"nlfrf", *(f"nlfrf.{name}" for name in ("bla", "friction", "io", "plot", "rig", "signals"))}
+NLFRF_FACES = {
+    "nlfrf",
+    *(f"nlfrf.{name}" for name in ("bla", "friction", "io", "plot", "rig", "signals")),
+}
 #: Where a heavy package may be imported at all: modules, or whole packages.
 HEAVY = {
     "matplotlib": "nlfrf.plot robust.plot nlfrf._base.axes robust.pages.html nlfrf.cli robust.cli",
     "numba": "nlfrf.rig.kernels",
     "h5py": "nlfrf.io.readers.hdf5 nlfrf._base.files",
-    "cvxpy": "robust.proofs.search robust.models.fit.spectral robust.models.sets.block_weights "
-    "robust.friction.classes.bristle robust.friction.proof.settling",
+    "cvxpy": (
+        "robust.proofs.search robust.models.fit.spectral robust.models.sets.block_weights "
+        "robust.friction.classes.bristle robust.friction.proof.settling"
+    ),
     "clarabel": "robust.synthesis.conic",
     "jinja2": "robust.pages.html",
     "jsonschema": "nlfrf._base.files",
-    "flint": "robust.proofs.exact robust.proofs.search.scheduled robust.friction.exact robust.models.sets.membership "
-    "robust.mu.pieces robust.scheduling.attack",
+    "flint": (
+        "robust.proofs.exact robust.proofs.search.scheduled robust.friction.exact"
+        " robust.models.sets.membership robust.mu.pieces robust.scheduling.attack"
+    ),
     "anywidget": "robust.reports.shaping_page.widget",
     "traitlets": "robust.reports.shaping_page.widget",
     "pandas": "nlfrf.io.readers.tables",
@@ -100,12 +121,16 @@ def each_module(rule):
 
 
 def package_of(module):
-    """Return the package of a module; a module directly in nlfrf or robust is a package of its own."""
+    """Return the package of a module; a module directly in nlfrf or robust is a package of
+    its own.
+    """
     return ".".join(module.split(".")[:2])
 
 
 def part_of(module):
-    """(package, part) of a module on the second level; part "." for a module that lies in the package itself."""
+    """(package, part) of a module on the second level; part "." for a module that lies in the
+    package itself.
+    """
     names = module.split(".")
     package = ".".join(names[:2])
     return package, names[2] if len(names) > 2 and names[2] in PARTS.get(package, ()) else "."
@@ -113,13 +138,22 @@ def part_of(module):
 
 @cache
 def imports(tree):
-    """Return (module, names, whether it runs on import) of every import in a file, inside functions too."""
+    """Return (module, names, whether it runs on import) of every import in a file, inside functions
+    too.
+    """
     return list(_iterate_imports(tree))
 
 
 def _iterate_imports(tree):
-    late = {node for function in ast.walk(tree) if isinstance(function, ast.FunctionDef) for node in ast.walk(function)}
-    blocks = [n for n in ast.walk(tree) if isinstance(n, ast.If) and "TYPE_CHECKING" in ast.dump(n.test)]
+    late = {
+        node
+        for function in ast.walk(tree)
+        if isinstance(function, ast.FunctionDef)
+        for node in ast.walk(function)
+    }
+    blocks = [
+        n for n in ast.walk(tree) if isinstance(n, ast.If) and "TYPE_CHECKING" in ast.dump(n.test)
+    ]
     typing_only = {node for block in blocks for node in ast.walk(block)}
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -132,13 +166,17 @@ def _iterate_imports(tree):
             for module in full:
                 if module in modules():
                     yield module, [], node not in late and node not in typing_only
-            rest = [name for name, module in zip(names, full, strict=True) if module not in modules()]
+            rest = [
+                name for name, module in zip(names, full, strict=True) if module not in modules()
+            ]
             if rest:
                 yield node.module, rest, node not in late and node not in typing_only
 
 
 def is_lazy(tree):
-    """Whether a package has nothing but its docstring and the names of its stub, each loaded when it is first used."""
+    """Whether a package has nothing but its docstring and the names of its stub, each loaded when
+    it is first used.
+    """
     return len(tree.body) == 3 and "lazy_loader.attach_stub" in ast.unparse(tree.body[-1])
 
 
@@ -150,7 +188,12 @@ def defined(tree):
             names.add(node.name)
         elif isinstance(node, ast.Assign | ast.AnnAssign):
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-            names |= {leaf.id for target in targets for leaf in ast.walk(target) if isinstance(leaf, ast.Name)}
+            names |= {
+                leaf.id
+                for target in targets
+                for leaf in ast.walk(target)
+                if isinstance(leaf, ast.Name)
+            }
     return names
 
 
@@ -171,11 +214,19 @@ def test_arrows_run_one_way(name, tree):
             continue
         if top != root:
             allowed = imported in NLFRF_FACES or package_of(imported) == "nlfrf._base"
-            assert allowed, f"{name} imports {imported}: nlfrf is known by its public names and its shared ground"
+            assert allowed, (
+                f"{name} imports {imported}: nlfrf is known by its public names and its shared"
+                " ground"
+            )
             if imported in NLFRF_FACES:
-                assert set(names) <= set(import_module(imported).__all__), f"{name} imports {names} from {imported}"
+                assert set(names) <= set(import_module(imported).__all__), (
+                    f"{name} imports {names} from {imported}"
+                )
         elif imported != root:
-            allowed = {f"{root}.{other}" for other in ARROWS[package].split()} | {package, f"{root}._base"}
+            allowed = {f"{root}.{other}" for other in ARROWS[package].split()} | {
+                package,
+                f"{root}._base",
+            }
             assert package_of(imported) in allowed, f"{name} imports {imported}"
         else:
             raise AssertionError(f"{name} imports its own package")
@@ -193,14 +244,21 @@ def test_arrows_run_one_way_between_parts(name, tree):
 
 
 def test_the_table_of_parts_names_every_folder():
-    folders = {name for name in modules() if name.count(".") == 2 and (ROOT / name.replace(".", "/")).is_dir()}
-    assert folders == {f"{package}.{part}" for package, parts in PARTS.items() for part in parts if part != "."}
+    folders = {
+        name
+        for name in modules()
+        if name.count(".") == 2 and (ROOT / name.replace(".", "/")).is_dir()
+    }
+    assert folders == {
+        f"{package}.{part}" for package, parts in PARTS.items() for part in parts if part != "."
+    }
 
 
 def test_no_circle_inside_a_package():
     """Late imports count too: a circle is a circle whenever it closes."""
     below = {
-        name: {i for i, _, _ in imports(tree) if i in modules() and i not in FACES} for name, tree in modules().items()
+        name: {i for i, _, _ in imports(tree) if i in modules() and i not in FACES}
+        for name, tree in modules().items()
     }
     done = set()
     while True:
@@ -218,7 +276,9 @@ def test_packages_stand_in_few_layers():
         own = 1 + max(map(layer, others), default=0)
         return own if package == "nlfrf._base" else max(own, 1 + layer("nlfrf._base"))
 
-    assert max(map(layer, ARROWS)) + 2 <= 11  # and the face, and the command; the servo axis stands on all others
+    assert (
+        max(map(layer, ARROWS)) + 2 <= 11
+    )  # and the face, and the command; the servo axis stands on all others
 
 
 def test_no_package_is_called_like_a_public_name():
@@ -226,13 +286,17 @@ def test_no_package_is_called_like_a_public_name():
     import robust
 
     for module in (nlfrf, robust):
-        packages = {package.split(".")[1] for package in ARROWS if package.startswith(module.__name__)}
+        packages = {
+            package.split(".")[1] for package in ARROWS if package.startswith(module.__name__)
+        }
         assert not packages & set(module.__all__)
 
 
 @each_module
 def test_every_package_docstring_describes_its_modules(name, tree):
-    """The `__init__` of a package says what each module holds, and has no code unless the package is public."""
+    """The `__init__` of a package says what each module holds, and has no code unless the package
+    is public.
+    """
     held = {
         other.split(".")[-1]
         for other in modules()
@@ -243,14 +307,23 @@ def test_every_package_docstring_describes_its_modules(name, tree):
     rows = [line.split(maxsplit=1) for line in ast.get_docstring(tree).splitlines()]
     described = {row[0] for row in rows if len(row) == 2}
     assert held <= described, f"{name} does not say what {held - described} holds"
-    assert name in FACES or len(tree.body) == 1 or is_lazy(tree), f"{name}: a package docstring stands alone"
+    assert name in FACES or len(tree.body) == 1 or is_lazy(tree), (
+        f"{name}: a package docstring stands alone"
+    )
 
 
 @each_module
 def test_names_are_imported_from_the_module_that_defines_them(name, tree):
-    """Not from one that imports them itself; and a name with an underscore in front stays in its module."""
+    """Not from one that imports them itself; and a name with an underscore in front stays in its
+    module.
+    """
     for imported, names, _ in imports(tree):
-        if imported in modules() and names and imported not in FACES and not is_lazy(modules()[imported]):
+        if (
+            imported in modules()
+            and names
+            and imported not in FACES
+            and not is_lazy(modules()[imported])
+        ):
             foreign = set(names) - defined(modules()[imported])
             assert not foreign, f"{name} takes {foreign} from {imported}, which does not define it"
             private = {one for one in names if one.startswith("_")}
@@ -259,7 +332,9 @@ def test_names_are_imported_from_the_module_that_defines_them(name, tree):
 
 def test_only_packages_and_faces_list_their_names():
     for name, tree in modules().items():
-        lists = any("__all__" in ast.unparse(node) for node in tree.body if isinstance(node, ast.Assign))
+        lists = any(
+            "__all__" in ast.unparse(node) for node in tree.body if isinstance(node, ast.Assign)
+        )
         assert not lists or name in FACES or is_lazy(tree), f"{name} has __all__"
 
 
@@ -269,7 +344,9 @@ def test_heavy_packages_are_imported_where_they_are_used(name, tree):
         package = imported.split(".")[0]
         if package in HEAVY:
             places = HEAVY[package].split()
-            assert any(f"{name}.".startswith(f"{place}.") for place in places), f"{name} imports {package}"
+            assert any(f"{name}.".startswith(f"{place}.") for place in places), (
+                f"{name} imports {package}"
+            )
         assert not (at_import and package in ALWAYS_LATE), f"{name} imports {package} at the top"
 
 
@@ -278,9 +355,22 @@ def test_heavy_packages_are_imported_where_they_are_used(name, tree):
     [
         (
             "nlfrf; [getattr(nlfrf, name) for name in nlfrf.__all__]",
-            ["control", "cvxpy", "matplotlib", "numba", "h5py", "typer", "rich", "scipy.signal", "scipy.stats"],
+            [
+                "control",
+                "cvxpy",
+                "matplotlib",
+                "numba",
+                "h5py",
+                "typer",
+                "rich",
+                "scipy.signal",
+                "scipy.stats",
+            ],
         ),
-        ("nlfrf, robust", ["control", "numpy", "cvxpy", "matplotlib", "numba", "h5py", "typer", "rich"]),
+        (
+            "nlfrf, robust",
+            ["control", "numpy", "cvxpy", "matplotlib", "numba", "h5py", "typer", "rich"],
+        ),
     ],
 )
 def test_import_loads_nothing_heavy(taken, unloaded):
@@ -289,14 +379,16 @@ def test_import_loads_nothing_heavy(taken, unloaded):
 
 
 def test_robust_is_a_plain_module():
-    """Also after every module was imported: a function of the face is never hidden by the module it is defined in."""
-    plain = sorted(name for name in modules() if name.startswith("robust") and not name.endswith("cli"))
+    """Also after every module was imported: a function of the face is never hidden by the module it
+    is defined in.
+    """
+    plain = sorted(
+        name for name in modules() if name.startswith("robust") and not name.endswith("cli")
+    )
     code = (
-        "import importlib, types, robust\n"
-        f"for module in {plain}:\n"
-        "    importlib.import_module(module)\n"
-        "assert type(robust) is types.ModuleType\n"
-        "print([name for name in robust.__all__ if isinstance(getattr(robust, name), types.ModuleType)])\n"
+        f"import importlib, types, robust\nfor module in {plain}:\n   "
+        " importlib.import_module(module)\nassert type(robust) is types.ModuleType\nprint([name"
+        " for name in robust.__all__ if isinstance(getattr(robust, name), types.ModuleType)])\n"
     )
     assert subprocess.check_output([sys.executable, "-c", code], text=True).strip() == "[]"
 
@@ -304,15 +396,25 @@ def test_robust_is_a_plain_module():
 def test_the_library_never_prints():
     for name, tree in modules().items():
         if not name.endswith(".cli"):
-            calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and getattr(n.func, "id", "") == "print"]
+            calls = [
+                n
+                for n in ast.walk(tree)
+                if isinstance(n, ast.Call) and getattr(n.func, "id", "") == "print"
+            ]
             assert not calls, f"{name} prints"
 
 
 def test_forms_are_named_in_one_module():
-    """A further form of uncertainty is one row of the table: no other module asks for a form by its name."""
+    """A further form of uncertainty is one row of the table: no other module asks for a form by its
+    name.
+    """
     from robust.models.sets.forms import FORMS
 
     for name, tree in modules().items():
         if name != "robust.models.sets.forms":
-            named = {n.value for n in ast.walk(tree) if isinstance(n, ast.Constant) and n.value in tuple(FORMS)}
+            named = {
+                n.value
+                for n in ast.walk(tree)
+                if isinstance(n, ast.Constant) and n.value in tuple(FORMS)
+            }
             assert not named, f"{name} asks for {named}"

@@ -12,7 +12,10 @@ RUN = {f"benchmarks.{command.split()[0]}" for command in COMMANDS}
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*/*.md"))]
 MEASURED = (ROOT / "docs" / "guide" / "measured.md").read_text(encoding="utf-8")
 #: Attacks the page of `robust.shaping.shape` in a browser, which is not to be had everywhere.
-BY_HAND = {"benchmarks.attack_shaping_page", "benchmarks.bench_stranger"}  # a browser; a rig that is not ours
+BY_HAND = {
+    "benchmarks.attack_shaping_page",
+    "benchmarks.bench_stranger",
+}  # a browser; a rig that is not ours
 
 
 def named(text):
@@ -31,7 +34,10 @@ def test_each_section_of_the_measured_names_its_command(section):
 
 
 def test_each_row_of_the_speeds_names_its_command():
-    rows = [[cell.strip() for cell in row.split("|")[1:-1]] for row in re.findall(r"^\|.*\|$", MEASURED, re.MULTILINE)]
+    rows = [
+        [cell.strip() for cell in row.split("|")[1:-1]]
+        for row in re.findall(r"^\|.*\|$", MEASURED, re.MULTILINE)
+    ]
     speeds = [row for row in rows if len(row) == 4 and re.search(r"\d", row[1])]
     assert len(speeds) > 10
     for row in speeds:
@@ -55,5 +61,7 @@ def test_one_that_fails_is_named_and_the_others_run(capfd, monkeypatch):
     assert "no_such_benchmark  FAILED" in told
     assert "cores" in told
     assert main(["machine"]) == 0
-    with pytest.raises(SystemExit, match="name must be one of machine, no_such_benchmark, got speed"):
+    with pytest.raises(
+        SystemExit, match="name must be one of machine, no_such_benchmark, got speed"
+    ):
         main(["speed"])

@@ -1,4 +1,7 @@
-"""What is exported, tried by those who will read it: GNU Octave, a JSON schema validator, pandas."""
+"""What is exported, tried by those who will read it:
+
+GNU Octave, a JSON schema validator, pandas.
+"""
 
 import json
 import shutil
@@ -27,7 +30,9 @@ CONTROLLERS = {
 
 
 def validator(name):
-    """A validator of one of the schemas that come with the package; the schema itself is validated too."""
+    """A validator of one of the schemas that come with the package; the schema itself is validated
+    too.
+    """
     schema = json.loads(files("robust").joinpath(f"{name}.schema.json").read_text(encoding="utf-8"))
     jsonschema.Draft202012Validator.check_schema(schema)
     return jsonschema.Draft202012Validator(schema)
@@ -153,8 +158,12 @@ def test_octave_runs_the_loader_of_a_controller(tmp_path):
     back = loadmat(tmp_path / "back.mat", squeeze_me=True)
     assert np.array_equal(back["sections"], controller_sections(K).ravel())
     assert back["Ts"] == 0.01
-    assert back["H"] == pytest.approx(np.squeeze(K(np.exp(0.01j * np.array([1, 10, 100])))), rel=1e-10)
-    assert back["y"] == pytest.approx(control.forced_response(K, np.arange(50) * 0.01, np.ones(50)).outputs, rel=1e-9)
+    assert back["H"] == pytest.approx(
+        np.squeeze(K(np.exp(0.01j * np.array([1, 10, 100])))), rel=1e-10
+    )
+    assert back["y"] == pytest.approx(
+        control.forced_response(K, np.arange(50) * 0.01, np.ones(50)).outputs, rel=1e-9
+    )
 
 
 def test_octave_runs_the_loader_of_a_model_up_to_the_uncertainty(tmp_path):
@@ -188,4 +197,6 @@ def test_a_fit_survives_the_way_through_octave(tmp_path):
     )
     back = loadmat(tmp_path / "back.mat")
     for name in "ABCD":
-        assert np.array_equal(np.reshape(back[name], getattr(nominal, name).shape), getattr(nominal, name))
+        assert np.array_equal(
+            np.reshape(back[name], getattr(nominal, name).shape), getattr(nominal, name)
+        )

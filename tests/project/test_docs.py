@@ -1,4 +1,6 @@
-"""The documentation builds without warnings, says what it should, and a browser shows it without asking the network."""
+"""The documentation builds without warnings, says what it should, and a browser shows it without
+asking the network.
+"""
 
 import html
 import inspect
@@ -19,8 +21,24 @@ pytestmark = pytest.mark.docs
 def built():
     """The built pages; an example that a test has run is not run again."""
     out = gallery.ROOT / "build" / "docs"
-    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-d", "build/doctrees", "docs", str(out)]
-    settings = {"cwd": gallery.ROOT, "env": os.environ | {"MPLBACKEND": "Agg"}, "capture_output": True, "text": True}
+    command = [
+        sys.executable,
+        "-m",
+        "sphinx",
+        "-W",
+        "--keep-going",
+        "-q",
+        "-d",
+        "build/doctrees",
+        "docs",
+        str(out),
+    ]
+    settings = {
+        "cwd": gallery.ROOT,
+        "env": os.environ | {"MPLBACKEND": "Agg"},
+        "capture_output": True,
+        "text": True,
+    }
     out.parent.mkdir(exist_ok=True)
     with gallery.only_one(out.parent / "docs.lock"):  # two processes of the suite share the folder
         done = subprocess.run(command, check=False, **settings)
@@ -77,12 +95,18 @@ def test_an_example_without_its_records_shows_what_it_once_gave(monkeypatch, tmp
 
 def test_a_browser_shows_it(built, tmp_path):
     with browser(tmp_path / "profile") as page:
-        for name in ("index.html", "generated/examples/index.html", "generated/examples/04_compare_grids.html"):
+        for name in (
+            "index.html",
+            "generated/examples/index.html",
+            "generated/examples/04_compare_grids.html",
+        ):
             page.open(built / name)
             assert page.errors == [], name
             outside = [url for url in page.requests if not url.startswith(("file://", "data:"))]
             assert outside == [], name
-            assert page.run("[...document.images].every(i => i.complete && i.naturalWidth > 0)"), name
+            assert page.run("[...document.images].every(i => i.complete && i.naturalWidth > 0)"), (
+                name
+            )
             assert page.run("document.documentElement.scrollWidth <= innerWidth + 1"), name
 
 
@@ -94,7 +118,9 @@ def test_every_card_shows_one_picture_that_says_something(built):
 
 
 def test_the_letters_of_a_card_can_be_read(tmp_path):
-    """The axes alone, in few inches: a card is 320 pixels wide at least, and its text 9 pixels high or more."""
+    """The axes alone, in few inches: a card is 320 pixels wide at least, and its text 9 pixels high
+    or more.
+    """
     import matplotlib
 
     matplotlib.use("Agg")
@@ -106,7 +132,8 @@ def test_the_letters_of_a_card_can_be_read(tmp_path):
         ax.set(
             xlabel="frequency [Hz]",
             ylabel="motion left, over the motion in the burst (at most one)",
-            title="A title that is longer than a card is wide, by far, " + "and longer than two rows of it" * 2,
+            title="A title that is longer than a card is wide, by far, "
+            + "and longer than two rows of it" * 2,
         )
         ax.legend()
     figure.suptitle("of all")
@@ -154,13 +181,21 @@ def test_forty_tasks_are_two_clicks_away(built):
 
 
 def test_the_front_page_says_what_it_is_and_how_to_begin(built, tmp_path):
-    """In one screen of a laptop: the picture, the line that installs, a first result; the groups of the sidebar."""
+    """In one screen of a laptop: the picture, the line that installs, a first result; the groups of
+    the sidebar.
+    """
     page = (built / "index.html").read_text(encoding="utf-8")
     captions = re.findall(r'<p class="caption"[^>]*><span class="caption-text">(.*?)</span>', page)
     assert captions == ["Start", "How to", "Understand", "Reference"]
     assert "pip install" in re.sub(r"<.*?>", "", page)
     with browser(tmp_path / "profile") as opened:
-        opened.ask("Emulation.setDeviceMetricsOverride", width=1400, height=1000, deviceScaleFactor=1, mobile=False)
+        opened.ask(
+            "Emulation.setDeviceMetricsOverride",
+            width=1400,
+            height=1000,
+            deviceScaleFactor=1,
+            mobile=False,
+        )
         opened.open(built / "index.html")
         shown = "[...document.querySelectorAll('article img, article pre')]"
         assert opened.run(f"Math.max(...{shown}.map(e => e.getBoundingClientRect().bottom))") < 1080
@@ -168,7 +203,9 @@ def test_the_front_page_says_what_it_is_and_how_to_begin(built, tmp_path):
 
 def test_every_link_of_a_page_leads_to_a_file_of_a_clone():
     """Pages under generated/ exist only where the documentation was built."""
-    pages = [page for page in (gallery.ROOT / "docs").rglob("*.md") if "generated" not in page.parts]
+    pages = [
+        page for page in (gallery.ROOT / "docs").rglob("*.md") if "generated" not in page.parts
+    ]
     assert len(pages) > 20
     for page in pages:
         for target in re.findall(r"(?<!!)\]\(([^)\s#]+)[^)]*\)", page.read_text(encoding="utf-8")):
@@ -181,7 +218,9 @@ def test_every_link_of_a_page_leads_to_a_file_of_a_clone():
 def test_the_paper_cites_what_it_lists_and_states_what_was_measured():
     folder = gallery.ROOT / "docs" / "paper"
     paper = (folder / "paper.md").read_text(encoding="utf-8")
-    listed = re.findall(r"^@\w+\{(\w+),", (folder / "paper.bib").read_text(encoding="utf-8"), re.MULTILINE)
+    listed = re.findall(
+        r"^@\w+\{(\w+),", (folder / "paper.bib").read_text(encoding="utf-8"), re.MULTILINE
+    )
     assert set(re.findall(r"@(\w+)", paper)) == set(listed)
     quality = paper.split("# Quality of the results")[1].split("# References")[0]
     measured = (gallery.ROOT / "docs" / "guide" / "measured.md").read_text(encoding="utf-8")
@@ -191,7 +230,10 @@ def test_the_paper_cites_what_it_lists_and_states_what_was_measured():
 
 
 def test_links_to_the_tree_become_links_to_pages():
-    source = ["[`tune`](../../robust/x.py), [all](../examples), [2](../../examples/02_a.py), [it](../../robust/y.py)"]
+    source = [
+        "[`tune`](../../robust/x.py), [all](../examples), [2](../../examples/02_a.py),"
+        " [it](../../robust/y.py)"
+    ]
     api.link_to_pages(None, "howto/index", source)
     assert source == [
         "[`tune`](../generated/api/robust.tune.rst), [all](../generated/examples/index.rst), "
@@ -228,7 +270,9 @@ def test_questions_of_the_desk_are_answered_within_two_clicks(built):
             path = re.sub(r"\.(md|rst)", ".html", target)
             assert f'href="{path}"' in page, target
             file, _, anchor = path.partition("#")
-            assert not anchor or f'id="{anchor}"' in (built / file).read_text(encoding="utf-8"), target
+            assert not anchor or f'id="{anchor}"' in (built / file).read_text(encoding="utf-8"), (
+                target
+            )
 
 
 def test_a_search_finds_what_an_engineer_calls_it(built, tmp_path):
@@ -253,9 +297,11 @@ def test_a_search_finds_what_an_engineer_calls_it(built, tmp_path):
             address = (built / "search.html").resolve().as_uri() + "?q=" + words.replace(" ", "+")
             page.ask("Page.navigate", url=address)
             found = page.wait(
-                "new Promise(done => { const look = () => { const hits = [...document.querySelectorAll('ul.search a')];"
-                " if (document.querySelector('.search-summary')?.textContent.match(/finished|did not/))"
-                " done(hits.map(a => a.getAttribute('href').split('?')[0])); else setTimeout(look, 50); }; look(); })"
+                "new Promise(done => { const look = () => { const hits ="
+                " [...document.querySelectorAll('ul.search a')]; if"
+                " (document.querySelector('.search-summary')?.textContent.match(/finished|did"
+                " not/)) done(hits.map(a => a.getAttribute('href').split('?')[0])); else"
+                " setTimeout(look, 50); }; look(); })"
             )
             assert target in [hit.split("#")[0] for hit in found][:3], words
             assert page.errors == [], words
@@ -263,7 +309,11 @@ def test_a_search_finds_what_an_engineer_calls_it(built, tmp_path):
 
 def test_a_name_leads_to_what_returns_it_to_the_guide_and_to_examples(built):
     page = page_of(built, "robust.check")
-    for target in ("guide/bounds.html", "10_check_and_certificate.html", "_modules/robust/analysis/robustness.html"):
+    for target in (
+        "guide/bounds.html",
+        "10_check_and_certificate.html",
+        "_modules/robust/analysis/robustness.html",
+    ):
         assert target in page, target
     assert "robust.check.html" in page_of(built, "robust.RobustnessReport")
     assert "robust.uncertainty.html" in page_of(built, "robust.UncertaintyModel")
@@ -273,10 +323,15 @@ def test_a_signature_shows_values_and_an_author_is_no_list_item(built):
     for module, name, _ in [*api.things(), *api.pictures()]:
         page = page_of(built, f"{module}.{name}")
         defaults = re.findall(r'<span class="default_value">(.*?)</span></em>', page)
-        assert not [one for one in defaults if re.fullmatch(r"[A-Z][A-Z_]+", re.sub("<.*?>", "", one))], name
+        assert not [
+            one for one in defaults if re.fullmatch(r"[A-Z][A-Z_]+", re.sub("<.*?>", "", one))
+        ], name
         assert '<ol class="upperalpha' not in page, name
 
 
 def test_docstrings_are_plain_text_with_emphasis_and_code():
-    assert api.escaped("|G| and b* are *not* `|x|`, np_ is") == r"\|G\| and b\* are *not* `|x|`, np\_ is"
+    assert (
+        api.escaped("|G| and b* are *not* `|x|`, np_ is")
+        == r"\|G\| and b\* are *not* `|x|`, np\_ is"
+    )
     assert api.escaped("A. Rantzer, SCL 28, 1996.") == r"A\. Rantzer, SCL 28, 1996."

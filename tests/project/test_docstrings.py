@@ -1,4 +1,6 @@
-"""Every public name says in numpydoc sections what it takes, in which shape and unit, what it refuses, its source."""
+"""Every public name says in numpydoc sections what it takes, in which shape and unit, what it
+refuses, its source.
+"""
 
 import ast
 import dataclasses
@@ -19,8 +21,20 @@ OWN = {
     *("nlfrf.Record", "nlfrf.record_from_samples"),
     *("nlfrf.io.SetPoints", "nlfrf.io.load_set_points", "nlfrf.io.in_design_units"),
     *("nlfrf.progress_bar", "nlfrf.inspect_file", "nlfrf.load_record"),
-    *("nlfrf.load", "nlfrf.save", "robust.load", "robust.save", "nlfrf.export_csv", "nlfrf.simulate"),
-    *("robust.DesignWarning", "robust.io.controller_sections", "robust.io.export_matlab", "robust.frd"),
+    *(
+        "nlfrf.load",
+        "nlfrf.save",
+        "robust.load",
+        "robust.save",
+        "nlfrf.export_csv",
+        "nlfrf.simulate",
+    ),
+    *(
+        "robust.DesignWarning",
+        "robust.io.controller_sections",
+        "robust.io.export_matlab",
+        "robust.frd",
+    ),
     *(
         "robust.servo.load_gains",
         "robust.servo.read_experiments",
@@ -34,7 +48,9 @@ OWN = {
 #: Names that always carry the same unit, wherever they are documented with a type of numbers.
 UNITS = {
     **dict.fromkeys(("fs", "f", "f0", "f_min", "f_max", "f_excited"), "[Hz]"),
-    **dict.fromkeys(("omega", "omega_B", "omega_rs", "omega_rp", "omega_worst", "omega_outside"), "[rad/s]"),
+    **dict.fromkeys(
+        ("omega", "omega_B", "omega_rs", "omega_rp", "omega_worst", "omega_outside"), "[rad/s]"
+    ),
     **dict.fromkeys(("delay", "dt", "t"), "[s]"),
     **dict.fromkeys(("Fs", "Fc", "force", "friction"), "[N]"),
     **dict.fromkeys(("vs", "v"), "[m/s]"),
@@ -85,7 +101,9 @@ def test_docstring(name, thing):
     if inspect.isclass(thing):
         wanted = [field.name for field in dataclasses.fields(thing) if field.init]
         for member, value in vars(thing).items():
-            if not member.startswith("_") and (inspect.isfunction(value) or isinstance(value, property)):
+            if not member.startswith("_") and (
+                inspect.isfunction(value) or isinstance(value, property)
+            ):
                 assert inspect.getdoc(value), f"{member} has no docstring"
     else:
         signature = inspect.signature(thing)
@@ -100,17 +118,23 @@ def test_docstring(name, thing):
             assert "(" in kind, f"{names} has no shape: {kind}"
         for one in names:
             if one in UNITS and NUMBERS.search(kind):
-                assert UNITS[one] in description, f"{one} : {kind} without its unit {UNITS[one]}: {description}"
+                assert UNITS[one] in description, (
+                    f"{one} : {kind} without its unit {UNITS[one]}: {description}"
+                )
 
 
 def classes_with_fields():
     """Every value class of the packages that inherits no fields, with its module."""
     for module, tree in modules().items():
         for node in ast.walk(tree):
-            if not isinstance(node, ast.ClassDef) or "Fields\n---" not in (ast.get_docstring(node) or ""):
+            if not isinstance(node, ast.ClassDef) or "Fields\n---" not in (
+                ast.get_docstring(node) or ""
+            ):
                 continue
             has_fields = any(isinstance(one, ast.AnnAssign) for one in node.body)
-            if has_fields and all(isinstance(base, ast.Name) and base.id == "NamedTuple" for base in node.bases):
+            if has_fields and all(
+                isinstance(base, ast.Name) and base.id == "NamedTuple" for base in node.bases
+            ):
                 yield f"{module}: {node.name}", node
 
 
@@ -131,7 +155,7 @@ def test_pictures_document_their_arguments(name, thing):
         documented = {one for names, _, _ in entries(found["Parameters"]) for one in names}
         assert set(inspect.signature(thing).parameters) <= documented
     else:
-        pattern = r"[Aa]rguments (?:and result )?as in `\w+`"
+        pattern = r"[Aa]rguments (?:and result )?as in\s`\w+`"
         assert re.search(pattern, inspect.getdoc(thing)), "no Parameters, and no reference to them"
 
 

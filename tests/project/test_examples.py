@@ -1,4 +1,6 @@
-"""Every example runs, says what it should, and leaves its pictures; each is run once, for the gallery too."""
+"""Every example runs, says what it should, and leaves its pictures; each is run once, for the
+gallery too.
+"""
 
 import contextlib
 import io
@@ -26,7 +28,8 @@ PRINTED = {
     ],
     "01_identify_then_design": [
         r"3 poles taken",
-        r"zeros rad/s: \S+ \(std \S+\)\n",  # one: a second lies above the band, where the data show none
+        # one: a second lies above the band, where the data show none
+        r"zeros rad/s: \S+ \(std \S+\)\n",
         r"static gain: 1\.1\d+e-05 m/N \(relative std 0\.0\d+\)",
         r"STATISTICALLY ROBUST: this controller keeps every linear plant of the set stable",
         r"report\.html and report\.txt have the whole result",
@@ -48,7 +51,10 @@ PRINTED = {
         r"special-odd .* identify: detection, calibrated",
         r"random-odd",
     ],
-    "05_levels_as_a_family": [r"0\.25 N alone: crossover up to", "all three: crossover up to 1 Hz of 64"],
+    "05_levels_as_a_family": [
+        r"0\.25 N alone: crossover up to",
+        "all three: crossover up to 1 Hz of 64",
+    ],
     "06_from_bla_to_weights": [
         r"3 poles (?:(?!poles)[\s\S])*\(taken\)",
         r"inverse-multiplicative",
@@ -77,7 +83,10 @@ PRINTED = {
         r"--- shaped ---\nverdict: +STATISTICALLY ROBUST",
         r"robust performance at all frequencies: yes",
         r"--- integrator ---\nverdict: +NOT ROBUST",
-        r"--- twice the integrator ---\nverdict: +NOT ROBUST[^-]*\nbecause: +unstable: the nominal loop",
+        (
+            r"--- twice the integrator ---\nverdict: +NOT ROBUST[^-]*\nbecause: +unstable: the"
+            r" nominal loop"
+        ),
         r"the set contains this plant: its error is at most 0\.\d+",
         r"nominal plant: after two seconds y still oscillates by 0\.000",
         r"that plant of the set: after two seconds y still oscillates by 0\.[1-9]",
@@ -101,7 +110,8 @@ PRINTED = {
     ],
     "14_friction_rig_in_closed_loop": [
         r"one level +statistically robust +refuted +hard +[1-9]\d* +0 +0 +0\n",
-        r"one level +statistically robust +refuted +very hard +\d+ +\d+ +[1-9]",  # promised, and it fails
+        # promised, and it fails
+        r"one level +statistically robust +refuted +very hard +\d+ +\d+ +[1-9]",
         r"one level +statistically robust +proved +very hard +[1-9]\d* +0 +0 +0\n",
         r"one level +not robust +refuted +hard +\d+ +\d+ +[1-9]",
         r"three levels +statistically robust +refuted +hard +[1-9]\d* +0 +0 +0\n",
@@ -121,7 +131,10 @@ PRINTED = {
     ],
     "18_proof_with_friction": [
         r"K0\s+=\s+9\d\.\d+\s+kN/m,",
-        r"--- PID ---\nproved: +Comes to rest from every state with every\s+Maxwell-slip\s+friction",
+        (
+            r"--- PID ---\nproved: +Comes to rest from every state with"
+            r" every\s+Maxwell-slip\s+friction"
+        ),
         r"--- integrator alone ---\nrefuted: +the sliding loop is unstable",
         r"runs away: +certain after a kick of 0\.2\d\d m/s",
         r"refuted for the class:\s+with a spring of\s+9\d\.\d+\s+kN/m",
@@ -143,9 +156,15 @@ PRINTED = {
         r"schedule: at most 0\.[1-3]\d mm .*\ncontroller of the middle: at most 0\.[4-9]\d mm",
     ],
     "23_learn_from_trial_to_trial": [
-        r"friction rig ---\nlearns everything up to 60 Hz .*\nfactor per trial: .* at every frequency: proved",
+        (
+            r"friction rig ---\nlearns everything up to 60 Hz .*\nfactor per trial: .* at every"
+            r" frequency: proved"
+        ),
         r"\d{2,} times lower",
-        r"servo axis ---\nlearns everything up to 60 Hz .*\nfactor per trial: .* at every frequency: proved",
+        (
+            r"servo axis ---\nlearns everything up to 60 Hz .*\nfactor per trial: .* at every"
+            r" frequency: proved"
+        ),
         r"\d{1,} times lower",
     ],
     "22_family_of_matrix_plants": [
@@ -171,7 +190,10 @@ PRINTED = {
     "17_measured_mirror": [
         r"the same phases \(psi\)",
         r"bound of the first set.*\n +9[3-7]\.\d % of the entries and 9[2-8]\.\d % of the matrices",
-        r"bound of the second set.*\n +9[3-7]\.\d % of the entries and 9[2-8]\.\d % of the matrices",
+        (
+            r"bound of the second set.*\n +9[3-7]\.\d % of the entries and 9[2-8]\.\d % of the"
+            r" matrices"
+        ),
         r"--- 70 Hz ---\nverdict: +STATISTICALLY ROBUST",
         r"robust stability at all frequencies: yes",
         r"--- 140 Hz ---\nverdict: +NOT ROBUST",
@@ -205,7 +227,12 @@ def test_examples_are_short_and_have_a_title():
 
 #: Examples that `make test` runs, one path each; `make docs` runs the others.
 FIRST = {
-    *("00_thirty_lines", "01_identify_then_design", "03_identify_one_record", "09_pid_from_the_frf"),
+    *(
+        "00_thirty_lines",
+        "01_identify_then_design",
+        "03_identify_one_record",
+        "09_pid_from_the_frf",
+    ),
     "18_proof_with_friction",
 }
 EACH = [pytest.param(name, marks=() if name in FIRST else pytest.mark.docs) for name in names()]
@@ -216,7 +243,9 @@ def test_example(name):
     text, place = printed(name), 0
     for pattern in PRINTED.get(name, ["[0-9]"]):
         found = re.compile(pattern).search(text, place)
-        assert found, f"{name} did not print {pattern!r} after {text[:place][-60:]!r}, but\n{text[place:]}"
+        assert found, (
+            f"{name} did not print {pattern!r} after {text[:place][-60:]!r}, but\n{text[place:]}"
+        )
         place = found.start()
     pictures = list(outputs(name).glob("*.png"))
     assert pictures
@@ -243,9 +272,15 @@ def test_what_the_first_example_leaves():
 
 
 def run(name, *arguments):
-    """Run an example as a script in this process, with other options than the gallery; what it printed."""
+    """Run an example as a script in this process, with other options than the gallery; what it
+    printed.
+    """
     out = io.StringIO()
-    with contextlib.redirect_stdout(out), warnings.catch_warnings(), pytest.MonkeyPatch.context() as patch:
+    with (
+        contextlib.redirect_stdout(out),
+        warnings.catch_warnings(),
+        pytest.MonkeyPatch.context() as patch,
+    ):
         # what python-control is told by a newer NumPy
         warnings.filterwarnings("ignore", category=DeprecationWarning, module=r"control\.")
         patch.setattr(sys, "argv", [f"{name}.py", *arguments])
@@ -255,18 +290,37 @@ def run(name, *arguments):
 
 
 def test_the_first_example_takes_a_file(tmp_path, monkeypatch):
-    monkeypatch.setattr(matplotlib.figure.Figure, "savefig", lambda *_, **__: None)  # drawn already, once
+    monkeypatch.setattr(
+        matplotlib.figure.Figure, "savefig", lambda *_, **__: None
+    )  # drawn already, once
     record = outputs("01_identify_then_design") / "record.npz"
-    text = run("01_identify_then_design", str(record), "--discard", "0", "--poles", "2", "--out", str(tmp_path))
+    text = run(
+        "01_identify_then_design",
+        str(record),
+        "--discard",
+        "0",
+        "--poles",
+        "2",
+        "--out",
+        str(tmp_path),
+    )
     assert "nominal model: 2 poles" in text
     assert (tmp_path / "report.html").is_file()
 
 
 @pytest.mark.docs
 def test_processes_that_share_the_controllers_change_nothing(tmp_path):
-    name, few = "14_friction_rig_in_closed_loop", ["--crossovers", "1", "--gains", "2", "--processes"]
+    name = "14_friction_rig_in_closed_loop"
+    few = ["--crossovers", "1", "--gains", "2", "--processes"]
     said = run(name, *few, "1", "--out", str(tmp_path / "1"))
-    command = [sys.executable, str(EXAMPLES / f"{name}.py"), *few, "2", "--out", str(tmp_path / "2")]
+    command = [
+        sys.executable,
+        str(EXAMPLES / f"{name}.py"),
+        *few,
+        "2",
+        "--out",
+        str(tmp_path / "2"),
+    ]
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=600)
     assert said == done.stdout
     assert said.count("statistically robust") >= 3  # a burst a row

@@ -1,4 +1,6 @@
-"""The primer and the how-to pages, followed word by word: every block of Python on them runs, in order."""
+"""The primer and the how-to pages, followed word by word: every block of Python on them runs, in
+order.
+"""
 
 import re
 import shlex
@@ -26,12 +28,24 @@ PAGES = [
 
 
 #: Pages that take seconds.
-SLOW = {"friction_classes", "friction_laws", "tuned_drive", "pictures", "axis", "extend", "from_matlab", "servo_axis"}
+SLOW = {
+    "friction_classes",
+    "friction_laws",
+    "tuned_drive",
+    "pictures",
+    "axis",
+    "extend",
+    "from_matlab",
+    "servo_axis",
+}
 
 
 @pytest.mark.parametrize(
     "page",
-    [pytest.param(page, id=page.stem, marks=pytest.mark.docs if page.stem in SLOW else ()) for page in PAGES],
+    [
+        pytest.param(page, id=page.stem, marks=pytest.mark.docs if page.stem in SLOW else ())
+        for page in PAGES
+    ],
 )
 def test_the_python_of_a_page_runs(page, tmp_path, monkeypatch, capsys):
     blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
@@ -49,7 +63,8 @@ def test_the_python_of_a_page_runs(page, tmp_path, monkeypatch, capsys):
 
 @pytest.mark.docs
 def test_the_commands_of_the_servo_axis_run_with_its_files(tmp_path, monkeypatch, capsys):
-    """The whole walk as it stands on the page: both files, every command in order, and a verdict without a warning.
+    """The whole walk as it stands on the page: both files, every command in order, and a verdict
+    without a warning.
 
     A trace in motion alone leaves the friction unjudged: exit code 3.
     """
@@ -59,7 +74,15 @@ def test_the_commands_of_the_servo_axis_run_with_its_files(tmp_path, monkeypatch
         Path(re.match(r"# (\S+\.toml)\n", block)[1]).write_text(block, encoding="utf-8")
     commands = re.findall(r"^    ((?:nlfrf|robust) .*)$", page, re.MULTILINE)
     design, play, judge = "robust servo design", "robust servo play", "robust servo check"
-    assert [" ".join(one.split()[:3]) for one in commands] == [design, play, judge, design, play, play, judge]
+    assert [" ".join(one.split()[:3]) for one in commands] == [
+        design,
+        play,
+        judge,
+        design,
+        play,
+        play,
+        judge,
+    ]
     for step, command in enumerate(commands):
         program, *words = shlex.split(command)
         monkeypatch.setattr(sys, "argv", [program, *words])
@@ -77,19 +100,34 @@ def test_the_commands_of_the_servo_axis_run_with_its_files(tmp_path, monkeypatch
 def test_every_name_of_the_dictionary_is_called_on_its_page():
     page = (DOCS / "howto" / "from_matlab.md").read_text(encoding="utf-8")
     code = "\n".join(re.findall(r"```python\n(.*?)```", page, re.DOTALL))
-    rows = [row.split(" | ") for row in page.partition("## The dictionary")[2].partition("## Blocks")[0].splitlines()]
-    ours = [name for row in rows if len(row) == 4 for name in re.findall(r"`((?:nlfrf|robust)(?:\.\w+)+)`", row[1])]
+    rows = [
+        row.split(" | ")
+        for row in page.partition("## The dictionary")[2].partition("## Blocks")[0].splitlines()
+    ]
+    ours = [
+        name
+        for row in rows
+        if len(row) == 4
+        for name in re.findall(r"`((?:nlfrf|robust)(?:\.\w+)+)`", row[1])
+    ]
     theirs = " ".join(row[0] for row in rows if len(row) == 4)
     assert len(ours) >= 25
     assert [name for name in ours if f"{name}(" not in code] == []
-    asked = "ucover mussv wcgain robstab ultidyn ureal loopmargin diskmargin systune looptune mixsyn hinfsyn ncfsyn "
+    asked = (
+        "ucover mussv wcgain robstab ultidyn ureal loopmargin diskmargin systune looptune mixsyn"
+        " hinfsyn ncfsyn "
+    )
     asked += "ncfmargin gapmetric musyn usample tfest spa idinput"
     assert [name for name in asked.split() if not re.search(rf"\b{name}\b", theirs)] == []
 
 
 def test_the_set_without_a_measurement_of_the_guide_is_proved(capsys):
     page = (DOCS / "guide" / "several.md").read_text(encoding="utf-8")
-    (block,) = (one for one in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "UncertaintyModel(" in one)
+    (block,) = (
+        one
+        for one in re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+        if "UncertaintyModel(" in one
+    )
     exec(compile(f"import control, robust\nimport numpy as np\n{block}", "several.md", "exec"), {})
     printed = capsys.readouterr().out
     assert "ROBUST: this controller keeps every plant of the set stable, which is proved" in printed

@@ -1,4 +1,6 @@
-"""A module shows its interface: names without underscore are used outside it, names with one nowhere else."""
+"""A module shows its interface: names without underscore are used outside it, names with one
+nowhere else.
+"""
 
 import ast
 import re
@@ -10,9 +12,15 @@ CLIENTS = ("tests", "benchmarks", "examples", "docs")
 
 
 def files():
-    """Return path -> tree of every file that may use a name: modules, their stubs and all clients."""
+    """Return path -> tree of every file that may use a name: modules, their stubs and all
+    clients.
+    """
     stubs = [parsed(package, "*.pyi") for package in PACKAGES]
-    return {path: tree for found in (*map(parsed, PACKAGES + CLIENTS), *stubs) for path, tree in found.items()}
+    return {
+        path: tree
+        for found in (*map(parsed, PACKAGES + CLIENTS), *stubs)
+        for path, tree in found.items()
+    }
 
 
 @cache
@@ -22,7 +30,9 @@ def paths():
 
 
 def imported(path, nodes):
-    """Yield (module, name, alias) of each `from module import name` of a file; of `import module` the module alone."""
+    """Yield (module, name, alias) of each `from module import name` of a file; of `import module`
+    the module alone.
+    """
     own = module_of(path)
     package = own if path.stem == "__init__" else own.rpartition(".")[0]
     for node in nodes:
@@ -30,13 +40,16 @@ def imported(path, nodes):
             for alias in node.names:
                 yield "", alias.name, alias.asname or alias.name
         elif isinstance(node, ast.ImportFrom):
-            above = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            above = (
+                package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            )
             base = ".".join([*above, *([node.module] if node.module else [])])
             for alias in node.names:
                 yield base, alias.name, alias.asname or alias.name
 
 
-#: Files that reach a module under any name: each attribute there, and each word of a text, may be a name of a module.
+# : Files that reach a module under any name: each attribute there, and each word of a text, may be
+# a name of a module.
 LATE = (
     "lazy_loader.load(",
     "import_module(",
@@ -69,12 +82,19 @@ def reached(nodes, aliases):
 
 def is_text(node):
     """Return whether a node is a text of a program, and not a paragraph."""
-    return isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value.count(". ") < 3
+    return (
+        isinstance(node, ast.Constant)
+        and isinstance(node.value, str)
+        and node.value.count(". ") < 3
+    )
 
 
 def is_command(node):
     """Return whether a function is a command, or what runs before all of them."""
-    return any(re.search(r"\.(command|callback)\b", ast.unparse(one)) for one in getattr(node, "decorator_list", []))
+    return any(
+        re.search(r"\.(command|callback)\b", ast.unparse(one))
+        for one in getattr(node, "decorator_list", [])
+    )
 
 
 @cache
@@ -89,12 +109,21 @@ def _iterate_top_level(tree):
             yield node.name
         elif isinstance(node, ast.Assign | ast.AnnAssign):
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-            leaves = [leaf.id for target in targets for leaf in ast.walk(target) if isinstance(leaf, ast.Name)]
-            yield from (name for name in leaves if name.strip("_").isupper() and len(name.strip("_")) > 1)
+            leaves = [
+                leaf.id
+                for target in targets
+                for leaf in ast.walk(target)
+                if isinstance(leaf, ast.Name)
+            ]
+            yield from (
+                name for name in leaves if name.strip("_").isupper() and len(name.strip("_")) > 1
+            )
 
 
 def named_late(text, nodes):
-    """Yield (module, name) of what a file may reach through a module whose name it does not import."""
+    """Yield (module, name) of what a file may reach through a module whose name it does not
+    import.
+    """
     if any(word in text for word in LATE):
         words = {node.attr for node in nodes if isinstance(node, ast.Attribute)}
         words |= set(re.findall(r"\w+", " ".join(node.value for node in nodes if is_text(node))))
@@ -104,14 +133,22 @@ def named_late(text, nodes):
 
 @cache
 def uses():
-    """Return (module, name) -> files that import a name of a module, reach it as an attribute, or name it in a text."""
+    """Return (module, name) -> files that import a name of a module, reach it as an attribute, or
+    name it in a text.
+    """
     found = {}
     for path, tree in files().items():
         text, nodes = path.read_text(encoding="utf-8"), list(ast.walk(tree))
         names = list(imported(path, nodes))
         aliases = {alias: f"{base}.{name}".lstrip(".") for base, name, alias in names}
-        pairs = {(base, name) for base, name, _ in names} | set(reached(nodes, aliases)) | set(named_late(text, nodes))
-        pairs |= {dots.rpartition(".")[::2] for dots in re.findall(r"\b(?:nlfrf|robust)(?:\.\w+)+", text)}
+        pairs = (
+            {(base, name) for base, name, _ in names}
+            | set(reached(nodes, aliases))
+            | set(named_late(text, nodes))
+        )
+        pairs |= {
+            dots.rpartition(".")[::2] for dots in re.findall(r"\b(?:nlfrf|robust)(?:\.\w+)+", text)
+        }
         for pair in pairs:
             found.setdefault(pair, set()).add(path)
     return found
@@ -129,7 +166,16 @@ def test_a_name_without_underscore_is_used_outside_its_module():
 
 
 def test_a_name_with_underscore_is_used_in_its_module_alone():
-    private = {(module, name) for module, tree in modules().items() for name in top_level(tree) if name[0] == "_"}
+    private = {
+        (module, name)
+        for module, tree in modules().items()
+        for name in top_level(tree)
+        if name[0] == "_"
+    }
     known = {pair: uses().get(pair, set()) - {paths()[pair[0]]} for pair in private}
-    taken = [f"{module}.{name} in {path.name}" for (module, name), users in known.items() for path in users]
+    taken = [
+        f"{module}.{name} in {path.name}"
+        for (module, name), users in known.items()
+        for path in users
+    ]
     assert not taken, "a name with an underscore is its module's own: " + ", ".join(taken)

@@ -1,4 +1,6 @@
-"""What works without the packages of the extras, and the one line that says which extra installs what is missing."""
+"""What works without the packages of the extras, and the one line that says which extra installs
+what is missing.
+"""
 
 import subprocess
 import sys
@@ -33,7 +35,11 @@ print(robust.check(model, K).verdict)
 
 def run(script, folder):
     return subprocess.run(
-        [sys.executable, "-c", WITHOUT + script], cwd=folder, capture_output=True, text=True, check=False
+        [sys.executable, "-c", WITHOUT + script],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
     )
 
 
@@ -64,7 +70,9 @@ nlfrf_command()
 
 
 def test_what_is_missing_is_named_with_its_extra(tmp_path):
-    (tmp_path / "run.csv").write_text("t,u,y\n" + "\n".join(f"{k / 10},{k % 2},{k % 2}" for k in range(40)))
+    (tmp_path / "run.csv").write_text(
+        "t,u,y\n" + "\n".join(f"{k / 10},{k % 2},{k % 2}" for k in range(40))
+    )
     found = run(MISSING, tmp_path)
     said = found.stdout.strip().splitlines()
     assert len(said) == 3

@@ -18,10 +18,14 @@ def test_a_notebook_runs(path, tmp_path, monkeypatch):
     root = path.parents[2]
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(root), os.environ.get("PYTHONPATH", "")]))
     notebook = nbformat.read(path, as_version=4)
-    assert not any(cell.get("outputs") for cell in notebook.cells), "notebooks are kept without what they show"
+    assert not any(cell.get("outputs") for cell in notebook.cells), (
+        "notebooks are kept without what they show"
+    )
     NotebookClient(notebook, timeout=120, resources={"metadata": {"path": str(tmp_path)}}).execute()
     shown = [output for cell in notebook.cells for output in cell.get("outputs", ())]
-    told = "".join(output.get("text", "") or output.get("data", {}).get("text/html", "") for output in shown)
+    told = "".join(
+        output.get("text", "") or output.get("data", {}).get("text/html", "") for output in shown
+    )
     assert not [output for output in shown if output["output_type"] == "error"]
     if path.stem.startswith("01"):
         for word in ("--input force --output position", "STATISTICALLY ROBUST"):

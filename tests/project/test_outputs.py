@@ -1,4 +1,6 @@
-"""No command writes onto a file that it reads, nor over one that no such command made; each names what it wrote."""
+"""No command writes onto a file that it reads, nor over one that no such command made; each names
+what it wrote.
+"""
 
 import io
 import os
@@ -18,7 +20,8 @@ from nlfrf._base.command import OUTPUT_PARAMETERS
 from robust import cli as controlling
 
 DESIGN = "nlfrf design --fs 512 --period 512 --f-min 2 --f-max 100 --seed 1 -o {}"
-#: Every command that writes, with {} for the file; the words before it that are files are what it reads.
+# : Every command that writes, with {} for the file; the words before it that are files are what it
+# reads.
 COMMANDS = (
     DESIGN,
     "nlfrf simulate ms.npz -o {}",
@@ -39,7 +42,10 @@ COMMANDS = (
     "robust prove bla.npz bla.npz bla.npz Kc.json --nominal model.json -o {}",
     "robust orders bla.npz --picture {}",
     "robust servo check rec.npz gains.toml -o {}",
-    "robust prove-schedule bla.npz bla.npz --controller Kc.json --at 0,1 --rate 1 --poles 2 --degree 0 -o {}",
+    (
+        "robust prove-schedule bla.npz bla.npz --controller Kc.json --at 0,1 --rate 1 --poles 2"
+        " --degree 0 -o {}"
+    ),
     "robust learn design narrow.json soft.json -o {}",
     "robust learn design narrow.json soft.json -o other.json --picture {}",
     "robust learn step learning.json added.csv errors.csv -o {}",
@@ -81,16 +87,22 @@ def files(tmp_path_factory):
     nlfrf.save(record, "mid.csv")
     assert run("robust model bla.npz --poles 2 --zeros 0 -o m0.json")[0] == 0
     robust.save(control.ss([], [], [], [[10.0]], 1e-3), "soft.json")
-    lag, small = robust.sampled(control.tf([1], [1, 1]), 1e-3), control.ss([], [], [], [[0.2]], 1e-3)
+    lag = robust.sampled(control.tf([1], [1, 1]), 1e-3)
+    small = control.ss([], [], [], [[0.2]], 1e-3)
     omega, radius = np.array([1.0, 2.0]), np.full(2, 0.2)
-    narrow = robust.UncertaintyModel(lag, small, "multiplicative", omega, radius, perturbation="LTI")
+    narrow = robust.UncertaintyModel(
+        lag, small, "multiplicative", omega, radius, perturbation="LTI"
+    )
     robust.save(narrow, "narrow.json")
     assert run("robust learn narrow.json soft.json -o learning.json")[0] == 0
     for name in ("added.csv", "errors.csv"):
         np.savetxt(name, np.zeros(2000))
     gains = f'fs = "{record.fs:g} Hz"\nkv = "10 1/s"\nkp = "10 N/(m/s)"\n'
     Path("gains.toml").write_text(gains)
-    assert run("robust servo design belt --period 500 --f-min 8 --f-max 100 --rms 5 -o played.csv")[0] == 0
+    assert (
+        run("robust servo design belt --period 500 --f-min 8 --f-max 100 --rms 5 -o played.csv")[0]
+        == 0
+    )
     Path("bode.csv").write_text("Frequency (Hz),Gain (dB),Phase (deg)\n10,0,-45\n20,-20,-90\n")
     (folder / "sub").mkdir()
     yield folder
@@ -99,7 +111,11 @@ def files(tmp_path_factory):
 
 def held(folder):
     """Every file below a folder with its bytes; what was linked holds the bytes of its target."""
-    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
 
 
 def spellings(file, folder):
@@ -144,7 +160,8 @@ def test_every_command_that_writes_is_here():
     }
     options = {"out": "-o {}", "picture": "--picture {}", "rounded": "--rounded {}"}
     tried = {
-        f"{' '.join(command.split()[: 3 if command.split()[1] in ('servo', 'learn') else 2])} {name}"
+        f"{' '.join(command.split()[: 3 if command.split()[1] in ('servo', 'learn') else 2])}"
+        f" {name}"
         for command in COMMANDS
         for name, option in options.items()
         if option in command
@@ -157,7 +174,9 @@ def test_every_command_that_writes_is_here():
         for parameter in command.params
         if any(word in parameter.name for word in ("out", "picture", "rounded"))
     } - {"output"}
-    assert paths == set(OUTPUT_PARAMETERS)  # what writes under another name would be taken for an input
+    assert paths == set(
+        OUTPUT_PARAMETERS
+    )  # what writes under another name would be taken for an input
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -183,7 +202,9 @@ def test_no_command_replaces_what_none_of_its_kind_made(files, command):
             continue
         code, err = run(command.format(name))
         assert (code, held(files) == before) == (2, True), (name, err)
-        assert "must be new or an earlier result of the same kind" in err or "must be a folder" in err
+        assert (
+            "must be new or an earlier result of the same kind" in err or "must be a folder" in err
+        )
 
 
 @pytest.mark.parametrize(
@@ -194,7 +215,10 @@ def test_no_command_replaces_what_none_of_its_kind_made(files, command):
         ("nlfrf identify multi.npz -o G.npz --csv", "G-bla.csv"),
         (DESIGN.format("exc.csv"), "exc.npz"),
         (DESIGN.format("exc.wav"), "exc.npz"),
-        ("robust servo design belt --period 500 --f-min 8 --f-max 100 --rms 5 -o move.csv", "move.npz"),
+        (
+            "robust servo design belt --period 500 --f-min 8 --f-max 100 --rms 5 -o move.csv",
+            "move.npz",
+        ),
         ("robust export Kc.json -o Kc.mat", "load_Kc.m"),
         ("robust check model.json Kc.json K.json -o r.txt", "r-K.txt"),
         ("robust check model.json Kc.json -o r.txt", "r.certificate.json"),
@@ -238,7 +262,10 @@ def test_two_outputs_take_no_place_of_each_other(files):
         *((DESIGN.format(f"e.{kind}"), f"e.{kind}") for kind in ("npz", "h5")),
         *((DESIGN.format(f"e.{kind}"), f"e.{kind} e.npz") for kind in ("csv", "wav", "mat")),
         *((f"nlfrf simulate ms.npz -o s.{kind}", f"s.{kind}") for kind in ("npz", "h5", "mat")),
-        *((f"nlfrf identify mid.csv -o b.{kind} --csv", f"b.{kind} b-bla.csv") for kind in ("npz", "h5")),
+        *(
+            (f"nlfrf identify mid.csv -o b.{kind} --csv", f"b.{kind} b-bla.csv")
+            for kind in ("npz", "h5")
+        ),
         ("nlfrf identify multi.npz -o F.npz --csv", "F.npz F-bla.csv"),
         ("nlfrf identify multi.npz -o F.csv", "F.csv"),
         ("nlfrf inspect mid.csv --plot i.png", "i.png"),
@@ -246,13 +273,19 @@ def test_two_outputs_take_no_place_of_each_other(files):
         ("robust model bla.npz --poles 2 -o m.json --picture m.png", "m.json m.png"),
         ("robust orders bla.npz --most 2 --picture o.pdf", "o.pdf"),
         ("robust design model.json --bandwidth 5 --sample-time 1e-3 -o D.json", "D.json"),
-        ("robust check model.json Kc.json -o c.txt --picture c.png", "c.txt c.certificate.json c.png"),
+        (
+            "robust check model.json Kc.json -o c.txt --picture c.png",
+            "c.txt c.certificate.json c.png",
+        ),
         ("robust export Kc.json -o Kc.mat", "Kc.mat load_Kc.m"),
         ("robust export model.json -o model.mat", "model.mat load_model.m"),
         ("robust export K.json -o K.csv", "K.csv"),
         ("robust report model.json Kc.json -o r.html", "r.html"),
         ("robust shape model.json -o s.html", "s.html"),
-        ("robust prove m0.json soft.json --stiffness 1e4 -o proof.txt", "proof.txt proof.certificate.json"),
+        (
+            "robust prove m0.json soft.json --stiffness 1e4 -o proof.txt",
+            "proof.txt proof.certificate.json",
+        ),
     ],
 )
 def test_a_script_runs_twice_and_every_file_is_named(files, command, written):
@@ -261,7 +294,11 @@ def test_a_script_runs_twice_and_every_file_is_named(files, command, written):
         before, said = held(files), []
         code, err = run(command, said)
         assert code in (0, 1), err
-        named = [line.removeprefix("wrote ") for line in said[0].splitlines() if line.startswith("wrote ")]
+        named = [
+            line.removeprefix("wrote ")
+            for line in said[0].splitlines()
+            if line.startswith("wrote ")
+        ]
         assert sorted(named) == sorted(written.split())
         changed = {name for name, content in held(files).items() if before.get(name) != content}
         assert changed <= set(named)
@@ -274,7 +311,9 @@ def test_overwrite_replaces_what_was_asked_for(files):
 
 
 def test_a_measurement_is_never_taken_for_a_simulation(files):
-    """A record that a user saved is the same kind of file: only `nlfrf simulate` may replace what it made itself."""
+    """A record that a user saved is the same kind of file: only `nlfrf simulate` may replace what
+    it made itself.
+    """
     before = held(files)
     code, err = run("nlfrf simulate ms.npz -o rec.npz")
     assert (code, held(files) == before) == (2, True), err
@@ -310,12 +349,16 @@ def test_a_script_replaces_the_path_that_it_names_and_no_other(tmp_path):
         with pytest.raises(ValueError, match="must be new or an earlier result of the same kind"):
             write()
         assert path is None or not path.exists()
-    assert (tmp_path / "mid.npz").read_text() == (tmp_path / "load_K.m").read_text() == "a measurement"
+    assert (
+        (tmp_path / "mid.npz").read_text() == (tmp_path / "load_K.m").read_text() == "a measurement"
+    )
     assert (tmp_path / "K.mat").read_text() == "mine"  # neither of the two, then
 
 
 def test_nothing_is_half_written(tmp_path, monkeypatch):
-    nlfrf.save(nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1), tmp_path / "ms.npz")
+    nlfrf.save(
+        nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1), tmp_path / "ms.npz"
+    )
     before = (tmp_path / "ms.npz").read_bytes()
 
     def broken(stream, **content):
@@ -324,7 +367,9 @@ def test_nothing_is_half_written(tmp_path, monkeypatch):
 
     monkeypatch.setattr(np, "savez", broken)
     with pytest.raises(OSError, match="disk full"):
-        nlfrf.save(nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=2), tmp_path / "ms.npz")
+        nlfrf.save(
+            nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=2), tmp_path / "ms.npz"
+        )
     assert (tmp_path / "ms.npz").read_bytes() == before
     assert os.listdir(tmp_path) == ["ms.npz"]
 

@@ -33,7 +33,9 @@ def resonant(f):
 
 
 def made_ensemble(m, *, scatter=0.1, detected=0.1, even=1e-7, rng=1, G=resonant):
-    """Known spectra: y = G u + circular scatter on excited lines, circular noise on detection lines."""
+    """Known spectra: y = G u + circular scatter on excited lines, circular noise on detection
+    lines.
+    """
     rng = np.random.default_rng(rng)
 
     def noise(n, size):
@@ -41,7 +43,9 @@ def made_ensemble(m, *, scatter=0.1, detected=0.1, even=1e-7, rng=1, G=resonant)
 
     U, Y = np.zeros((m, 400), dtype=complex), np.zeros((m, 400), dtype=complex)
     U[:, LINES.excited] = 2 * np.exp(2j * np.pi * rng.uniform(size=(m, LINES.excited.size)))
-    Y[:, LINES.excited] = U[:, LINES.excited] * G(LINES.excited * 0.25) + noise(LINES.excited.size, scatter)
+    Y[:, LINES.excited] = U[:, LINES.excited] * G(LINES.excited * 0.25) + noise(
+        LINES.excited.size, scatter
+    )
     Y[:, LINES.odd] = noise(LINES.odd.size, detected)
     Y[:, LINES.even] = noise(LINES.even.size, even)
     return Ensemble(lines=LINES, f0=0.25, U=U, Y=Y)
@@ -72,8 +76,13 @@ def test_normalised_difference_is_one_for_one_bla_and_more_for_two():
     other = made_ensemble(20, rng=3, G=lambda f: resonant(f) * 1.1)
     assert normalised_difference(a, b) == pytest.approx(1, abs=5 / np.sqrt(LINES.excited.size))
     assert normalised_difference(a, other) > 3
-    few = [normalised_difference(made_ensemble(4, rng=10 + i), made_ensemble(4, rng=90 + i)) for i in range(40)]
-    assert np.mean(few) == pytest.approx(1, abs=0.15)  # corrected for variances that are estimates themselves
+    few = [
+        normalised_difference(made_ensemble(4, rng=10 + i), made_ensemble(4, rng=90 + i))
+        for i in range(40)
+    ]
+    assert np.mean(few) == pytest.approx(
+        1, abs=0.15
+    )  # corrected for variances that are estimates themselves
 
 
 def test_single_experiments_cover_as_the_f_distribution_says():
@@ -103,7 +112,9 @@ def test_held_signals_have_the_same_white_spectrum(signal):
 @pytest.fixture(scope="module")
 def short_run(tmp_path_factory):
     folder, seen = tmp_path_factory.mktemp("paper"), []
-    found = reproduce(folder, n_realizations=10, seed=1, progress=lambda done, total: seen.append((done, total)))
+    found = reproduce(
+        folder, n_realizations=10, seed=1, progress=lambda done, total: seen.append((done, total))
+    )
     return folder, {finding.name: finding for finding in found}, seen
 
 
@@ -113,7 +124,9 @@ def test_short_run_has_every_finding(short_run):
     for name in ("F1", "F2", "F3", "F4", "F5a", "F5b", "F6"):
         assert found[name].holds, found[name]
     # what ten realisations can show of the rest
-    assert abs(found["R1"].ours["level 1 [dB]"]) < 1.5 + 3 * found["R1"].ours["sigma at level 1 [dB]"]
+    assert (
+        abs(found["R1"].ours["level 1 [dB]"]) < 1.5 + 3 * found["R1"].ours["sigma at level 1 [dB]"]
+    )
     assert all(0.5 < q < 1.6 for name in ("S1", "S3") for q in found[name].ours.values())
     assert found["S2"].ours["multisine and binary, normalised squared difference"] > 3
 
@@ -142,10 +155,17 @@ def test_reproduce_refuses_bad_arguments(tmp_path):
 
 def test_a_finding_is_text_on_a_terminal_and_a_row_in_markdown():
     found = Finding(
-        name="F1", claim="A claim", paper="7.7 dB", ours={"level 1 [dB]": 1.234}, criterion="below 2", holds=False
+        name="F1",
+        claim="A claim",
+        paper="7.7 dB",
+        ours={"level 1 [dB]": 1.234},
+        criterion="below 2",
+        holds=False,
     )
     rows = str(found).splitlines()
     assert rows[0] == "F1 DOES NOT HOLD"
     assert [row.split(":")[0] for row in rows[1:]] == ["claim", "paper", "ours", "holds if"]
     assert "|" not in unwrapped(found)
-    assert "| F1 | A claim | 7.7 dB | level 1 [dB]: 1.23 | below 2 | **no** |" in format_table([found], 10)
+    assert "| F1 | A claim | 7.7 dB | level 1 [dB]: 1.23 | below 2 | **no** |" in format_table(
+        [found], 10
+    )

@@ -1,4 +1,6 @@
-"""The README, followed word by word: its scripts, its commands and its links; none of them prints a warning."""
+"""The README, followed word by word: its scripts, its commands and its links; none of them prints a
+warning.
+"""
 
 import re
 import sys
@@ -39,7 +41,11 @@ def test_the_script_runs_and_has_twenty_lines(tmp_path, monkeypatch, capsys):
     assert "BLA on 148 lines" in said
     assert "STATISTICALLY ROBUST: " in said  # with nothing after it: no thin margins
     assert "warning" not in said.lower()
-    assert {path.name for path in tmp_path.iterdir()} == {"plant.mat", "load_plant.m", "report.html"}
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "plant.mat",
+        "load_plant.m",
+        "report.html",
+    }
 
 
 def test_the_first_claim_is_a_proof_that_is_found(tmp_path, monkeypatch, capsys):
@@ -72,7 +78,9 @@ def test_the_commands_run(tmp_path, monkeypatch, capsys):
 
 
 def test_pip_and_make_install_into_one_environment():
-    """What `pip install` of the README made is what `make` finds: the same folder, constraints and kind of install."""
+    """What `pip install` of the README made is what `make` finds: the same folder, constraints and
+    kind of install.
+    """
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     environment = re.search(r"^VENV := (.+)$", makefile, re.MULTILINE).group(1)
     made = re.search(r"python -m venv (\S+) && \. (\S+)/bin/activate", README)

@@ -1,4 +1,6 @@
-"""A state is an enum: nothing in the packages decides by the words of a sentence, which may be reworded at any time."""
+"""A state is an enum: nothing in the packages decides by the words of a sentence, which may be
+reworded at any time.
+"""
 
 import ast
 
@@ -8,7 +10,19 @@ from tests.support.sources import modules
 
 #: Names, attributes and functions that hold words for people.
 PROSE = {
-    *("reason", "reasons", "why", "wrong", "failure", "failed", "trouble", "message", "words", "sentence", "text"),
+    *(
+        "reason",
+        "reasons",
+        "why",
+        "wrong",
+        "failure",
+        "failed",
+        "trouble",
+        "message",
+        "words",
+        "sentence",
+        "text",
+    ),
     *(
         "said",
         "told",
@@ -26,15 +40,38 @@ PROSE = {
         "context",
         "verdict",
     ),
-    *("probability", "words", "before", "note", "notes", "summary", "warning", "error", "evidence", "subject", "how"),
+    *(
+        "probability",
+        "words",
+        "before",
+        "note",
+        "notes",
+        "summary",
+        "warning",
+        "error",
+        "evidence",
+        "subject",
+        "how",
+    ),
     *("level_source", "state", "outcome"),
 }
 #: Ways to take a sentence apart.
 CUTS = {
-    *("startswith", "endswith", "partition", "rpartition", "split", "rsplit", "find", "index", "removeprefix"),
+    *(
+        "startswith",
+        "endswith",
+        "partition",
+        "rpartition",
+        "split",
+        "rsplit",
+        "find",
+        "index",
+        "removeprefix",
+    ),
     "removesuffix",
 }
-#: module:function that takes words apart which are no message, reviewed one by one: what they are instead.
+# : module:function that takes words apart which are no message, reviewed one by one: what they are
+# instead.
 REVIEWED = {
     "nlfrf.doctor:_iterate_requirements": "a requirement of the metadata of a package",
     "nlfrf.io.readers.header:_parse_number": "a number in a file",
@@ -43,9 +80,13 @@ REVIEWED = {
     "nlfrf._base.values:wrap_lines": "lines of what is printed, broken to fit a screen",
     "nlfrf._base.values:to_plain": "white space made even in what is only printed",
     "nlfrf.io.channels:_read_contents": "white space made even in what is only printed",
-    "nlfrf._base.own_process:read_in_own_process": "the name of the exception that ended another process",
+    "nlfrf._base.own_process:read_in_own_process": (
+        "the name of the exception that ended another process"
+    ),
     "nlfrf.bla.bla:covariance_of": "how the level was read, a token that files keep",
-    "robust.models.sets.radius:record_radius_parts": "how the level was read, a token that files keep",
+    "robust.models.sets.radius:record_radius_parts": (
+        "how the level was read, a token that files keep"
+    ),
     "nlfrf.records.excited_lines:_excited_lines_on_grid": "the name of a grid",
     "robust.synthesis.fixed.structures:structure_of": "the name of a structure that a user gave",
     "robust.friction.exact.verify:verify_friction": "the parts of a claim, by name",
@@ -70,7 +111,9 @@ def returns_words():
         node.name
         for tree in modules().values()
         for node in ast.walk(tree)
-        if isinstance(node, ast.FunctionDef) and isinstance(node.returns, ast.Name) and node.returns.id == "str"
+        if isinstance(node, ast.FunctionDef)
+        and isinstance(node.returns, ast.Name)
+        and node.returns.id == "str"
     }
 
 
@@ -95,9 +138,18 @@ def branches(tree, words):
             within |= dict.fromkeys(ast.walk(function), function.name)
     for node in ast.walk(tree):
         found = False
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in CUTS:
+        if (
+            isinstance(node, ast.Call)
+            and isinstance(node.func, ast.Attribute)
+            and node.func.attr in CUTS
+        ):
             found = is_prose(node.func.value, words)
-        elif isinstance(node, ast.Call) and name_of(node.func) in ("match", "search", "fullmatch", "findall"):
+        elif isinstance(node, ast.Call) and name_of(node.func) in (
+            "match",
+            "search",
+            "fullmatch",
+            "findall",
+        ):
             found = any(is_prose(given, words) for given in node.args[1:])
         elif isinstance(node, ast.Compare):
             sides = [node.left, *node.comparators]
@@ -141,6 +193,8 @@ def test_the_check_sees_each_kind_of_branch(code):
     assert list(branches(ast.parse(code), set()))
 
 
-@pytest.mark.parametrize("code", ["if not reason: pass", 'reason == ""', "f'{reason}'.upper()", "path.split('/')"])
+@pytest.mark.parametrize(
+    "code", ["if not reason: pass", 'reason == ""', "f'{reason}'.upper()", "path.split('/')"]
+)
 def test_the_check_leaves_be_what_is_no_branch_on_words(code):
     assert not list(branches(ast.parse(code), set()))

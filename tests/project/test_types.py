@@ -1,4 +1,6 @@
-"""What a type checker sees of the packages: a user's script is typed from the record to the verdict, mistakes show."""
+"""What a type checker sees of the packages: a user's script is typed from the record to the
+verdict, mistakes show.
+"""
 
 import json
 import re
@@ -35,18 +37,45 @@ MISTAKES = [
 
 
 def by_mypy(folder):
-    command = [sys.executable, "-m", "mypy", "--config-file", str(ROOT / "pyproject.toml"), "script.py"]
-    environment = {"MYPYPATH": str(ROOT), "MYPY_CACHE_DIR": str(ROOT / ".mypy_cache"), "PATH": "/usr/bin:/bin"}
-    said = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
+    command = [
+        sys.executable,
+        "-m",
+        "mypy",
+        "--config-file",
+        str(ROOT / "pyproject.toml"),
+        "script.py",
+    ]
+    environment = {
+        "MYPYPATH": str(ROOT),
+        "MYPY_CACHE_DIR": str(ROOT / ".mypy_cache"),
+        "PATH": "/usr/bin:/bin",
+    }
+    said = subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300
+    )
     assert not said.stderr, said.stderr
-    return {int(line.split(":")[1]) for line in said.stdout.splitlines() if re.match(r"script\.py:\d+: error:", line)}
+    return {
+        int(line.split(":")[1])
+        for line in said.stdout.splitlines()
+        if re.match(r"script\.py:\d+: error:", line)
+    }
 
 
 def by_basedpyright(folder):
     (folder / "pyrightconfig.json").write_text(
-        json.dumps({"include": ["script.py"], "extraPaths": [str(ROOT)], "typeCheckingMode": "basic"})
+        json.dumps(
+            {"include": ["script.py"], "extraPaths": [str(ROOT)], "typeCheckingMode": "basic"}
+        )
     )
-    command = [sys.executable, "-m", "basedpyright", "--outputjson", "--pythonpath", sys.executable, "script.py"]
+    command = [
+        sys.executable,
+        "-m",
+        "basedpyright",
+        "--outputjson",
+        "--pythonpath",
+        sys.executable,
+        "script.py",
+    ]
     said = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
     diagnostics = json.loads(said.stdout)["generalDiagnostics"]
     return {one["range"]["start"]["line"] + 1 for one in diagnostics if one["severity"] == "error"}

@@ -1,4 +1,6 @@
-"""Whatever is handed to a public name that is made for something else is refused by the name of its parameter."""
+"""Whatever is handed to a public name that is made for something else is refused by the name of its
+parameter.
+"""
 
 import inspect
 import warnings
@@ -26,14 +28,29 @@ FLAGS = {
     "stable",
 }  # true or false, whatever they are
 IGNORED = {"subject", "time_cap", "solver", "n_unstable", "rank", "progress"}  # in some cases only
-#: Parameters that no sound value is made of here: results of functions that have a test of their own.
-RESULTS = {"reference", "n_u", "n_y", "limit", "found", "bounds", "family", "gains", "scan", "prediction", "step"}
+# : Parameters that no sound value is made of here: results of functions that have a test of their
+# own.
+RESULTS = {
+    "reference",
+    "n_u",
+    "n_y",
+    "limit",
+    "found",
+    "bounds",
+    "family",
+    "gains",
+    "scan",
+    "prediction",
+    "step",
+}
 RESULTS |= {"validation", "design", "loops", "read", "cases", "learning"}
 
 
 @pytest.fixture(scope="module")
 def things():
-    """A sound value for every parameter that some function cannot do without, and values of several inputs."""
+    """A sound value for every parameter that some function cannot do without, and values of several
+    inputs.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         rig = nlfrf.paper_rig()
@@ -44,17 +61,70 @@ def things():
         model = robust.uncertainty(bla, nominal)
         K, G = control.tf([1.0], [1, 0.1]), nominal.G
         report = robust.check(model, K)
-        several = nlfrf.multisine("random-odd", fs=256, n_samples=256, f_min=2, f_max=100, n_inputs=2, rng=1)
+        several = nlfrf.multisine(
+            "random-odd", fs=256, n_samples=256, f_min=2, f_max=100, n_inputs=2, rng=1
+        )
         u = np.repeat(several.u[:, :, None], 2, axis=2)
         multi = nlfrf.Record(u=u, y=u[::-1] + 0.1 * u**3, fs=256, lines=several.lines)
         frm = nlfrf.identify(multi)
-    sound = {"K": K, "rng": 1, "path": "out.npz", "record": record, "bla": bla, "model": model, "nominal": nominal}
-    sound |= {"plant": model, "rig": rig, "fs": 512.0, "r": np.zeros(10), "dt": 1 / 512, "rms": 1.0, "ms": ms, "G": G}
-    sound |= {"G1": G, "G2": G, "w_P": robust.performance_weight(1.0), "structure": "PI", "order": 1, "n_poles": 2}
-    sound |= {"report": report, "controllers": [K], "u": record.u.ravel(), "y": record.y.ravel(), "f_min": 2}
-    sound |= {"f_max": 100, "n_samples": 512, "omega": np.array([1.0, 2.0]), "system": G, "level": 1.0, "fit": nominal}
-    sound |= {"force": np.zeros(10), "blas": [bla] * 3, "omega_B": 1.0, "omega_c": 1.0, "radius": np.array([1.0, 2.0])}
-    sound |= {"N": np.zeros((1, 1, 3)), "blocks": [(1, 1)], "N_ss": G, "systems": [G], "L": G, "P": G, "n_meas": 1}
+    sound = {
+        "K": K,
+        "rng": 1,
+        "path": "out.npz",
+        "record": record,
+        "bla": bla,
+        "model": model,
+        "nominal": nominal,
+    }
+    sound |= {
+        "plant": model,
+        "rig": rig,
+        "fs": 512.0,
+        "r": np.zeros(10),
+        "dt": 1 / 512,
+        "rms": 1.0,
+        "ms": ms,
+        "G": G,
+    }
+    sound |= {
+        "G1": G,
+        "G2": G,
+        "w_P": robust.performance_weight(1.0),
+        "structure": "PI",
+        "order": 1,
+        "n_poles": 2,
+    }
+    sound |= {
+        "report": report,
+        "controllers": [K],
+        "u": record.u.ravel(),
+        "y": record.y.ravel(),
+        "f_min": 2,
+    }
+    sound |= {
+        "f_max": 100,
+        "n_samples": 512,
+        "omega": np.array([1.0, 2.0]),
+        "system": G,
+        "level": 1.0,
+        "fit": nominal,
+    }
+    sound |= {
+        "force": np.zeros(10),
+        "blas": [bla] * 3,
+        "omega_B": 1.0,
+        "omega_c": 1.0,
+        "radius": np.array([1.0, 2.0]),
+    }
+    sound |= {
+        "N": np.zeros((1, 1, 3)),
+        "blocks": [(1, 1)],
+        "N_ss": G,
+        "systems": [G],
+        "L": G,
+        "P": G,
+        "n_meas": 1,
+    }
     sound |= {
         "n_con": 1,
         "frm": frm,
@@ -64,9 +134,26 @@ def things():
         "K0": 1e5,
     }
     sound |= {"machine": robust.friction_plant(1.0, 1e4, 10.0), "records": [record], "delay": 0.01}
-    sound |= {"v": np.zeros(10), "omega_bc": 10.0, "content": model, "gain": 2.0, "phase": 30.0, "kp": 1.0, "Fs": 1.0}
-    sound |= {"signals": robust.analysis.LoopSignals(disturbance=robust.analysis.NoiseSignal(0.1, omega_max=10.0))}
-    sound |= {"K_inner": K, "K_outer": K, "opinion": nlfrf.second_opinion(record), "f": np.array([1.0, 2.0])}
+    sound |= {
+        "v": np.zeros(10),
+        "omega_bc": 10.0,
+        "content": model,
+        "gain": 2.0,
+        "phase": 30.0,
+        "kp": 1.0,
+        "Fs": 1.0,
+    }
+    sound |= {
+        "signals": robust.analysis.LoopSignals(
+            disturbance=robust.analysis.NoiseSignal(0.1, omega_max=10.0)
+        )
+    }
+    sound |= {
+        "K_inner": K,
+        "K_outer": K,
+        "opinion": nlfrf.second_opinion(record),
+        "f": np.array([1.0, 2.0]),
+    }
     axis = nlfrf.servo_axis("linear motor")
     screened = screen_streams([record.u.ravel()], ["u"], n_inputs=1, fs=1024.0, period=1024.0)
     sound |= {
@@ -83,7 +170,11 @@ def things():
 
 def required(function):
     parameters = inspect.signature(function).parameters.values()
-    return [p.name for p in parameters if p.default is p.empty and p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)]
+    return [
+        p.name
+        for p in parameters
+        if p.default is p.empty and p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)
+    ]
 
 
 def functions(chosen):
@@ -92,7 +183,10 @@ def functions(chosen):
     return [
         pytest.param(function, id=f"{module.__name__}.{name}")
         for module, name, function in every
-        if callable(function) and not inspect.isclass(function) and name not in SLOW and chosen(required(function))
+        if callable(function)
+        and not inspect.isclass(function)
+        and name not in SLOW
+        and chosen(required(function))
     ]
 
 

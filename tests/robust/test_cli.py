@@ -26,11 +26,21 @@ def plant(s):
 
 @pytest.fixture
 def robust_command(monkeypatch, capsys, tmp_path):
-    """Run the command in a folder with bla.npz; gives exit code, standard output, standard error."""
+    """Run the command in a folder with bla.npz; gives exit code, standard output, standard
+    error.
+    """
     monkeypatch.chdir(tmp_path)
     size = np.abs(plant(2j * np.pi * F))
     for name, seed in (("bla.npz", 0), ("bla2.npz", 1)):
-        bla = make_bla(plant, F, f0=0.5, sigma_noise=0.01 * size, sigma_distortion=0.05 * size, rng=seed, fs=1000)
+        bla = make_bla(
+            plant,
+            F,
+            f0=0.5,
+            sigma_noise=0.01 * size,
+            sigma_distortion=0.05 * size,
+            rng=seed,
+            fs=1000,
+        )
         save(bla, name)
 
     def run(command):
@@ -46,9 +56,18 @@ def robust_command(monkeypatch, capsys, tmp_path):
 def test_the_whole_way(robust_command, tmp_path):
     steps = [
         ("orders bla.npz --relative-degree 2 --most 4 --picture orders.png", "(taken)"),
-        ("model bla.npz --poles 2 --zeros 0 --order 3 -o m.json --picture m.png", "multiplicative uncertainty"),
-        ("design m.json --bandwidth 6 --sample-time 0.001 --delay 0.001 -o K.json", "controller of order"),
-        ("check m.json K.json --delay 0.001 --bandwidth 1 -o r.txt --picture c.pdf", "STATISTICALLY ROBUST"),
+        (
+            "model bla.npz --poles 2 --zeros 0 --order 3 -o m.json --picture m.png",
+            "multiplicative uncertainty",
+        ),
+        (
+            "design m.json --bandwidth 6 --sample-time 0.001 --delay 0.001 -o K.json",
+            "controller of order",
+        ),
+        (
+            "check m.json K.json --delay 0.001 --bandwidth 1 -o r.txt --picture c.pdf",
+            "STATISTICALLY ROBUST",
+        ),
         ("export m.json -o m.mat", "wrote m.mat"),
         ("export K.json -o K.mat", "wrote K.mat"),
         ("export K.json -o K.csv", "wrote K.csv"),
@@ -56,16 +75,28 @@ def test_the_whole_way(robust_command, tmp_path):
         ("check m.json Kr.json --delay 0.001", "STATISTICALLY ROBUST"),
         ("export K.json -o K.st --dtype float32", "coefficients in float32"),
         (
-            "model bla.npz bla2.npz --poles 2 --zeros 0 --form additive --simultaneous --above flat -o f.json",
+            (
+                "model bla.npz bla2.npz --poles 2 --zeros 0 --form additive --simultaneous --above"
+                " flat -o f.json"
+            ),
             "additive",
         ),
-        ("model bla.npz --poles 2 --delay estimate --sample-time 0.001 -o d.json", "sampled at 1000 Hz"),
+        (
+            "model bla.npz --poles 2 --delay estimate --sample-time 0.001 -o d.json",
+            "sampled at 1000 Hz",
+        ),
         ("design d.json --bandwidth 6 -o Kd.json", "sampled at 1000 Hz"),
         ("design m.json --method mixsyn --bandwidth 1 --sample-time 0.001 -o Km.json", "gamma 0."),
         ("check m.json Km.json --no-certify", "NOT CERTIFIED"),
-        ("design bla.npz --method pid --sample-time 0.001 --peak 1.8 -o Kp.json", "every limit met"),
         (
-            "design m.json --method pid --structure PI --bandwidth 0.5 --sample-time 0.001 -o Kp2.json",
+            "design bla.npz --method pid --sample-time 0.001 --peak 1.8 -o Kp.json",
+            "every limit met",
+        ),
+        (
+            (
+                "design m.json --method pid --structure PI --bandwidth 0.5 --sample-time 0.001 -o"
+                " Kp2.json"
+            ),
             "every limit met",
         ),
         ("check d.json Kd.json --no-certify", "NOT CERTIFIED"),
@@ -97,7 +128,9 @@ def test_the_order_that_the_data_ask_for(robust_command, tmp_path):
     assert "order:" not in robust_command("model bla.npz --poles 2 --zeros 0 -o m.json")[1]
     code, out, _ = robust_command("model bla.npz --poles 3 --zeros 0 --order 4 -o m.json")
     assert code == 0
-    assert "poles must be given with zeros" in robust_command("model bla.npz --zeros 1 -o m.json")[2]
+    assert (
+        "poles must be given with zeros" in robust_command("model bla.npz --zeros 1 -o m.json")[2]
+    )
 
 
 def test_of_several_levels_each_is_asked_for_its_order(robust_command, tmp_path):
@@ -125,7 +158,12 @@ def test_a_fit_that_leaves_more_than_scatter_is_named(robust_command):
         return plant(s) + 0.08 * 4e4 / (s * s + 4 * s + 4e4)
 
     size = np.abs(softer(2j * np.pi * F))
-    save(make_bla(softer, F, f0=0.5, sigma_noise=0.01 * size, sigma_distortion=0.05 * size, rng=3, fs=1000), "two.npz")
+    save(
+        make_bla(
+            softer, F, f0=0.5, sigma_noise=0.01 * size, sigma_distortion=0.05 * size, rng=3, fs=1000
+        ),
+        "two.npz",
+    )
     code, out, _ = robust_command("model two.npz --poles 2 -o m.json")
     assert code == 0
     assert "order: 2 poles and" in unwrapped(out)
@@ -134,10 +172,14 @@ def test_a_fit_that_leaves_more_than_scatter_is_named(robust_command):
 
 
 def test_a_controller_and_a_record_from_matlab(robust_command, tmp_path):
-    """A record by its names, its units by an option, and a controller by its matrices: names are given once."""
+    """A record by its names, its units by an option, and a controller by its matrices: names are
+    given once.
+    """
     ms = nlfrf.multisine("special-odd", fs=512, n_samples=1024, f_min=1, f_max=150, rng=1)
     u, f = np.tile(ms.u[0], 2), np.fft.rfftfreq(2048, 1 / 512)
-    y = np.fft.irfft(plant(2j * np.pi * f) * np.fft.rfft(u)) + 0.01 * np.random.default_rng(0).standard_normal(2048)
+    y = np.fft.irfft(plant(2j * np.pi * f) * np.fft.rfft(u)) + 0.01 * np.random.default_rng(
+        0
+    ).standard_normal(2048)
     savemat("run.mat", {"force": u, "position": y, "command": u, "fs": 512.0})
     record = nlfrf.load_record("run.mat", u="force", y="position", n_samples=1024)
     save(nlfrf.identify(replace(record, input_units=("N",), output_units=("m",))), "G.npz")
@@ -147,7 +189,10 @@ def test_a_controller_and_a_record_from_matlab(robust_command, tmp_path):
     code, out, err = robust_command("check m.json K.mat --no-certify")
     assert "warning: K.mat has no computation delay" in err
     assert out == robust_command("check m.json K.json --no-certify --delay 0")[1]
-    assert "computation delay" not in robust_command("check m.json K.mat --no-certify --delay 0.001")[2]
+    assert (
+        "computation delay"
+        not in robust_command("check m.json K.mat --no-certify --delay 0.001")[2]
+    )
     records = ("run.mat", "own.npz", "run.mat --reference command")
     for command in (f"--record {one} --bla G.npz" for one in records):
         save(record, "own.npz")
@@ -164,7 +209,9 @@ def test_a_controller_and_a_record_from_matlab(robust_command, tmp_path):
 
 
 def told_as_json(robust_command):
-    """Verdicts for programs: JSON alone on standard output, long arrays by shape, and exit codes."""
+    """Verdicts for programs: JSON alone on standard output, long arrays by shape, and exit
+    codes.
+    """
     code, out, err = robust_command("check m.json K.json Km.json --delay 0.001 --json -o all.txt")
     told = json.loads(out)
     assert code == 0
@@ -178,7 +225,10 @@ def told_as_json(robust_command):
     code, out, _ = robust_command("verify all-K.certificate.json --json")
     assert (code, json.loads(out)["verified"]) == (0, True)
     code, out, _ = robust_command("check m.json K.json --delay 0.001 --bandwidth 5 --json")
-    assert (code, json.loads(out)["K.json"]["proofs"]["robust_performance"]) == (1, False)  # more than the set allows
+    assert (code, json.loads(out)["K.json"]["proofs"]["robust_performance"]) == (
+        1,
+        False,
+    )  # more than the set allows
     code, out, err = robust_command(
         "design m.json --method pid --structure P --bandwidth 20 --peak 1.2 -o s.json --json"
     )
@@ -205,7 +255,10 @@ def test_a_shell_is_taught_the_commands(monkeypatch, capsys):
         ("model bla.npz --poles 2 --form cubic -o m.json", "form must be one of"),
         ("model bla.npz --poles 2 --above steep -o m.json", "above must be a number"),
         ("model bla.npz --poles 2 -o nowhere/m.json", "existing folder"),
-        ("model bla.npz --poles 2 -o m.json --picture m.xyz", "picture must be a file that matplotlib writes"),
+        (
+            "model bla.npz --poles 2 -o m.json --picture m.xyz",
+            "picture must be a file that matplotlib writes",
+        ),
         (
             "design bla.npz --bandwidth 5 -o K.json",
             "path must hold a model, got bla.npz, which is a BLA; go on with: robust model bla.npz",
@@ -213,28 +266,46 @@ def test_a_shell_is_taught_the_commands(monkeypatch, capsys):
         ("check m.json nothing.json", "nothing.json"),
         (
             "check K.json K.json",
-            "must hold a model, got K.json, which is a controller; go on with: robust check MODEL K.json",
+            (
+                "must hold a model, got K.json, which is a controller; go on with: robust check"
+                " MODEL K.json"
+            ),
         ),
         (
             "check m.json m.json",
-            "must hold a controller, got m.json, which is a model; go on with: robust design m.json",
+            (
+                "must hold a controller, got m.json, which is a model; go on with: robust design"
+                " m.json"
+            ),
         ),
         ("check m.json K.json --solver MOSEK", "solver must be one of"),
         ("check m.json K.json --delay -1", "delay must be zero or positive"),
         ("check m.json K.json --bandwidth 0", "bandwidth must be positive, got 0"),
         (
             "design m.json --bandwidth 900 --sample-time 0.001 -o K2.json",
-            "--bandwidth must be at most half the Nyquist frequency, 1570.8 rad/s (250 Hz), got 5654.87 rad/s (900 Hz)",
+            (
+                "--bandwidth must be at most half the Nyquist frequency, 1570.8 rad/s (250 Hz), got"
+                " 5654.87 rad/s (900 Hz)"
+            ),
         ),
         ("design m.json -o K2.json", "bandwidth must be given"),
         ("design m.json --method lqg -o K2.json", "method must be one of"),
         ("design m.json --method PID --structure PIDD -o K2.json", "structure must be one of"),
-        ("design bla.npz --method pid --bandwidth 9000 -o K2.json", "--bandwidth must lie within the lines, "),
+        (
+            "design bla.npz --method pid --bandwidth 9000 -o K2.json",
+            "--bandwidth must lie within the lines, ",
+        ),
         ("export m.json -o m.xyz", "out must end in .mat, .csv, .h, .st or .py"),
         ("export m.json -o m.csv", "path must hold a controller"),
         ("export m.json -o m.h", "path must hold a controller"),
-        ("export K.json -o K.mat --limit 3", "--dtype, --limit and --rounded must be left out except for .h and .st"),
-        ("export K.json -o K.h --dtype half", "dtype must be one of 'float32', 'float64', got 'half'"),
+        (
+            "export K.json -o K.mat --limit 3",
+            "--dtype, --limit and --rounded must be left out except for .h and .st",
+        ),
+        (
+            "export K.json -o K.h --dtype half",
+            "dtype must be one of 'float32', 'float64', got 'half'",
+        ),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_two(robust_command, command, message, tmp_path):
@@ -310,7 +381,10 @@ def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):
     y += 2e-3 * y.std() * np.random.default_rng(0).standard_normal(y.shape)
     frm = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=256, lines=ms.lines), transient="none")
     nlfrf.save(frm, "G.npz")
-    command = "model G.npz --poles 4 --sample-time 0.00390625 --form additive --order 2 -o m.json --picture m.png"
+    command = (
+        "model G.npz --poles 4 --sample-time 0.00390625 --form additive --order 2 -o m.json"
+        " --picture m.png"
+    )
     code, out, err = robust_command(command)
     assert not code, err
     assert "additive uncertainty with 2 outputs and 2 inputs" in out
@@ -323,19 +397,26 @@ def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):
     assert re.search(r"small\.json:\nverdict: +STATISTICALLY ROBUST", out)
     assert re.search(r"large\.json:\nverdict: +NOT ROBUST", out)
     assert "STATISTICALLY ROBUST" in (tmp_path / "r-small.txt").read_text()
-    code, out, err = robust_command("verify r-small.certificate.json --model m.json --controller small.json")
+    code, out, err = robust_command(
+        "verify r-small.certificate.json --model m.json --controller small.json"
+    )
     assert (code, out.splitlines()[-1]) == (0, "VERIFIED"), err
     code, out, err = robust_command("export r-small.certificate.json -o proof.mat")
     assert (code, (tmp_path / "load_proof.m").exists()) == (0, True), err
     for picture in ("m.png", "c-small.png", "c-large.png"):
         assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
-    code, out, err = robust_command("check m.json small.json --bandwidth 0.01 --peak 4 --no-certify")
+    code, out, err = robust_command(
+        "check m.json small.json --bandwidth 0.01 --peak 4 --no-certify"
+    )
     assert re.search(r"performance: +\S+ at .*max mu, allowed is 1", " ".join(out.split()))
     code, out, err = robust_command("export m.json -o m.mat")
     assert not code, err
     code, _, err = robust_command("shape m.json -o s.html")
     assert code == 2
-    assert "model must have one input and output for this command, got m.json with 2 outputs by 2 inputs" in err
+    assert (
+        "model must have one input and output for this command, got m.json with 2 outputs by 2"
+        " inputs" in err
+    )
     code, out, err = robust_command("report m.json small.json -o r.html --bla G.npz")
     assert not code, err
     assert "statistically robust" in out
@@ -350,7 +431,9 @@ def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):
     code, _, err = robust_command("design m.json --method mixsyn --bandwidth 3 -o K.json")
     assert code == 2
     assert "use dk_iteration for its perturbation" in err
-    code, _, err = robust_command("model G.npz G.npz --poles 2 --form elements -o n.json --picture n.png")
+    code, _, err = robust_command(
+        "model G.npz G.npz --poles 2 --form elements -o n.json --picture n.png"
+    )
     assert not code, err
     assert load(tmp_path / "n.json").origin.source.count("random-odd multisine") == 2
     assert (tmp_path / "n.png").read_bytes().startswith(b"\x89PNG")
@@ -366,14 +449,23 @@ def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):
     ("command", "message"),
     [
         ("design m.json --bandwidth -6 -o K.json", "bandwidth must be positive, got -6"),
-        ("design m.json --method mixsyn --bandwidth 6 --peak 0.5 -o K.json", "--peak must be above 1"),
+        (
+            "design m.json --method mixsyn --bandwidth 6 --peak 0.5 -o K.json",
+            "--peak must be above 1",
+        ),
         ("check m.json K.json --bandwidth 1 --error -1", "error must be positive, got -1"),
-        ("check m.json K.json a/K.json -o r.txt", "controller must be files of different names, got K.json, a/K.json"),
+        (
+            "check m.json K.json a/K.json -o r.txt",
+            "controller must be files of different names, got K.json, a/K.json",
+        ),
     ],
 )
 def test_messages_name_the_option_in_its_own_unit(robust_command, command, message, tmp_path):
     G, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
-    save(UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2])), "m.json")
+    save(
+        UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2])),
+        "m.json",
+    )
     (tmp_path / "a").mkdir()
     for path in ("K.json", "a/K.json"):
         save(2.0, path)
@@ -384,7 +476,10 @@ def test_messages_name_the_option_in_its_own_unit(robust_command, command, messa
 
 def test_a_controller_is_checked_with_the_delay_it_was_designed_for(robust_command):
     assert robust_command("model bla.npz --poles 2 --zeros 0 --order 2 -o m.json")[0] == 0
-    assert robust_command("design m.json --bandwidth 6 --sample-time 0.001 --delay 0.002 -o K.json")[0] == 0
+    assert (
+        robust_command("design m.json --bandwidth 6 --sample-time 0.001 --delay 0.002 -o K.json")[0]
+        == 0
+    )
     assert json.loads(Path("K.json").read_text())["delay"] == 0.002
     _, stored, err = robust_command("check m.json K.json --no-certify")
     assert "designed for" not in err
@@ -405,7 +500,10 @@ def test_the_check_warns_of_thin_margins_as_its_peak_says(robust_command):
     assert (code, "thin margins" in page) == (0, largest > 2)
     for peak, warned in ((0.9 * largest, True), (1.1 * largest, False)):
         code, page, _ = robust_command(f"check m.json K.json --peak {peak}")
-        assert (code, f"thin margins: |S| reaches {largest:.3g} over the set" in " ".join(page.split())) == (0, warned)
+        assert (
+            code,
+            f"thin margins: |S| reaches {largest:.3g} over the set" in " ".join(page.split()),
+        ) == (0, warned)
     assert robust_command("check m.json K.json --peak 0")[0] == 2
 
 
@@ -422,19 +520,33 @@ def test_a_continuous_design_has_its_delay(robust_command):
 @pytest.mark.parametrize(
     ("command", "message"),
     [
-        ("design m.json --bandwidth 6 --sample-time 0.001 --delay 0.5 -o K.json", "for 0.5 ms give --delay 0.0005"),
-        ("design bla.npz --method pid --positive --sample-time 0.001 --delay 0.5 -o K.json", "periods of 0.001 s"),
+        (
+            "design m.json --bandwidth 6 --sample-time 0.001 --delay 0.5 -o K.json",
+            "for 0.5 ms give --delay 0.0005",
+        ),
+        (
+            "design bla.npz --method pid --positive --sample-time 0.001 --delay 0.5 -o K.json",
+            "periods of 0.001 s",
+        ),
         (
             "check m.json old.json --delay 0.5",
             "at most 50 sampling periods of 0.001 s, got 0.5 s, which is 500 periods",
         ),
         ("shape m.json --sample-time 0.001 --delay 0.5 -o s.html", "delay must be in seconds"),
-        ("check md.json 2.json", "robust.lti.discretize(K, 0.001), or robust design --sample-time 0.001"),
+        (
+            "check md.json 2.json",
+            "robust.lti.discretize(K, 0.001), or robust design --sample-time 0.001",
+        ),
     ],
 )
 def test_units_and_clocks_are_named(robust_command, command, message):
     assert robust_command("model bla.npz --poles 2 --zeros 0 --order 2 -o m.json")[0] == 0
-    assert robust_command("model bla.npz --poles 2 --zeros 0 --order 2 --sample-time 0.001 -o md.json")[0] == 0
+    assert (
+        robust_command(
+            "model bla.npz --poles 2 --zeros 0 --order 2 --sample-time 0.001 -o md.json"
+        )[0]
+        == 0
+    )
     save(control.tf([1], [1, 0], 0.001), "old.json")
     save(control.tf([1], [1, 1]), "2.json")
     code, _, err = robust_command(command)
@@ -443,7 +555,9 @@ def test_units_and_clocks_are_named(robust_command, command, message):
 
 
 def test_a_plant_that_may_be_two_is_not_decided(robust_command):
-    """Five lines with discs of 0.9 of the plant leave its sign open: exit code 3, and no rows for a PLC."""
+    """Five lines with discs of 0.9 of the plant leave its sign open: exit code 3, and no rows for a
+    PLC.
+    """
     f = np.geomspace(0.5, 1.5, 5)
     G = control.tf([100], [1, 17, 0])(2j * np.pi * f)
     save(nlfrf.bla_from_frf(f, G * (1 + 0.2j), std=0.55 * np.abs(G)), "open.npz")
@@ -451,7 +565,9 @@ def test_a_plant_that_may_be_two_is_not_decided(robust_command):
     assert code == 3
     assert "STABILITY NOT DECIDED; stability not decided: below its first line at 0.5 Hz" in out
     assert "TwinCAT" not in out
-    code, out, _ = robust_command("design open.npz --method pid --structure P --peak 4 -o K.json --json")
+    code, out, _ = robust_command(
+        "design open.npz --method pid --structure P --peak 4 -o K.json --json"
+    )
     assert (code, json.loads(out)["stability"]) == (3, "undecided")
     code, _, err = robust_command("design m.json --plant-integrators 0 --bandwidth 3 -o K.json")
     assert code == 2
@@ -459,7 +575,9 @@ def test_a_plant_that_may_be_two_is_not_decided(robust_command):
 
 
 def test_limits_that_are_not_met_are_not_called_held(robust_command):
-    code, out, _ = robust_command("design bla.npz --method pid --peak 0.9 --sample-time 0.001 -o K.json")
+    code, out, _ = robust_command(
+        "design bla.npz --method pid --peak 0.9 --sample-time 0.001 -o K.json"
+    )
     assert code == 1
     assert "LIMITS NOT MET" in out
     assert "held" not in out

@@ -1,4 +1,6 @@
-"""The last column of a CSV file, as trials of a learning loop are stored: any separator, decimal point or comma."""
+"""The last column of a CSV file, as trials of a learning loop are stored: any separator, decimal
+point or comma.
+"""
 
 import numpy as np
 import pytest
@@ -39,7 +41,10 @@ def test_whole_numbers_in_two_columns_are_two_columns(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("0,000\n0,023\n", "must have a line of names, or decimal points, got '0,000': one number or two columns"),
+        (
+            "0,000\n0,023\n",
+            "must have a line of names, or decimal points, got '0,000': one number or two columns",
+        ),
         ("t,e\n0,1\n1,\n", "must have numbers in its last column"),
         ("t,e\n0,1.5\n1\n", "must have equally many columns in every row"),
         ("", "must have numbers in its last column, got no rows"),

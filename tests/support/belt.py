@@ -12,8 +12,12 @@ NAMES = ("Zeit [s]", "Kraft [N]", "Position [mm]")
 
 @cache
 def run(n_periods=3):
-    """Force [N] and position of the motor [mm] of two masses on a belt, the second with Coulomb friction."""
-    ms = nlfrf.multisine("random-odd", fs=FS, n_samples=PERIOD, f_min=0.5, f_max=100, rms=1.0, rng=3)
+    """Force [N] and position of the motor [mm] of two masses on a belt, the second with Coulomb
+    friction.
+    """
+    ms = nlfrf.multisine(
+        "random-odd", fs=FS, n_samples=PERIOD, f_min=0.5, f_max=100, rms=1.0, rng=3
+    )
     force = np.tile(ms.u[0], n_periods + 1)
     k, c, step = 8e3, 6.0, 1 / FS / 4
     x1 = v1 = x2 = v2 = 0.0
@@ -37,6 +41,8 @@ def write_log(path, lost=(), names=NAMES, n_periods=3, time=True):
     rows = np.delete(np.arange(u.size), list(lost))
     columns = [*([rows / FS] if time else []), u[rows], y[rows]]
     lines = [";".join(names if time else names[1:])]
-    lines += [";".join(f"{x:.6f}".replace(".", ",") for x in row) for row in zip(*columns, strict=True)]
+    lines += [
+        ";".join(f"{x:.6f}".replace(".", ",") for x in row) for row in zip(*columns, strict=True)
+    ]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path

@@ -24,8 +24,9 @@ def make_bla(
 ):
     """A Bla scattered about G(j omega) (callable, or an array at f) with known standard deviations.
 
-    The sigmas are absolute, scalars or one per line. The stated variances are drawn too: chi-square over its
-    `dof` complex degrees of freedom, as an estimate would be. rng=None: no scatter, the true variances.
+    The sigmas are absolute, scalars or one per line. The stated variances are drawn too: chi-square
+    over its `dof` complex degrees of freedom, as an estimate would be. rng=None: no scatter, the
+    true variances.
     """
     f = np.asarray(f, dtype=float)
     f0 = f0 if f0 is not None else float(f[0])

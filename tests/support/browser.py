@@ -1,4 +1,6 @@
-"""A headless Chromium for the tests, spoken to over a pipe by its own protocol: what a page does when it is opened."""
+"""A headless Chromium for the tests, spoken to over a pipe by its own protocol: what a page does
+when it is opened.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +17,20 @@ import pytest
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 FLAGS = (
-    *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--hide-scrollbars"),
-    *("--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage"),
+    *(
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--disable-quic",
+        "--no-first-run",
+        "--hide-scrollbars",
+    ),
+    *(
+        "--disable-background-networking",
+        "--disable-component-update",
+        "--disable-sync",
+        "--disable-dev-shm-usage",
+    ),
     "--remote-debugging-pipe",
 )
 PATIENCE = 60.0  # seconds for any one answer
@@ -65,8 +79,14 @@ class Page:
         """Keep errors, requests and loads."""
         method, params = event.get("method"), event.get("params", {})
         if method == "Runtime.exceptionThrown":
-            self.errors.append(params["exceptionDetails"].get("text", "") + str(params["exceptionDetails"]))
-        elif method == "Runtime.consoleAPICalled" and params["type"] in ("error", "warning", "assert"):
+            self.errors.append(
+                params["exceptionDetails"].get("text", "") + str(params["exceptionDetails"])
+            )
+        elif method == "Runtime.consoleAPICalled" and params["type"] in (
+            "error",
+            "warning",
+            "assert",
+        ):
             self.errors.append(str(params["args"]))
         elif method == "Log.entryAdded" and params["entry"]["level"] in ("error", "warning"):
             self.errors.append(params["entry"]["text"] + " " + params["entry"].get("url", ""))
@@ -87,21 +107,33 @@ class Page:
 
     def run(self, expression):
         """The value of an expression in the page."""
-        answer = self.ask("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
+        answer = self.ask(
+            "Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True
+        )
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
 
     def wait(self, promise):
-        """What a promise brings; the page holds it while it waits, for Chromium may collect one that nothing holds."""
+        """What a promise brings; the page holds it while it waits, for Chromium may collect one
+        that nothing holds.
+        """
         return self.run(f"globalThis.waited = {promise}")
 
     def pdf(self):
         """The page as it prints."""
-        return base64.b64decode(self.ask("Page.printToPDF", printBackground=True, preferCSSPageSize=True)["data"])
+        return base64.b64decode(
+            self.ask("Page.printToPDF", printBackground=True, preferCSSPageSize=True)["data"]
+        )
 
     def screenshot(self, path, width=1300, height=2400):
         """The page as a person sees it."""
-        self.ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+        self.ask(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=False,
+        )
         path.write_bytes(base64.b64decode(self.ask("Page.captureScreenshot")["data"]))
 
 

@@ -1,4 +1,6 @@
-"""Compile the kernels that most tests use, so that not every process does: python -m tests.support.compiled."""
+"""Compile the kernels that most tests use, so that not every process does: python -m
+tests.support.compiled.
+"""
 
 import control
 import numpy as np
@@ -9,9 +11,13 @@ from nlfrf.rig import Rig, run, two_axis_stage
 
 
 def compile_kernels():
-    """Run once what a kernel is compiled for: open and closed loops, a stage, a drive, friction along a motion."""
+    """Run once what a kernel is compiled for: open and closed loops, a stage, a drive, friction
+    along a motion.
+    """
     ms = nlfrf.multisine(fs=1024, n_samples=256, f_min=8, f_max=100, rng=1)
-    several = nlfrf.multisine("random-odd", fs=512, n_samples=256, f_min=2, f_max=100, n_inputs=2, rng=1)
+    several = nlfrf.multisine(
+        "random-odd", fs=512, n_samples=256, f_min=2, f_max=100, n_inputs=2, rng=1
+    )
     lugre = LuGre(sigma0=64e3, sigma1=80.0, sigma2=0.0, Fc=0.7, Fs=1.0, vs=0.01)
     for rig in (nlfrf.paper_rig(), Rig(1.0, 80e3, lugre)):
         nlfrf.simulate(rig, ms, n_periods=2)

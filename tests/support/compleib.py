@@ -1,4 +1,6 @@
-"""A dozen small problems of COMPleib (Leibfritz 2004), as numbers: each row of the five matrices as it is published."""
+"""A dozen small problems of COMPleib (Leibfritz 2004), as numbers: each row of the five matrices as
+it is published.
+"""
 
 import control
 import numpy as np
@@ -21,7 +23,12 @@ BEST = {
 #: A, B1, B, C1, C, D11, D12, D21 by rows; None: zero.
 MATRICES = {
     "AC15": (
-        [[-0.037, 0.0123, 0.00055, -1], [0, 0, 1, 0], [-6.37, 0, -0.23, 0.0618], [1.25, 0, 0.016, -0.0457]],
+        [
+            [-0.037, 0.0123, 0.00055, -1],
+            [0, 0, 1, 0],
+            [-6.37, 0, -0.23, 0.0618],
+            [1.25, 0, 0.016, -0.0457],
+        ],
         [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],
         [[0.00084, 0.000236], [0, 0], [0.08, 0.804], [-0.0862, -0.0665]],
         [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1], [0, 0, 0, 0], [0, 0, 0, 0]],
@@ -31,7 +38,12 @@ MATRICES = {
         None,
     ),
     "AC17": (
-        [[-2.98, 0.93, 0, -0.034], [-0.99, -0.21, 0.035, -0.0011], [0, 0, 0, 1], [0.39, -5.555, 0, -1.89]],
+        [
+            [-2.98, 0.93, 0, -0.034],
+            [-0.99, -0.21, 0.035, -0.0011],
+            [0, 0, 0, 1],
+            [0.39, -5.555, 0, -1.89],
+        ],
         [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],
         [[-0.032], [0], [0], [-1.6]],
         [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],
@@ -56,7 +68,12 @@ MATRICES = {
         None,
     ),
     "MFP": (
-        [[0, 0, 1, 0], [0, 0, 0, 1], [-0.101, -0.1681, -0.04564, -0.01075], [0.06082, -2.1407, -0.05578, -0.1273]],
+        [
+            [0, 0, 1, 0],
+            [0, 0, 0, 1],
+            [-0.101, -0.1681, -0.04564, -0.01075],
+            [0.06082, -2.1407, -0.05578, -0.1273],
+        ],
         [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],
         [[0, 0, 0], [0, 0, 0], [0.1179, 0.1441, 0.1476], [0.1441, 1.7057, -0.7557]],
         [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],
@@ -179,7 +196,9 @@ MATRICES = {
 
 def problem(name):
     """(P, n_y, n_u) of a problem."""
-    A, B1, B, C1, C, D11, D12, D21 = (None if M is None else np.array(M, dtype=float) for M in MATRICES[name])
+    A, B1, B, C1, C, D11, D12, D21 = (
+        None if M is None else np.array(M, dtype=float) for M in MATRICES[name]
+    )
     n = A.shape[0]
     B1, C1 = np.zeros((n, 1)) if B1 is None else B1, np.zeros((1, n)) if C1 is None else C1
     D11 = np.zeros((C1.shape[0], B1.shape[1])) if D11 is None else D11
@@ -190,10 +209,16 @@ def problem(name):
 
 def generalised(problems, name):
     """(P, n_y, n_u) of a problem of the whole collection, a mapping with keys like "AC1/A"."""
-    return joined(*(problems[f"{name}/{key}"] for key in ("A", "B1", "B", "C1", "C", "D11", "D12", "D21")))
+    return joined(
+        *(problems[f"{name}/{key}"] for key in ("A", "B1", "B", "C1", "C", "D11", "D12", "D21"))
+    )
 
 
 def joined(A, B1, B, C1, C, D11, D12, D21):
     """From (w, u) to (z, y)."""
     D = np.block([[D11, D12], [D21, np.zeros((C.shape[0], B.shape[1]))]])
-    return control.StateSpace(A, np.hstack([B1, B]), np.vstack([C1, C]), D, 0), C.shape[0], B.shape[1]
+    return (
+        control.StateSpace(A, np.hstack([B1, B]), np.vstack([C1, C]), D, 0),
+        C.shape[0],
+        B.shape[1],
+    )

@@ -9,7 +9,9 @@ WITH_PERFORMANCE = [*BLOCKS, (2, 2)]
 
 
 def plant():
-    """P from (u_Delta, w, u) to (y_Delta, z, e): w_I on the input, w_P on the output, e = -(G u + w)."""
+    """P from (u_Delta, w, u) to (y_Delta, z, e): w_I on the input, w_P on the output, e = -(G u +
+    w).
+    """
     w_I = control.ss([[-2.0]], [[1.0]], [[-3.6]], [[2.0]])  # (s + 0.2)/(0.5 s + 1)
     w_P = control.ss([[-1e-6]], [[1.0]], [[0.05]], [[0.5]])  # (s/2 + 0.05)/s with a slow pole
     lag = control.ss([[-1 / 75]], [[1.0]], [[1 / 75]], [[0.0]])

@@ -1,4 +1,6 @@
-"""Friction read from records once: to read the same records again takes seconds and gives the same fit."""
+"""Friction read from records once: to read the same records again takes seconds and gives the same
+fit.
+"""
 
 import pickle
 import warnings
@@ -12,7 +14,9 @@ _FITS = {}
 
 
 def identify_once(records, **how):
-    """Return what `identify_friction` returns, and warn as it does; of records that were read before from memory."""
+    """Return what `identify_friction` returns, and warn as it does; of records that were read
+    before from memory.
+    """
     key = sha256(pickle.dumps((list(records), sorted(how.items())))).digest()
     if key not in _FITS:
         with warnings.catch_warnings(record=True) as seen:

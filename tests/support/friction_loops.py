@@ -8,7 +8,8 @@ from robust.friction.plant import friction_loop, friction_plant
 
 T = 1e-3
 RIG = friction_plant(1.0, 80e3, 0.4)
-#: (Kp, Ki, Kd, delay) and the largest K0 of the weights for stiction 1.05, 1/0.7 and 2, the lowest unstable spring.
+# : (Kp, Ki, Kd, delay) and the largest K0 of the weights for stiction 1.05, 1/0.7 and 2, the lowest
+# unstable spring.
 ORACLES = {
     "P1": ((20e3, 3e5, 60.0, 0.0), (1.826e6, 2.303e5, 9.88e4), 1.826e6),
     "P2": ((-10e3, 2e6, 150.0, 0.0), (1.337e6, 1.562e5, 6.69e4), 2.318e6),
@@ -33,9 +34,11 @@ def oracle_loop(name):
 
 
 class Element:
-    """A spring in series with a slider whose limits are drawn anew whenever it sticks: a member of the class.
+    """A spring in series with a slider whose limits are drawn anew whenever it sticks: a member of
+    the class.
 
-    It moves with a loop in short exact steps; where it breaks away within a step, its limit was what it holds then.
+    It moves with a loop in short exact steps; where it breaks away within a step, its limit was
+    what it holds then.
     """
 
     def __init__(self, k, W, rho, rng):
@@ -48,7 +51,9 @@ class Element:
         self.level = self.rng.uniform(self.W / self.rho, self.limit)
 
     def after(self, force, v):
-        """Commit a step that ended with the force of a stuck element, or with a slip, at the velocity v."""
+        """Commit a step that ended with the force of a stuck element, or with a slip, at the
+        velocity v.
+        """
         if self.slips:
             if v * self.slips <= 0:
                 self.slips = 0.0
@@ -61,7 +66,9 @@ class Element:
 
 
 def motion(loop, elements, xi, rates, n_samples, steps=40):
-    """(n_samples, ...) state, filtered friction and elastic force just before each sample, elements and all."""
+    """(n_samples, ...) state, filtered friction and elastic force just before each sample, elements
+    and all.
+    """
     n, J = xi.size, rates.size
     filters = np.zeros(J)
     h = loop.T / steps

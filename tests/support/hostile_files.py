@@ -1,4 +1,6 @@
-"""Measurement files made to do harm: to fill the memory, to show other files, to command the terminal, to run code."""
+"""Measurement files made to do harm: to fill the memory, to show other files, to command the
+terminal, to run code.
+"""
 
 import io
 import re
@@ -27,7 +29,9 @@ NAMES = (
     "</script><script>alert(1)",
     "a\x00b",
 )
-COMMANDS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+COMMANDS = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
+)
 
 
 def npz_of(path, members, method=zipfile.ZIP_DEFLATED):
@@ -54,7 +58,9 @@ def header(shape, kind="<f8"):
 
 
 def bomb(path, gigabytes):
-    """A whole NPZ of one array of zeros, a thousandth of its size: one deflated block, over and over."""
+    """A whole NPZ of one array of zeros, a thousandth of its size: one deflated block, over and
+    over.
+    """
     block = bytes(1 << 20)
     n = int(gigabytes * 1e9) >> 20
     first = header(((n << 20) // 8,))
@@ -68,14 +74,24 @@ def bomb(path, gigabytes):
     size = len(first) + (n << 20)
     about = struct.pack("<5H3I2H", 20, 0, 8, 0, 33, check, len(packed), size, 5, 0)
     local = b"PK\x03\x04" + about + b"u.npy"
-    central = b"PK\x01\x02" + struct.pack("<H", 20) + about + struct.pack("<3H2I", 0, 0, 0, 0, 0) + b"u.npy"
-    end = b"PK\x05\x06" + struct.pack("<4H2IH", 0, 0, 1, 1, len(central), len(local) + len(packed), 0)
+    central = (
+        b"PK\x01\x02"
+        + struct.pack("<H", 20)
+        + about
+        + struct.pack("<3H2I", 0, 0, 0, 0, 0)
+        + b"u.npy"
+    )
+    end = b"PK\x05\x06" + struct.pack(
+        "<4H2IH", 0, 0, 1, 1, len(central), len(local) + len(packed), 0
+    )
     path.write_bytes(local + packed + central + end)
     return path
 
 
 def npz_lies(folder, rng):
-    """A header that contradicts its member: other shapes, types of no size, names twice, objects, no array at all."""
+    """A header that contradicts its member: other shapes, types of no size, names twice, objects,
+    no array at all.
+    """
     u = member(np.arange(64.0))
     big = int(rng.integers(1, 1 << 40))
     attacks = [
@@ -120,12 +136,16 @@ def table_expands(folder, rng):
     width = int(rng.integers(3000, 6000))
     wide = ",".join(["1"] * width) + "\n"
     path = folder / "short.csv"
-    path.write_text(wide * (2 * HEAD_BYTES // len(wide)) + "1\n" * int(rng.integers(400_000, 800_000)))
+    path.write_text(
+        wide * (2 * HEAD_BYTES // len(wide)) + "1\n" * int(rng.integers(400_000, 800_000))
+    )
     return path
 
 
 def elsewhere(folder, rng):
-    """HDF5, of MATLAB or not, whose numbers lie in other files: external storage, virtual datasets, links."""
+    """HDF5, of MATLAB or not, whose numbers lie in other files: external storage, virtual datasets,
+    links.
+    """
     import h5py
 
     raw, other = folder / "secret.bin", folder / "secret.h5"
@@ -156,7 +176,9 @@ def elsewhere(folder, rng):
 
 
 def attached(folder, rng):
-    """MDF whose channel has another file as its attachment; TDMS with an index beside it that speaks of other data."""
+    """MDF whose channel has another file as its attachment; TDMS with an index beside it that
+    speaks of other data.
+    """
     if rng.integers(2):
         return mdf_attached(folder)
     files.write_tdms(folder / "run.tdms")
@@ -167,7 +189,9 @@ def attached(folder, rng):
 
 
 def mdf_attached(folder):
-    """An MDF file whose channel has another file as its attachment: saved inside, and then said to be outside."""
+    """An MDF file whose channel has another file as its attachment: saved inside, and then said to
+    be outside.
+    """
     import asammdf
 
     secret = folder / "secret.dbc"
@@ -177,7 +201,9 @@ def mdf_attached(folder):
         file.append([asammdf.Signal(files.U, files.T, name="u", unit="N", attachment=inside)])
         path = file.save(folder / "attached.mf4", overwrite=True)
     content = bytearray(path.read_bytes())
-    content[content.index(b"##AT") + 56] &= 0xFE  # the flag behind a head of 24 bytes and four links
+    content[content.index(b"##AT") + 56] &= (
+        0xFE  # the flag behind a head of 24 bytes and four links
+    )
     path.write_bytes(content)
     return path
 
@@ -189,7 +215,14 @@ def named(folder, rng):
     suffix = (".npz", ".csv", ".h5", ".parquet", ".tdms", ".uff", ".mf4", ".lvm")[rng.integers(8)]
     path = folder / f"named{suffix}"
     if suffix == ".npz":
-        np.savez(path, **{u.replace("\0", ""): files.U, y.replace("\0", ""): files.Y, "u_unit": np.array(unit)})
+        np.savez(
+            path,
+            **{
+                u.replace("\0", ""): files.U,
+                y.replace("\0", ""): files.Y,
+                "u_unit": np.array(unit),
+            },
+        )
     elif suffix in (".csv", ".lvm"):
         quoted = ['"' + name.replace('"', "") + '"' for name in (u, y)]
         path.write_text("\n".join(["t," + ",".join(quoted), *files_rows()]), encoding="utf-8")
@@ -199,21 +232,26 @@ def named(folder, rng):
         with h5py.File(path, "w") as file:
             for name, data in ((u, files.U), (y, files.Y)):
                 file[name.replace("\0", "").replace("/", "_")] = data
-                file[name.replace("\0", "").replace("/", "_")].attrs["unit"] = unit.replace("\0", "")
+                file[name.replace("\0", "").replace("/", "_")].attrs["unit"] = unit.replace(
+                    "\0", ""
+                )
     elif suffix == ".parquet":
         import pyarrow as pa
         from pyarrow import parquet
 
         fields = [pa.field(name, pa.float64(), metadata={"unit": unit}) for name in (u, y)]
         parquet.write_table(
-            pa.Table.from_arrays([pa.array(files.U), pa.array(files.Y)], schema=pa.schema(fields)), path
+            pa.Table.from_arrays([pa.array(files.U), pa.array(files.Y)], schema=pa.schema(fields)),
+            path,
         )
     elif suffix == ".tdms":
         import nptdms
 
         with nptdms.TdmsWriter(str(path)) as writer:
             about = {"wf_increment": 1e-3, "unit_string": unit}
-            writer.write_segment([nptdms.ChannelObject("run", name, files.U, properties=about) for name in (u, y)])
+            writer.write_segment(
+                [nptdms.ChannelObject("run", name, files.U, properties=about) for name in (u, y)]
+            )
     elif suffix == ".mf4":
         import asammdf
 
@@ -222,7 +260,9 @@ def named(folder, rng):
             return file.save(path, overwrite=True)
     else:
         files.write_uff(path)
-        path.write_bytes(path.read_bytes().replace(b"\nu ", b"\nu\x1b[2J ").replace(b" N ", b" \x1b[ "))
+        path.write_bytes(
+            path.read_bytes().replace(b"\nu ", b"\nu\x1b[2J ").replace(b" N ", b" \x1b[ ")
+        )
     return path
 
 
@@ -244,18 +284,30 @@ FAMILIES = {
 
 
 def harm_of(path):
-    """What reading a file did that it must not: nothing where it was refused in one clean line, or read cleanly."""
+    """What reading a file did that it must not: nothing where it was refused in one clean line, or
+    read cleanly.
+    """
     try:
         found = read_channels(path)
     except ValueError as error:
         said = str(error)
         return f"refused in {said!r}" * bool("\n" in said or COMMANDS.search(said))
-    texts = [*found.arrays, *found.units, *found.units.values(), *found.notes, *found.notes.values()]
+    texts = [
+        *found.arrays,
+        *found.units,
+        *found.units.values(),
+        *found.notes,
+        *found.notes.values(),
+    ]
     texts += [found.text(name) for name in found.arrays]
     if wrong := [one for one in texts if "\n" in one or COMMANDS.search(one)]:
         return f"told {wrong[:3]}"
     size = sum(array.nbytes for array in found.arrays.values())
     if size > own_process.UNPACKED + FACTOR * path.stat().st_size:
         return f"read {size} bytes"
-    numbers = [array for array in found.arrays.values() if array.dtype.kind == "f" and array.shape == SECRET.shape]
+    numbers = [
+        array
+        for array in found.arrays.values()
+        if array.dtype.kind == "f" and array.shape == SECRET.shape
+    ]
     return "showed another file" * any(np.array_equal(array, SECRET) for array in numbers)

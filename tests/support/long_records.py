@@ -8,7 +8,9 @@ import nlfrf
 def written(path, n_samples, n_periods, noise=0.003, kept=False):
     """A record on disk: as an instrument writes it, or as this package does."""
     rng = np.random.default_rng(0)
-    ms = nlfrf.multisine(fs=1000, n_samples=n_samples, f_min=1000 / n_samples, f_max=2.5e5 / n_samples, rng=rng)
+    ms = nlfrf.multisine(
+        fs=1000, n_samples=n_samples, f_min=1000 / n_samples, f_max=2.5e5 / n_samples, rng=rng
+    )
     u = np.tile(ms.u[:, None], (1, n_periods, 1))
     y = u + 0.1 * u**3 + 0.01 * rng.standard_normal(u.shape)
     u += noise * rng.standard_normal(u.shape)

@@ -1,4 +1,6 @@
-"""One small experiment in the formats of others: a force u [N], a position y [mm], 1000 Hz, three periods of 250."""
+"""One small experiment in the formats of others: a force u [N], a position y [mm], 1000 Hz, three
+periods of 250.
+"""
 
 import numpy as np
 import scipy.io
@@ -13,7 +15,14 @@ T = np.arange(U.size) / FS
 
 
 def write_csv(path):
-    np.savetxt(path, np.column_stack([T, U, Y]), delimiter=";", header="t;u;y\ns;N;mm", comments="", fmt="%.6f")
+    np.savetxt(
+        path,
+        np.column_stack([T, U, Y]),
+        delimiter=";",
+        header="t;u;y\ns;N;mm",
+        comments="",
+        fmt="%.6f",
+    )
 
 
 def write_lvm(path):
@@ -22,12 +31,29 @@ def write_lvm(path):
 
 def lvm(x_columns="One", decimal="."):
     """Lines of a LabVIEW measurement file."""
-    head = ["LabVIEW Measurement\t", "Writer_Version\t2", "Separator\tTab", f"Decimal_Separator\t{decimal}"]
-    head += [f"X_Columns\t{x_columns}", "Time_Pref\tRelative", "***End_of_Header***\t", "\t", "Channels\t2\t\t"]
-    head += ["Samples\t750\t750\t", "Y_Unit_Label\tN\tmm\t", f"Delta_X\t0{decimal}001\t0{decimal}001\t"]
+    head = [
+        "LabVIEW Measurement\t",
+        "Writer_Version\t2",
+        "Separator\tTab",
+        f"Decimal_Separator\t{decimal}",
+    ]
+    head += [
+        f"X_Columns\t{x_columns}",
+        "Time_Pref\tRelative",
+        "***End_of_Header***\t",
+        "\t",
+        "Channels\t2\t\t",
+    ]
+    head += [
+        "Samples\t750\t750\t",
+        "Y_Unit_Label\tN\tmm\t",
+        f"Delta_X\t0{decimal}001\t0{decimal}001\t",
+    ]
     head += ["***End_of_Header***\t\t\t", "X_Value\tu\ty\tComment"]
     first = [""] * U.size if x_columns == "No" else [f"{t:.6f}" for t in T]
-    rows = [f"{t}\t{u:.6f}\t{y:.6f}".replace(".", decimal) for t, u, y in zip(first, U, Y, strict=True)]
+    rows = [
+        f"{t}\t{u:.6f}\t{y:.6f}".replace(".", decimal) for t, u, y in zip(first, U, Y, strict=True)
+    ]
     return [*head, *rows]
 
 
@@ -38,7 +64,9 @@ def write_tdms(path):
     channels = [
         nptdms.ChannelObject("run", "u", U, properties={**about, "unit_string": "N"}),
         nptdms.ChannelObject("run", "y", Y, properties={**about, "NI_UnitDescription": "mm"}),
-        nptdms.ChannelObject("slow", "temperature", Y[::10], properties=about | {"wf_increment": 10 / FS}),
+        nptdms.ChannelObject(
+            "slow", "temperature", Y[::10], properties=about | {"wf_increment": 10 / FS}
+        ),
     ]
     with nptdms.TdmsWriter(str(path)) as writer:
         writer.write_segment(channels)
@@ -48,7 +76,9 @@ def write_mdf(path):
     import asammdf
 
     with asammdf.MDF(version="3.30" if path.suffix == ".dat" else "4.10") as file:
-        file.append([asammdf.Signal(U, T, name="u", unit="N"), asammdf.Signal(Y, T, name="y", unit="mm")])
+        file.append(
+            [asammdf.Signal(U, T, name="u", unit="N"), asammdf.Signal(Y, T, name="y", unit="mm")]
+        )
         file.append([asammdf.Signal(Y[::10], T[::10], name="temperature", unit="K")])
         written = file.save(path.with_suffix(".mdf"), overwrite=True)
     written.rename(path)
@@ -60,9 +90,20 @@ def write_uff(path):
     file = pyuff.UFF(str(path))
     for name, data, unit in (("u", U, "N"), ("y", Y, "mm")):
         about = dict(binary=0, func_type=1, rsp_node=1, rsp_dir=3, ref_dir=0, ref_node=0, id1=name)
-        about |= dict(abscissa_spacing=1, abscissa_min=0.0, abscissa_inc=1 / FS, ordinate_axis_units_lab=unit)
-        about |= dict(rsp_ent_name="NONE", ref_ent_name="NONE", ord_data_type=4, num_pts=U.size, data=data, x=T)
-        about |= dict(abscissa_spec_data_type=17, ordinate_spec_data_type=13, orddenom_spec_data_type=0)
+        about |= dict(
+            abscissa_spacing=1, abscissa_min=0.0, abscissa_inc=1 / FS, ordinate_axis_units_lab=unit
+        )
+        about |= dict(
+            rsp_ent_name="NONE",
+            ref_ent_name="NONE",
+            ord_data_type=4,
+            num_pts=U.size,
+            data=data,
+            x=T,
+        )
+        about |= dict(
+            abscissa_spec_data_type=17, ordinate_spec_data_type=13, orddenom_spec_data_type=0
+        )
         file.write_sets(pyuff.prepare_58(**about), "add")
 
 
@@ -70,7 +111,11 @@ def write_arrow(path, moments=False):
     import pyarrow as pa
     from pyarrow import feather, parquet
 
-    t = np.datetime64("2026-11-22T10:00", "ns") + (1e9 * T).astype("timedelta64[ns]") if moments else T
+    t = (
+        np.datetime64("2026-11-22T10:00", "ns") + (1e9 * T).astype("timedelta64[ns]")
+        if moments
+        else T
+    )
     named = [("time", t, "s"), ("u", U, "N"), ("y", Y, "mm"), ("state", ["run"] * U.size, "")]
     fields = [pa.field(n, pa.array(a).type, metadata={"unit": unit}) for n, a, unit in named]
     table = pa.Table.from_arrays([pa.array(a) for _, a, _ in named], schema=pa.schema(fields))
@@ -136,7 +181,9 @@ def damaged(content, rng):
 
 
 def fuzz(suffix, folder, *, n, seed):
-    """Load n damaged files of one format, and count the refused; all but a ValueError in one line is let through."""
+    """Load n damaged files of one format, and count the refused; all but a ValueError in one line
+    is let through.
+    """
     rng = np.random.default_rng(seed)
     write, names = WRITERS[suffix]
     write(folder / f"whole{suffix}")

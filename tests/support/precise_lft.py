@@ -1,4 +1,6 @@
-"""The gain of F_l(P, K) in 100 digits, from the responses of P and K: no closed loop is put together."""
+"""The gain of F_l(P, K) in 100 digits, from the responses of P and K: no closed loop is put
+together.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,13 @@ def response(system, point):
     if n == 0:
         return D
     pencil = acb_mat(
-        n, n, [(point if i == j else acb(0)) - acb(float(system.A[i, j])) for i in range(n) for j in range(n)]
+        n,
+        n,
+        [
+            (point if i == j else acb(0)) - acb(float(system.A[i, j]))
+            for i in range(n)
+            for j in range(n)
+        ],
     )
     return D + acb_mat(balls(system.C)) * pencil.solve(acb_mat(balls(system.B)))
 
@@ -32,11 +40,18 @@ def lft_gain(P, K, omega):
         n = K.ninputs
         one = acb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
         T = P11 + P12 * k * (one - P22 * k).solve(P21)
-        return float(np.linalg.svd(np.array([[complex(x) for x in row] for row in T.tolist()]), compute_uv=False)[0])
+        return float(
+            np.linalg.svd(
+                np.array([[complex(x) for x in row] for row in T.tolist()]), compute_uv=False
+            )[0]
+        )
 
 
 def lft_norm(P, K, n=120):
-    """The largest gain on a grid that knows every pole of P and of K; and where. A lower bound of the norm."""
+    """The largest gain on a grid that knows every pole of P and of K; and where.
+
+    A lower bound of the norm.
+    """
     dt = float(P.dt or 0)
     poles = np.concatenate([np.linalg.eigvals(s.A) for s in (P, K) if s.nstates] or [np.ones(1)])
     speeds = np.abs(np.log(poles[poles != 0].astype(complex)) / dt) if dt else np.abs(poles)

@@ -1,4 +1,6 @@
-"""Peak and poles of a loop in 100 digits by plain evaluation, to hold rigorous proofs against: no polynomials."""
+"""Peak and poles of a loop in 100 digits by plain evaluation, to hold rigorous proofs against: no
+polynomials.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ def precise(A, B, C, D, s):
     n = A.nrows()
     if n == 0:
         return acb(D)
-    pencil = acb_mat(n, n, [(s if i == j else acb(0)) - A[i, j] for i in range(n) for j in range(n)])
+    pencil = acb_mat(
+        n, n, [(s if i == j else acb(0)) - A[i, j] for i in range(n) for j in range(n)]
+    )
     x = pencil.solve(acb_mat(B))
     return sum((C[0, k] * x[k, 0] for k in range(n)), acb(D))
 
@@ -33,7 +37,9 @@ class PreciseLoop:
         self.parts = {"G": G, "K": K, "w": w, "P": w_P}
         with ctx.workprec(BITS):
             self.balls = {
-                name: None if s is None else (balls(s.A), balls(s.B), balls(s.C), arb(float(s.D[0, 0])))
+                name: None
+                if s is None
+                else (balls(s.A), balls(s.B), balls(s.C), arb(float(s.D[0, 0])))
                 for name, s in self.parts.items()
             }
             if self.timed:
@@ -66,7 +72,11 @@ class PreciseLoop:
         z = acb(0, omega * self.dt).exp() if self.dt else acb(0, omega)
         A, B, C, D = self.balls["G"]
         if not self.timed:
-            behind = acb(0, -omega * arb(self.delay)).exp() if not self.dt else z ** -round(self.delay / self.dt)
+            behind = (
+                acb(0, -omega * arb(self.delay)).exp()
+                if not self.dt
+                else z ** -round(self.delay / self.dt)
+            )
             return precise(A, B, C, D, z) * behind
         out = precise(self.Phi, self.late, C, arb(0), z) * z**-self.whole
         moved = self.whole
@@ -88,7 +98,12 @@ class PreciseLoop:
             G, K, w = self.plant(omega), self.part("K", omega), self.part("w", omega)
             S = 1 / (1 + G * K)
             a = {"inverse-multiplicative": w, "inverse-additive": w * G}.get(self.form, acb(0))
-            X = {"multiplicative": G * K, "additive": K, "inverse-multiplicative": 1, "inverse-additive": G}[self.form]
+            X = {
+                "multiplicative": G * K,
+                "additive": K,
+                "inverse-multiplicative": 1,
+                "inverse-additive": G,
+            }[self.form]
             b = w * X * S
             worst = None
             if self.parts["P"] is not None:
@@ -121,32 +136,48 @@ class PreciseLoop:
 
 
 def precise_gain(system, omega):
-    """Largest singular value of a continuous system at one frequency, its matrices taken as they are."""
+    """Largest singular value of a continuous system at one frequency, its matrices taken as they
+    are.
+    """
     with ctx.workprec(BITS):
         n = system.nstates
         A, B, C, D = (acb_mat(m.tolist()) for m in (system.A, system.B, system.C, system.D))
-        pencil = acb_mat(n, n, [(acb(0, omega) if i == j else acb(0)) - A[i, j] for i in range(n) for j in range(n)])
+        pencil = acb_mat(
+            n,
+            n,
+            [(acb(0, omega) if i == j else acb(0)) - A[i, j] for i in range(n) for j in range(n)],
+        )
         G = C * pencil.solve(B) + D
         values = np.array([[complex(G[i, j]) for j in range(G.ncols())] for i in range(G.nrows())])
     return float(np.linalg.svd(values, compute_uv=False)[0])
 
 
 def unstable_poles(G, K):
-    """How many poles of 1/(1 + G K), all states kept, are not inside the stable region: of the matrices as they are."""
+    """How many poles of 1/(1 + G K), all states kept, are not inside the stable region: of the
+    matrices as they are.
+    """
     A, B, C, d = map(rational, (G.A, G.B, G.C, G.D))
     Ak, Bk, Ck, dk = map(rational, (K.A, K.B, K.C, K.D))
     d, dk = d[0, 0], dk[0, 0]
     k = 1 / (1 + d * dk)  # e = -k (C x + d Ck xk), u = k (Ck xk - dk C x)
     blocks = (A - B * C * (k * dk), B * Ck * k), (Bk * C * (-k), Ak - Bk * Ck * (k * d))
-    rows = [left + right for upper in blocks for left, right in zip(*(m.tolist() for m in upper), strict=True)]
+    rows = [
+        left + right
+        for upper in blocks
+        for left, right in zip(*(m.tolist() for m in upper), strict=True)
+    ]
     polynomial = fmpq_mat(rows).charpoly().numer()
     with ctx.workprec(BITS):
-        excess = [(abs(root) - 1 if K.dt else root.real, n) for root, n in polynomial.complex_roots()]
+        excess = [
+            (abs(root) - 1 if K.dt else root.real, n) for root, n in polynomial.complex_roots()
+        ]
         return sum(n for one, n in excess if not one < 0)
 
 
 def wrongly_stable(case, report):
-    """Whether a report calls a random loop stable that is not: its numbers as they are decide, not its eigenvalues."""
+    """Whether a report calls a random loop stable that is not: its numbers as they are decide, not
+    its eigenvalues.
+    """
     return bool(report.nominally_stable and unstable_poles(case["in_loop"], case["K"]))
 
 
@@ -157,7 +188,9 @@ def rational(matrix):
 
 
 def just_above(case, excess, w_P=None):
-    """The weight of a random case scaled so that its peak is 1 + excess, and that peak in many digits."""
+    """The weight of a random case scaled so that its peak is 1 + excess, and that peak in many
+    digits.
+    """
     import control
 
     k = int(np.argmax(np.abs(case["b"])))

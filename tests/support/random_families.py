@@ -1,4 +1,5 @@
-"""Random loops where checks go wrong: on the axis, stiff, ill-conditioned, resonant, in fast clocks, coprime.
+"""Random loops where checks go wrong: on the axis, stiff, ill-conditioned, resonant, in fast
+clocks, coprime.
 
 Each with its worst value by brute force, and nothing here uses the package under test.
 """
@@ -28,7 +29,9 @@ TARGETS = (0.9, 0.99, 0.99, 0.999, 1.0005, 1.01, 1.5)
 
 
 def response_beside_poles(system, omega):
-    """Response where it is finite: a frequency at which a pole stands exactly is left out by nan."""
+    """Response where it is finite: a frequency at which a pole stands exactly is left out by
+    nan.
+    """
     dt = system.dt or 0.0
     if not system.nstates:
         return np.full(omega.size, system.D[0, 0], dtype=complex)
@@ -40,8 +43,12 @@ def response_beside_poles(system, omega):
     return out
 
 
-def finished(rng, family, G, K, w, form, delay, in_loop, response=response_beside_poles, perturbation="LTI"):
-    """The case: |b| brought to its target by the gain of the weight, and whether the loop is stable."""
+def finished(
+    rng, family, G, K, w, form, delay, in_loop, response=response_beside_poles, perturbation="LTI"
+):
+    """The case: |b| brought to its target by the gain of the weight, and whether the loop is
+    stable.
+    """
     dt = float(in_loop.dt or 0.0)
     sampled = bool(dt and not G.dt)
     if sampled and form == "additive":  # what does not roll off reaches the sampler without a bound
@@ -49,7 +56,9 @@ def finished(rng, family, G, K, w, form, delay, in_loop, response=response_besid
     loop_poles = closed_loop_poles(in_loop, K)
     w_poles = np.exp(w.poles() * dt) if dt and not w.dt else w.poles()
     folded = np.exp(G.poles() * dt) if sampled else in_loop.poles()
-    omega = dense_grid(dt, loop_poles, in_loop.poles(), K.poles(), w_poles, folded, n=800 if sampled else 4000)
+    omega = dense_grid(
+        dt, loop_poles, in_loop.poles(), K.poles(), w_poles, folded, n=800 if sampled else 4000
+    )
     g, k, size = response(in_loop, omega), response(K, omega), tf_response(w, omega)
     if form == "coprime":
         # of the unscaled plant; in proportion to |w| below one
@@ -61,7 +70,9 @@ def finished(rng, family, G, K, w, form, delay, in_loop, response=response_besid
         target = 1.01
     if sampled:
         S = 1 / (1 + g * k)
-        peak = 1 / largest_factor(response_beside_poles, G, w, form, dt, delay, omega, S, k * S, perturbation)
+        peak = 1 / largest_factor(
+            response_beside_poles, G, w, form, dt, delay, omega, S, k * S, perturbation
+        )
     w = control.StateSpace(w.A, w.B, w.C * target / peak, w.D * target / peak, w.dt)
     excess = np.max(np.abs(loop_poles) - 1 if dt else loop_poles.real)
     scale = np.abs(loop_poles).max()
@@ -102,7 +113,15 @@ def on_axis(rng):
     """One or two integrators, or undamped modes, beside other poles."""
     draw = rng.random()
     pair = 1j * 10 ** rng.uniform(-0.5, 1.3)
-    poles = [0j] if draw < 0.3 else [0j, 0j] if draw < 0.5 else [pair, -pair] if draw < 0.8 else [0j, pair, -pair]
+    poles = (
+        [0j]
+        if draw < 0.3
+        else [0j, 0j]
+        if draw < 0.5
+        else [pair, -pair]
+        if draw < 0.8
+        else [0j, pair, -pair]
+    )
     # in the order that keeps them apart from light neighbours
     poles = np.concatenate([poles, roots(rng, int(rng.integers(0, 3)), lightest=-2)])
     zeros = roots(rng, int(rng.integers(0, poles.size)), low=0.0, lightest=-1)
@@ -130,9 +149,13 @@ def stiff(rng):
 
 
 def resonant(rng):
-    """A controller with an undamped pair of poles, of a disturbance to be followed, on a damped plant."""
+    """A controller with an undamped pair of poles, of a disturbance to be followed, on a damped
+    plant.
+    """
     n = int(rng.integers(1, 5))
-    G = unit_gain(rng, zpk(roots(rng, int(rng.integers(0, n)), lightest=-1), roots(rng, n, lightest=-2), 1.0))
+    G = unit_gain(
+        rng, zpk(roots(rng, int(rng.integers(0, n)), lightest=-1), roots(rng, n, lightest=-2), 1.0)
+    )
     in_loop, T, delay = sometimes_sampled(rng, G)
     omega_r = 10 ** rng.uniform(-0.5, 1.2)
     at = np.exp(1j * omega_r * T) if T else 1j * omega_r
@@ -156,7 +179,9 @@ def fast_clock(rng):
     w = zpk(roots(rng, 1, -1.0, 1.0), roots(rng, 1, -1.0, 1.0), 1.0)
     in_loop = hold_and_delay(G, T, 0.0)
 
-    def exact(system, omega):  # slow plants in a fast clock: from the continuous roots, as z - 1 loses its digits
+    def exact(
+        system, omega
+    ):  # slow plants in a fast clock: from the continuous roots, as z - 1 loses its digits
         if system is K:
             z = np.expm1(1j * omega * T)
             return K_gain * (z - np.expm1(zero[0] * T)) / z
@@ -183,7 +208,9 @@ def continuous_poles(G, zero, gain, T):
 
 
 def of_high_order(rng):
-    """Plant and controller of 15 to 30 states together, mixed by matrices of condition up to 1e4."""
+    """Plant and controller of 15 to 30 states together, mixed by matrices of condition up to
+    1e4.
+    """
     total = int(rng.integers(15, 31))
     n = int(rng.integers(10, total - 2))
     modal = [modes(rng, n, -2.5), modes(rng, total - n, -1.0)]
@@ -201,7 +228,9 @@ def of_high_order(rng):
         s = truth[id(system)]
         return modal_response(s, omega)
 
-    case = finished(rng, "order 15 to 30", stored[0], K, w, str(rng.choice(FORMS)), 0.0, stored[0], by_modes)
+    case = finished(
+        rng, "order 15 to 30", stored[0], K, w, str(rng.choice(FORMS)), 0.0, stored[0], by_modes
+    )
     worst = closed_loop_poles(modal[0], times(modal[1], gain)).real.max()
     case["stable"], case["unstable"] = worst < -1e-6, worst > 1e-6
     return case
@@ -221,7 +250,9 @@ def modal_response(system, omega):
         if k + 1 < len(A) and A[k, k + 1]:
             a, b = A[k, k], A[k, k + 1]
             (b0, b1), (c0, c1) = B[k : k + 2], C[k : k + 2]
-            total += ((c0 * b0 + c1 * b1) * (s - a) + b * (c0 * b1 - c1 * b0)) / ((s - a) ** 2 + b * b)
+            total += ((c0 * b0 + c1 * b1) * (s - a) + b * (c0 * b1 - c1 * b0)) / (
+                (s - a) ** 2 + b * b
+            )
             k += 2
         else:
             total += C[k] * B[k] / (s - A[k, k])
@@ -244,23 +275,38 @@ def times(system, gain):
 
 
 def coprime(rng):
-    """Any of the loops so far whose plant is not sampled on the way, with the coprime form and a gain as scaling."""
+    """Any of the loops so far whose plant is not sampled on the way, with the coprime form and a
+    gain as scaling.
+    """
     while True:
         case = random_case(rng) if rng.random() < 0.6 else on_axis(rng)
         if case["kind"] != "sampled":
             break
     G, K, scale = case["G"], case["K"], 10 ** rng.uniform(-1, 1)
-    shaped = finished(rng, "coprime", times(G, scale), times(K, 1 / scale), case["w"], "coprime", 0.0, times(G, scale))
+    shaped = finished(
+        rng,
+        "coprime",
+        times(G, scale),
+        times(K, 1 / scale),
+        case["w"],
+        "coprime",
+        0.0,
+        times(G, scale),
+    )
     return shaped | {"G": G, "K": K, "W2": scale, "family": "coprime"}
 
 
 def above_nyquist(rng, perturbation="LTI", form="", delayed=True):
-    """Plants and weights with light modes from below the Nyquist frequency to ten times beyond it."""
+    """Plants and weights with light modes from below the Nyquist frequency to ten times
+    beyond it.
+    """
     T = 10 ** rng.uniform(-3, -1.5)
     nyquist = np.log10(np.pi / T)
     n, m = int(rng.integers(1, 6)), int(rng.integers(0, 3))
     band = {"low": nyquist - 1.5, "high": nyquist + 1.0, "lightest": -2.5}
-    poles = np.concatenate([-(10 ** rng.uniform(nyquist - 2.0, nyquist - 0.5, 1)) + 0j, roots(rng, n, **band)])
+    poles = np.concatenate(
+        [-(10 ** rng.uniform(nyquist - 2.0, nyquist - 0.5, 1)) + 0j, roots(rng, n, **band)]
+    )
     zeros = roots(rng, int(rng.integers(0, n + 1)), nyquist - 1.5, nyquist + 0.5, -1.5)
     G = zpk(zeros, poles, 1.0)
     size = np.abs(tf_response(G, np.array([np.pi / T / 30])))[0]
@@ -270,11 +316,15 @@ def above_nyquist(rng, perturbation="LTI", form="", delayed=True):
     K = random_controller(rng, in_loop, T)
     form = form or str(rng.choice(FORMS[:2] if perturbation == "operator" else FORMS))
     w = zpk(roots(rng, m, **band), roots(rng, m, **band), 1.0)
-    return finished(rng, "modes above Nyquist", G, K, w, form, delay, in_loop, perturbation=perturbation)
+    return finished(
+        rng, "modes above Nyquist", G, K, w, form, delay, in_loop, perturbation=perturbation
+    )
 
 
 def sampled_operators(rng, **which):
-    """The same, of perturbations that may be nonlinear: judged by a condition that is sufficient."""
+    """The same, of perturbations that may be nonlinear: judged by a condition that is
+    sufficient.
+    """
     return above_nyquist(rng, "operator", **which) | {"family": "sampled operators"}
 
 

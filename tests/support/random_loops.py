@@ -1,4 +1,6 @@
-"""Random loops with a known worst case, to attack the check with: nothing here uses the package under test."""
+"""Random loops with a known worst case, to attack the check with: nothing here uses the package
+under test.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ FORMS = ("multiplicative", "additive", "inverse-multiplicative", "inverse-additi
 
 
 def roots(rng, n, low=-1.0, high=2.0, lightest=-4.0, unstable=0.0):
-    """n roots, conjugate pairs with dampings down to 10^lightest, some of them on the wrong side."""
+    """n roots, conjugate pairs with dampings down to 10^lightest, some of them on the wrong
+    side.
+    """
     out = []
     while len(out) < n:
         w = 10 ** rng.uniform(low, high)
@@ -26,7 +30,9 @@ def roots(rng, n, low=-1.0, high=2.0, lightest=-4.0, unstable=0.0):
 
 
 def zpk(zeros, poles, gain, dt=0.0):
-    """State space of a random zpk, built by modes of a companion of pairs through python-control's series."""
+    """State space of a random zpk, built by modes of a companion of pairs through python-control's
+    series.
+    """
     system = control.ss([], [], [], [[gain]], dt) if dt else control.ss([], [], [], [[gain]])
     zeros, poles = list(zeros), list(poles)
     while poles:
@@ -69,7 +75,9 @@ def sampled_response(G, T, delay, omega, n_alias=400):
     for k in range(-n_alias, n_alias + 1):
         w = omega + 2 * np.pi * k / T
         w = np.where(w == 0, 1e-12, w)
-        total += tf_response(G, w) * (1 - np.exp(-1j * w * T)) / (1j * w * T) * np.exp(-1j * w * delay)
+        total += (
+            tf_response(G, w) * (1 - np.exp(-1j * w * T)) / (1j * w * T) * np.exp(-1j * w * delay)
+        )
     return total
 
 
@@ -86,11 +94,16 @@ def closed_loop_poles(G, K):
 def dense_grid(dt, *root_sets, n=4000):
     """A log grid of n points, and a fine one around every root."""
     top = np.pi / dt if dt else 1e7
-    s = np.concatenate([np.log(np.where(r == 0, 1e-12, r).astype(complex)) / dt if dt else r for r in root_sets])
+    s = np.concatenate(
+        [np.log(np.where(r == 0, 1e-12, r).astype(complex)) / dt if dt else r for r in root_sets]
+    )
     grid = [np.geomspace(1e-6, top * (1 - 1e-9), n)]
     for p in s:
         w, half = abs(p.imag), max(abs(p.real), 1e-9 * abs(p))
-        grid.append(w + half * np.concatenate([-np.geomspace(1e-3, 30, 60), [0], np.geomspace(1e-3, 30, 60)]))
+        grid.append(
+            w
+            + half * np.concatenate([-np.geomspace(1e-3, 30, 60), [0], np.geomspace(1e-3, 30, 60)])
+        )
         grid.append(abs(p) * np.linspace(0.9, 1.1, 41))
     omega = np.unique(np.concatenate(grid))
     return omega[(omega > 0) & (omega < top)]
@@ -105,12 +118,19 @@ def curves(form, G, K, w):
         "inverse-multiplicative": w * S,
         "inverse-additive": w * G * S,
     }
-    a = {"multiplicative": 0 * S, "additive": 0 * S, "inverse-multiplicative": w + 0 * S, "inverse-additive": w * G}
+    a = {
+        "multiplicative": 0 * S,
+        "additive": 0 * S,
+        "inverse-multiplicative": w + 0 * S,
+        "inverse-additive": w * G,
+    }
     return S, a[form], b[form]
 
 
 def random_case(rng, kinds=("continuous", "discrete", "sampled")):
-    """A random loop with its worst value by brute force: dict of what `check` is to be given and what is true."""
+    """A random loop with its worst value by brute force: dict of what `check` is to be given and
+    what is true.
+    """
     kind = str(rng.choice(kinds))
     form, T = str(rng.choice(FORMS)), 10 ** rng.uniform(-3, -1.5)
     n, light = int(rng.integers(1, 7)), rng.choice([-1.0, -3.0, -6.0])
@@ -132,10 +152,17 @@ def random_case(rng, kinds=("continuous", "discrete", "sampled")):
     K = random_controller(rng, in_loop, loop_dt)
     nw = int(rng.integers(0, 4))
     if kind == "discrete":
-        w = zpk(np.exp(roots(rng, nw, lightest=-2) * T), np.exp(roots(rng, nw, lightest=light) * T), 1.0, T)
+        w = zpk(
+            np.exp(roots(rng, nw, lightest=-2) * T),
+            np.exp(roots(rng, nw, lightest=light) * T),
+            1.0,
+            T,
+        )
     else:
         w = zpk(roots(rng, nw, lightest=-2), roots(rng, nw, lightest=light), 1.0)
-    if kind == "sampled" and form == "additive":  # what does not roll off reaches the sampler without a bound
+    if (
+        kind == "sampled" and form == "additive"
+    ):  # what does not roll off reaches the sampler without a bound
         w = w * zpk([], roots(rng, 1), 10.0)
     loop_poles = closed_loop_poles(in_loop, K)
     w_poles = np.exp(w.poles() * T) if kind == "sampled" else w.poles()
@@ -147,7 +174,9 @@ def random_case(rng, kinds=("continuous", "discrete", "sampled")):
     if kind == "sampled":
         peak = 1 / largest_factor(tf_response, G, w, form, T, delay, omega, S, k * S)
     target = float(rng.choice([0.9, 0.99, 0.99, 0.999, 1.0005, 1.01, 1.5]))
-    if kind == "sampled" and target == 1.0005:  # the tail of the brute-force sum is known to about 1e-3
+    if (
+        kind == "sampled" and target == 1.0005
+    ):  # the tail of the brute-force sum is known to about 1e-3
         target = 1.01
     w = control.StateSpace(w.A, w.B, w.C * target / peak, w.D * target / peak, w.dt)
     excess = np.max(np.abs(loop_poles) - 1 if loop_dt else loop_poles.real)
@@ -201,11 +230,15 @@ def observer_controller(rng, G, dt):
     else:
         F, H = B.T @ X / rho, Y @ C.T / rho
     # u = -F x^, x^+ = A x^ + B u + H (y - C x^ - D u): from y to u, then u = K (r - y)
-    return control.StateSpace(A - B @ F - H @ (C - D @ F), H, F * rng.uniform(0.7, 1.4), np.zeros((1, 1)), dt)
+    return control.StateSpace(
+        A - B @ F - H @ (C - D @ F), H, F * rng.uniform(0.7, 1.4), np.zeros((1, 1)), dt
+    )
 
 
 def hold_and_delay(G, T, delay):
-    """Sampled plant with hold and fractional delay, by one long matrix exponential of plant, hold and delay line."""
+    """Sampled plant with hold and fractional delay, by one long matrix exponential of plant, hold
+    and delay line.
+    """
     from scipy.linalg import expm
 
     n = G.nstates

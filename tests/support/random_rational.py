@@ -1,4 +1,6 @@
-"""Random rational functions with a delay, measured with scatter, and what a fit that starts from the truth costs."""
+"""Random rational functions with a delay, measured with scatter, and what a fit that starts from
+the truth costs.
+"""
 
 from __future__ import annotations
 
@@ -52,8 +54,8 @@ def random_root_pair(rng, w):
 
 
 def random_rational(seed):
-    """1 to 6 poles, light modes, up to two integrators, zeros near modes, 0 to 3 samples of delay, 0.3 to 3 % scatter;
-    50 to 250 lines, log or linear, over 1.3 to 2.6 decades."""
+    """1 to 6 poles, light modes, up to two integrators, zeros near modes, 0 to 3 samples of delay,
+    0.3 to 3 % scatter; 50 to 250 lines, log or linear, over 1.3 to 2.6 decades."""
     rng = np.random.default_rng(seed)
     low, n_lines = TOP / 10 ** rng.uniform(1.3, 2.6), int(rng.integers(50, 250))
     f = (np.geomspace if rng.random() < 0.5 else np.linspace)(low, TOP, n_lines)
@@ -83,4 +85,6 @@ def random_rational(seed):
     level = np.exp(rng.uniform(np.log(0.003), np.log(0.03)))
     std = level * np.abs(G) if rng.random() < 0.6 else np.full(n_lines, level)
     G = G + std / np.sqrt(2) * (rng.standard_normal(n_lines) + 1j * rng.standard_normal(n_lines))
-    return RandomRational(zeros=zeros, poles=poles, gain=gain, delay=delay, omega=omega, std=std, G=G)
+    return RandomRational(
+        zeros=zeros, poles=poles, gain=gain, delay=delay, omega=omega, std=std, G=G
+    )

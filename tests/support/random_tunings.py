@@ -1,4 +1,6 @@
-"""Random structures, plants and limits for `tune`, by a seed; and a dense look at what it returns."""
+"""Random structures, plants and limits for `tune`, by a seed; and a dense look at what it
+returns.
+"""
 
 import control
 import numpy as np
@@ -10,7 +12,9 @@ STRUCTURES = ("pid", "cascade", "lead", "state space", "matrix", "feedforward")
 
 
 def random_plant(rng, dt, *, outputs=1):
-    """A plant with lags or an integrator and a mode or two, of speed about one, from force to `outputs` signals."""
+    """A plant with lags or an integrator and a mode or two, of speed about one, from force to
+    `outputs` signals.
+    """
     p = rng.uniform(0.2, 2.0)
     G = control.tf([1.0], [1.0, 0.0 if rng.random() < 0.2 else p]) * rng.choice([0.5, 1.0, 3.0])
     for _ in range(rng.integers(0, 3)):
@@ -30,11 +34,15 @@ def random_model(rng, dt):
     omega = np.geomspace(0.01, min(50.0, 0.9 * np.pi / dt if dt else 50.0), 80)
     size = 10 ** rng.uniform(-2, -0.7)
     weight = control.StateSpace([], [], [], [[size]], clock)
-    return robust.UncertaintyModel(G, weight, forms[rng.integers(len(forms))], omega, np.full(80, size * 0.9))
+    return robust.UncertaintyModel(
+        G, weight, forms[rng.integers(len(forms))], omega, np.full(80, size * 0.9)
+    )
 
 
 def matrix_set(form, dt):
-    """Three lags coupled to two inputs and outputs, with a set of this form of gain 0.05 to 0.3 around them."""
+    """Three lags coupled to two inputs and outputs, with a set of this form of gain 0.05 to 0.3
+    around them.
+    """
     B, C = [[1.0, 0.3], [0.2, 2.0], [0.5, -0.2]], [[1.0, 0.0, 0.4], [0.3, 1.0, 0.0]]
     G = control.ss(-np.diag([1.0, 2.0, 0.5]), B, C, np.zeros((2, 2)))
     omega = np.geomspace(0.05, 20, 60)
@@ -44,9 +52,16 @@ def matrix_set(form, dt):
         G = robust.sampled(G, dt)
         weights = [control.ss([], [], [], [[0.3 * size]], dt) for size in sizes]
     n = 0 if form == "elements" else 2
-    radius = 0.9 * np.array([np.abs(w(np.exp(1j * omega * dt) if dt else 1j * omega)) for w in weights])
+    radius = 0.9 * np.array(
+        [np.abs(w(np.exp(1j * omega * dt) if dt else 1j * omega)) for w in weights]
+    )
     return robust.UncertaintyModel(
-        nominal=G, form=form, left=tuple(weights[:n]), right=tuple(weights[n:]), omega=omega, radius=radius
+        nominal=G,
+        form=form,
+        left=tuple(weights[:n]),
+        right=tuple(weights[n:]),
+        omega=omega,
+        radius=radius,
     )
 
 
@@ -59,7 +74,9 @@ def random_blocks(rng, structure):
         return (
             [error, force],
             {
-                "K": tuning.Pid(kp=k, ki=k * 0.3, kd=k * 0.1, filter_time=0.1, reads="e", drives="u_c"),
+                "K": tuning.Pid(
+                    kp=k, ki=k * 0.3, kd=k * 0.1, filter_time=0.1, reads="e", drives="u_c"
+                ),
                 "notch": tuning.Notch(omega=5.0, reads="u_c", drives="u"),
             },
             "y",
@@ -106,11 +123,21 @@ def random_limits(rng, structure, *, worst):
     """(hard, soft) on channels of the loop."""
     hard = [tuning.Limit("d", "f", rng.uniform(1.3, 2.5), worst=bool(worst and rng.random() < 0.6))]
     if rng.random() < 0.6:
-        hard.append(tuning.Limit("r", "y", rng.uniform(1.2, 2.0), worst=bool(worst and rng.random() < 0.4)))
+        hard.append(
+            tuning.Limit("r", "y", rng.uniform(1.2, 2.0), worst=bool(worst and rng.random() < 0.4))
+        )
     if rng.random() < 0.4:
         shape = [control.tf([1, 1], [0.1, 10]), lambda omega: 1 / (1 + omega)][rng.integers(2)]
-        hard.append(tuning.Limit("r", "f" if structure != "matrix" else "u", 10 ** rng.uniform(0, 2), weight=shape))
-    soft = [tuning.Limit("d", "y", 1.0, band=None if rng.random() < 0.4 else (0.0, rng.uniform(0.1, 2.0)))]
+        hard.append(
+            tuning.Limit(
+                "r", "f" if structure != "matrix" else "u", 10 ** rng.uniform(0, 2), weight=shape
+            )
+        )
+    soft = [
+        tuning.Limit(
+            "d", "y", 1.0, band=None if rng.random() < 0.4 else (0.0, rng.uniform(0.1, 2.0))
+        )
+    ]
     if rng.random() < 0.4:
         soft.append(tuning.Limit(["r", "d"], ["e", "f"], 2.0))
     return hard, soft
@@ -124,10 +151,14 @@ def random_tuning(rng, **options):
     n_outputs = 1 if isinstance(outputs, str) else len(outputs)
     worst = n_outputs == 1 and rng.random() < 0.4
     models = [
-        random_model(rng, dt) if worst else random_plant(rng, dt, outputs=n_outputs) for _ in range(rng.integers(1, 3))
+        random_model(rng, dt) if worst else random_plant(rng, dt, outputs=n_outputs)
+        for _ in range(rng.integers(1, 3))
     ]
     hard, soft = random_limits(rng, structure, worst=worst)
-    parts = [control.ss([], [], [], part.D, dt, inputs=part.input_labels, outputs=part.output_labels) for part in parts]
+    parts = [
+        control.ss([], [], [], part.D, dt, inputs=part.input_labels, outputs=part.output_labels)
+        for part in parts
+    ]
     return {
         "system": parts,
         "plant": tuning.Plants(models, inputs="f", outputs=outputs),
@@ -142,7 +173,9 @@ def random_tuning(rng, **options):
 
 
 def true_loop(design, plant, inputs, outputs):
-    """The loop of one plant by python-control's own interconnection, from the controllers as systems."""
+    """The loop of one plant by python-control's own interconnection, from the controllers as
+    systems.
+    """
     parts = [*design.system]
     for block in design.blocks.values():
         parts.append(block.system(design.dt))
@@ -172,12 +205,19 @@ def joined_as_control(parts, inputs, outputs, dt):
     R = np.array([[a == b for b in n_out] for a in outputs], float)
     X = np.linalg.inv(np.eye(len(n_out)) - D @ S)  # outputs = X (C x + D E w)
     return control.ss(
-        A + B @ S @ X @ C, B @ (E + S @ X @ D @ E), R @ X @ C, R @ X @ D @ E, dt, remove_useless_states=False
+        A + B @ S @ X @ C,
+        B @ (E + S @ X @ D @ E),
+        R @ X @ C,
+        R @ X @ D @ E,
+        dt,
+        remove_useless_states=False,
     )
 
 
 def dense_frequencies(poles, dt, band):
-    """(W,) frequencies [rad/s] around every pole and over all decades, in a band, its ends among them."""
+    """(W,) frequencies [rad/s] around every pole and over all decades, in a band, its ends among
+    them.
+    """
     s = np.log(np.where(np.abs(poles) < 1e-12, 1e-12, poles).astype(complex)) / dt if dt else poles
     size = np.abs(s)[np.abs(s) > 1e-9]
     top = np.pi / dt if dt else np.inf
@@ -189,7 +229,9 @@ def dense_frequencies(poles, dt, band):
 
 
 def violation(design):
-    """What is wrong with a design: "unstable", "violated", a ratio that is too small, or "" where nothing is."""
+    """What is wrong with a design: "unstable", "violated", a ratio that is too small, or "" where
+    nothing is.
+    """
     if not design.limits:
         return ""
     for one in design.limits:
@@ -202,7 +244,9 @@ def violation(design):
             continue
         omega = dense_frequencies(poles, design.dt, one.limit.band)
         H = loop(np.exp(1j * omega * design.dt) if design.dt else 1j * omega, squeeze=False)
-        gains = np.linalg.svd(np.moveaxis(H, 2, 0), compute_uv=False)[:, 0] * one.limit.factor(omega)
+        gains = np.linalg.svd(np.moveaxis(H, 2, 0), compute_uv=False)[:, 0] * one.limit.factor(
+            omega
+        )
         if gains.max() > one.ratio * (1 + 1e-6) + 1e-12:
             return f"a ratio of {gains.max():.8g}, said to be {one.ratio:.8g}"
         if design.met and one.hard and gains.max() > 1 + 1e-9:
@@ -211,10 +255,17 @@ def violation(design):
 
 
 def worst_distance(design):
-    """How far the largest |S| at worst, as said, is from that of `check` on the controller; 0 without such a limit."""
+    """How far the largest |S| at worst, as said, is from that of `check` on the controller; 0
+    without such a limit.
+    """
     away = 0.0
     for one in design.limits:
-        if one.limit.worst and one.limit.inputs == ("d",) and one.limit.outputs == ("f",) and np.isfinite(one.ratio):
+        if (
+            one.limit.worst
+            and one.limit.inputs == ("d",)
+            and one.limit.outputs == ("f",)
+            and np.isfinite(one.ratio)
+        ):
             model, K = design.plant.models[one.plant], design.controller("y", "f")
             w_P = 1 / (one.limit.bound * one.ratio)
             report = robust.check(model, K, w_P=w_P, delay=design.delay, certify=False)

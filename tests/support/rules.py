@@ -3,10 +3,14 @@
 from collections.abc import Callable, Iterable
 
 
-def each(find: Callable[[], Iterable[tuple]]) -> Callable[[Callable[..., None]], Callable[[], None]]:
-    """Make one test of a rule and the cases that `find` returns: it names every case that breaks the rule.
+def each(
+    find: Callable[[], Iterable[tuple]],
+) -> Callable[[Callable[..., None]], Callable[[], None]]:
+    """Make one test of a rule and the cases that `find` returns: it names every case that breaks
+    the rule.
 
-    A case is named by its first argument. The cases are found when the test runs, as every process collects all tests.
+    A case is named by its first argument. The cases are found when the test runs, as every process
+    collects all tests.
     """
 
     def over(rule: Callable[..., None]) -> Callable[[], None]:

@@ -1,4 +1,6 @@
-"""Sets of continuous plants under a sampled controller, by brute force over aliases: nothing here uses the package."""
+"""Sets of continuous plants under a sampled controller, by brute force over aliases: nothing here
+uses the package.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +12,11 @@ N_ALIASES = 30
 
 
 def all_pass_through(frequencies, phases, narrow=1e-4):
-    """(zeros, poles, sign) of a real stable all-pass that has given phases at given frequencies, one section each.
+    """(zeros, poles, sign) of a real stable all-pass that has given phases at given frequencies,
+    one section each.
 
-    A narrow section turns by a whole turn around its own frequency and leaves the others nearly alone; what it leaves
-    them is taken off by setting each again in turn.
+    A narrow section turns by a whole turn around its own frequency and leaves the others nearly
+    alone; what it leaves them is taken off by setting each again in turn.
     """
     frequencies = np.asarray(frequencies, dtype=float)
     half = narrow * frequencies
@@ -60,7 +63,9 @@ def alias_terms(response, G, w, form, T, delay, omega, n=N_ALIASES):
 
 
 def with_tail(terms):
-    """(W,) the sum of terms (W, 1 + 2 n), the rest by the power of k that the last ones fall with."""
+    """(W,) the sum of terms (W, 1 + 2 n), the rest by the power of k that the last ones fall
+    with.
+    """
     pairs = terms[:, 1::2] + terms[:, 2::2]
     n = pairs.shape[1]
     last, before = np.nanmax(pairs[:, -1]), np.nanmax(pairs[:, n // 2 - 1])
@@ -76,7 +81,9 @@ def smallest_distance(m, KS, hG, F):
         return np.full(KS.size, -np.inf)
     with np.errstate(all="ignore"):
         centre = (hG * u / (1 - u))[:, 1:].sum(1)
-        radius = with_tail(np.hstack([np.zeros((KS.size, 1)), (np.abs(hG) * np.sqrt(u) / (1 - u))[:, 1:]]))
+        radius = with_tail(
+            np.hstack([np.zeros((KS.size, 1)), (np.abs(hG) * np.sqrt(u) / (1 - u))[:, 1:]])
+        )
         X = 1 + KS * (centre - hG[:, 0])
         g, u0 = KS * hG[:, 0], u[:, 0]
         inside = np.abs(X + g / (1 - u0)) - np.abs(g) * np.sqrt(u0) / np.abs(1 - u0)
@@ -85,9 +92,12 @@ def smallest_distance(m, KS, hG, F):
 
 
 def largest_factor(response, G, w, form, T, delay, omega, S, KS, perturbation="LTI"):
-    """The factor on w at which the set is just not stable, by the exact conditions (of an operator: sufficient)."""
+    """The factor on w at which the set is just not stable, by the exact conditions (of an operator:
+    sufficient).
+    """
     hold, hG, F = alias_terms(response, G, w, form, T, delay, omega)
-    # beside a pole on the axis rounding moves that of G and that of the sampled plant apart: one from the other
+    # beside a pole on the axis rounding moves that of G and that of the sampled plant apart: one
+    # from the other
     others = hG[:, 1:].sum(1)
     rules = np.abs(hG[:, 0]) > 1e4 * np.abs(hG[:, 1:]).sum(1)
     first = np.where(rules, (1 - S) / KS - others, hG[:, 0])
@@ -108,7 +118,9 @@ def largest_factor(response, G, w, form, T, delay, omega, S, KS, perturbation="L
 
 
 def worst_member(response, G, w, form, T, delay, omega, KS, n=3, narrow=1e-4):
-    """An LTI perturbation that is in phase at the frequency itself and its n nearest aliases either side, at omega."""
+    """An LTI perturbation that is in phase at the frequency itself and its n nearest aliases either
+    side, at omega.
+    """
     hold, hG, _ = alias_terms(response, G, w, form, T, delay, np.array([omega]), n)
     k = np.array([0] + [sign * j for j in range(1, n + 1) for sign in (1, -1)])
     at = omega + 2 * np.pi / T * k
@@ -120,9 +132,11 @@ def worst_member(response, G, w, form, T, delay, omega, KS, n=3, narrow=1e-4):
 
 
 def period_map(G, w, form, K, T, delta):
-    """The loop over one sample with the memoryless operator delta(t), constant on pieces of the sample; no delay.
+    """The loop over one sample with the memoryless operator delta(t), constant on pieces of the
+    sample; no delay.
 
-    Multiplicative and additive only: the perturbation is delta(t) times the held input, seen through w (and G).
+    Multiplicative and additive only: the perturbation is delta(t) times the held input, seen
+    through w (and G).
     """
     pieces = len(delta)
     if form == "multiplicative":  # w reads delta u and adds to u
@@ -130,7 +144,9 @@ def period_map(G, w, form, K, T, delta):
         B = [np.vstack([G.B * (1 + w.D[0, 0] * d), w.B * d]) for d in delta]
         C = np.hstack([G.C, np.zeros((1, w.nstates))])
     else:
-        A = np.block([[G.A, np.zeros((G.nstates, w.nstates))], [np.zeros((w.nstates, G.nstates)), w.A]])
+        A = np.block(
+            [[G.A, np.zeros((G.nstates, w.nstates))], [np.zeros((w.nstates, G.nstates)), w.A]]
+        )
         B = [np.vstack([G.B, w.B * d]) for d in delta]
         C = np.hstack([G.C, w.C])
     n = len(A)
@@ -145,12 +161,16 @@ def period_map(G, w, form, K, T, delta):
 
 
 def worst_period_map(G, w, form, K, T, pieces=8):
-    """The largest spectral radius over delta(t) = +-1 on the pieces of a sample, the same in each sample, or turned."""
+    """The largest spectral radius over delta(t) = +-1 on the pieces of a sample, the same in each
+    sample, or turned.
+    """
     worst = 0.0
     for code in range(2 ** (pieces - 1)):
         delta = np.array([1.0 if code >> j & 1 else -1.0 for j in range(pieces)])
         for sign in (1.0, -1.0):
-            worst = max(worst, np.abs(np.linalg.eigvals(period_map(G, w, form, K, T, sign * delta))).max())
+            worst = max(
+                worst, np.abs(np.linalg.eigvals(period_map(G, w, form, K, T, sign * delta))).max()
+            )
         # another sign every other sample: at the Nyquist frequency
         both = period_map(G, w, form, K, T, -delta) @ period_map(G, w, form, K, T, delta)
         worst = max(worst, np.sqrt(np.abs(np.linalg.eigvals(both)).max()))

@@ -1,4 +1,6 @@
-"""Random loops for the shaping page: models of every form, sampled or not, controllers as it names them."""
+"""Random loops for the shaping page: models of every form, sampled or not, controllers as it names
+them.
+"""
 
 import control
 import numpy as np
@@ -27,7 +29,9 @@ def random_loop(seed):
 
 
 def random_model(rng, omega_c):
-    """A plant of gain one at omega_c, with modes, integrators and unstable poles, in a set of any form."""
+    """A plant of gain one at omega_c, with modes, integrators and unstable poles, in a set of any
+    form.
+    """
     poles = []
     for size in 2 * np.pi * 10 ** rng.uniform(-0.5, 1.5, rng.integers(1, 6)):
         zeta = 10 ** rng.uniform(-2, 0)
@@ -35,14 +39,18 @@ def random_model(rng, omega_c):
         poles += [pair, pair.conjugate()] if rng.random() < 0.5 else [-size]
     poles += [0.0] * (rng.random() < 0.25) + [10 ** rng.uniform(-0.5, 1.0)] * (rng.random() < 0.2)
     zeros = 2 * np.pi * 10 ** rng.uniform(-0.5, 2, rng.integers(0, max(1, len(poles) - 1)))
-    G = from_roots(np.where(rng.random(zeros.size) < 0.8, -zeros, zeros), np.array(poles, complex), 1.0, 0.0)
+    G = from_roots(
+        np.where(rng.random(zeros.size) < 0.8, -zeros, zeros), np.array(poles, complex), 1.0, 0.0
+    )
     G = control.StateSpace(G.A, G.B, G.C / abs(G(1j * omega_c)), G.D / abs(G(1j * omega_c)), 0)
     names = [
         name for name, row in FORMS.items() if not row.depends_on_units
     ]  # the page refuses forms that need a scaling
     form = names[rng.integers(len(names))]
     omega = np.geomspace(omega_c / 30, omega_c * 30, 60)
-    lift = control.tf([1 / omega_c, 10 ** rng.uniform(-1.5, -0.3)], [1 / (omega_c * rng.uniform(2, 6)), 1])
+    lift = control.tf(
+        [1 / omega_c, 10 ** rng.uniform(-1.5, -0.3)], [1 / (omega_c * rng.uniform(2, 6)), 1]
+    )
     w = state_space("w", lift if rng.random() < 0.8 else 0.3)
     size = np.median(np.abs(response(G, omega)))
     unit = {1: size, -1: 1 / size}.get(FORMS[form].delay_order, 1.0)
@@ -52,7 +60,12 @@ def random_model(rng, omega_c):
 
 def random_elements(rng, f_c, highest):
     """Elements as the page names them."""
-    place = {"integrator": (-1.5, -0.2), "lead": (-0.3, 0.5), "notch": (0.0, 1.0), "roll-off": (0.3, 1.2)}
+    place = {
+        "integrator": (-1.5, -0.2),
+        "lead": (-0.3, 0.5),
+        "notch": (0.0, 1.0),
+        "roll-off": (0.3, 1.2),
+    }
     numbers = {
         "integrator": {},
         "lead": {"phase": tidy(rng.uniform(10, 70))},
@@ -60,7 +73,8 @@ def random_elements(rng, f_c, highest):
         "roll-off": {"order": int(rng.integers(1, 3)), "zeta": tidy(rng.uniform(0.3, 1))},
     }
     return [
-        {"kind": kind, "f": tidy(min(highest, f_c * 10 ** rng.uniform(*place[kind])))} | numbers[kind]
+        {"kind": kind, "f": tidy(min(highest, f_c * 10 ** rng.uniform(*place[kind])))}
+        | numbers[kind]
         for kind in place
         if rng.random() < 0.5
     ]

@@ -1,4 +1,6 @@
-"""The sources of the packages and of what uses them, parsed once for all rules that are held against them."""
+"""The sources of the packages and of what uses them, parsed once for all rules that are held
+against them.
+"""
 
 import ast
 from functools import cache
@@ -16,7 +18,10 @@ def module_of(path):
 @cache
 def parsed(folder, pattern="*.py"):
     """Return the tree of every file of a folder of the project, by its path."""
-    return {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted((ROOT / folder).rglob(pattern))}
+    return {
+        path: ast.parse(path.read_text(encoding="utf-8"))
+        for path in sorted((ROOT / folder).rglob(pattern))
+    }
 
 
 @cache

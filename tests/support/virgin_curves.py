@@ -13,17 +13,23 @@ def virgin(curve, z):
             Linear: lambda a: curve.K0 * a,
             Tanh: lambda a: curve.Fy * np.tanh(curve.K0 * a / curve.Fy),
             Exponential: lambda a: curve.Fy * (1 - np.exp(-curve.K0 * a / curve.Fy)),
-            Parabola: lambda a: curve.Fy * (1 - np.maximum(1 - curve.K0 * a / (2 * curve.Fy), 0) ** 2),
+            Parabola: lambda a: (
+                curve.Fy * (1 - np.maximum(1 - curve.K0 * a / (2 * curve.Fy), 0) ** 2)
+            ),
             ElasticPlastic: lambda a: np.minimum(curve.K0 * a, curve.Fy),
             Table: lambda a: np.interp(a, np.append(0, curve.z), np.append(0, curve.F)),
-            MaxwellSlip: lambda a: np.minimum(np.multiply.outer(a, curve.stiffness), curve.strength).sum(axis=-1),
+            MaxwellSlip: lambda a: np.minimum(
+                np.multiply.outer(a, curve.stiffness), curve.strength
+            ).sum(axis=-1),
         },
     )
     return np.sign(z) * forces[type(curve)](a)
 
 
 def chord_elements(curve, knots):
-    """Elements that slip at the knots (E,) [m], their forces together those of the curve there; flat beyond."""
+    """Elements that slip at the knots (E,) [m], their forces together those of the curve there;
+    flat beyond.
+    """
     slope = np.append(np.diff(virgin(curve, knots), prepend=0.0) / np.diff(knots, prepend=0.0), 0.0)
     stiffness = -np.diff(slope)
     return MaxwellSlip(stiffness=stiffness, strength=stiffness * knots)

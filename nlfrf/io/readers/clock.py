@@ -1,4 +1,6 @@
-"""Clocks: names of time channels and of sampling frequencies, the sampling frequency of a time axis."""
+"""Clocks: names of time channels and of sampling frequencies, the sampling frequency of a time
+axis.
+"""
 
 from __future__ import annotations
 
@@ -10,18 +12,24 @@ import numpy as np
 from nlfrf._base.numbers import BLOCK_ENTRIES, all_finite, iterate_blocks
 from nlfrf.io.readers.names import TURN, parse_bracket, parse_unit, suits
 
-#: A unit in brackets behind a name. Whole numbers are an index, `setpoint[0]`, `DCOM(1,2)`; "ratio [1]" has a unit.
-UNIT_SUFFIX = re.compile(r"(?:\s+(?=\[1\])|\s*(?![\[(]\s*\d[\d,;:\s]*[\])]))[\[(]([^\])]*)[\])]\s*$")
+# : A unit in brackets behind a name. Whole numbers are an index, `setpoint[0]`, `DCOM(1,2)`; "ratio
+# [1]" has a unit.
+UNIT_SUFFIX = re.compile(
+    r"(?:\s+(?=\[1\])|\s*(?![\[(]\s*\d[\d,;:\s]*[\])]))[\[(]([^\])]*)[\])]\s*$"
+)
 NUMBER_SUFFIX = re.compile(r"\.\d+$")  # number that distinguishes channels with one name
 #: A rate in samples a second, as "kS/s", "Sa/s", "MSPS", "samples per second".
 _RATE_UNIT = re.compile(r"([kMGm]?)\s*(?:s(?:a|amples?)?(?:/| per )s(?:ec|econd)?|sps)", re.I)
 _TIME_WORDS = (
-    r"t|time|tout|(?:uhr)?zeit|zeitstempel|temps|tempo|tiempo|tijd|timestamps?|time stamp|date[ _]?time|date|datum|"
+    r"t|time|tout|(?:uhr)?zeit|zeitstempel|temps|tempo|tiempo|tijd|timestamps?|time stamp|date["
+    r" _]?time|date|datum|"
     r"x[._ ]data|x[._ -]?axis|x_value"
 )
 #: A time channel, possibly with its unit behind an underscore: "t", "time_ms", "Elapsed time".
 _TIME_NAME = re.compile(
-    rf"(?:(?:elapsed|relative|rel|absolute|abs|sample|utc)[ _])?(?:{_TIME_WORDS})(?:[ _]([a-zµμ]+))?", re.I
+    rf"(?:(?:elapsed|relative|rel|absolute|abs|sample|utc)[ _])?(?:{_TIME_WORDS})(?:["
+    r" _]([a-zµμ]+))?",
+    re.I,
 )
 #: Names of a sampling frequency and of a sampling time, as variables and in a preamble.
 RATE_WORDS = r"sampl(?:e[drs]?|ing)?[ _]?(?:rate|freq\w*)|abtastrate|fs|f[ _]?sample"
@@ -30,12 +38,16 @@ STEP_WORDS = (
     r"abtastzeit|zykluszeit|delta[ _]?[tx]|[tx][ _]?incr?(?:ement)?|dt|ts"
 )
 RATE_NAME, STEP_NAME = re.compile(RATE_WORDS, re.I), re.compile(rf"{STEP_WORDS}|increment", re.I)
-_MAX_BACKWARD_STEP = 0.5  # share of a step by which a time axis may run backwards, as times noted by a computer do
-#: Largest median deviation of the steps from the usual one, relative to it. A clock with a jitter of a tenth of a step
-#: (rms) has 0.095; an angle that is the sum of the magnitudes of a multisine has 0.48.
+_MAX_BACKWARD_STEP = (
+    0.5  # share of a step by which a time axis may run backwards, as times noted by a computer do
+)
+# : Largest median deviation of the steps from the usual one, relative to it. A clock with a jitter
+# of a tenth of a step : (rms) has 0.095; an angle that is the sum of the magnitudes of a multisine
+# has 0.48.
 _MAX_UNEVEN_STEP = 0.25
 MIN_DURATION = 1.0  # [s] above which a "sampling time" may be the duration of the record
-#: Largest relative difference of a time axis with unequal steps from a clock with three digits, which replaces it.
+# : Largest relative difference of a time axis with unequal steps from a clock with three digits,
+# which replaces it.
 _CLOCK_TOLERANCE = 2e-4
 
 
@@ -53,7 +65,8 @@ def is_time_name(name: str) -> bool:
 
 
 def unit_in_name(name: str) -> str | None:
-    """Return the unit in a name, in brackets or, for a time, behind an underscore; None if there is none.
+    """Return the unit in a name, in brackets or, for a time, behind an underscore; None if there is
+    none.
 
     >>> [unit_in_name(name) for name in ("force [N]", "U(mV)", "V(in)", "speed (ref)", "I(R1)", "time (ticks)", "t_ms")]
     ['N', 'mV', None, None, None, 'ticks', 'ms']
@@ -67,7 +80,8 @@ def unit_in_name(name: str) -> str | None:
 
 
 def split_clock_name(name: str) -> tuple[str, str]:
-    """Split the name of a sampling time or frequency into its key, for `STEP_NAME` and `RATE_NAME`, and its unit.
+    """Split the name of a sampling time or frequency into its key, for `STEP_NAME` and `RATE_NAME`,
+    and its unit.
 
     >>> [split_clock_name(name) for name in ("Sampling_Time_us", "Ts", "fs_kHz", "offset_s")]
     [('samplingtime', 'us'), ('ts', ''), ('fs', 'kHz'), ('offset', 's')]
@@ -85,7 +99,8 @@ def seconds_per_unit(unit: str) -> float | None:
 
 
 def hertz_per_unit(unit: str) -> float | None:
-    """Return the hertz in a unit of a sampling frequency; None if it is unknown, or mHz, which may mean MHz.
+    """Return the hertz in a unit of a sampling frequency; None if it is unknown, or mHz, which may
+    mean MHz.
 
     >>> [hertz_per_unit(unit) for unit in ("kHz", "MS/s", "", "samples/s", "N", "mHz")]
     [1000.0, 1000000.0, 1.0, 1.0, None, None]
@@ -99,10 +114,12 @@ def hertz_per_unit(unit: str) -> float | None:
 
 
 def sampling_frequency(t: np.ndarray) -> float:
-    """Return the sampling frequency of a time axis, which may be rounded, jitter or have gaps; 0 if it has none.
+    """Return the sampling frequency of a time axis, which may be rounded, jitter or have gaps; 0 if
+    it has none.
 
-    An axis that runs backwards is no clock: it has two runs in a row, or is another quantity named t. Clocks have round
-    numbers: of all frequencies that the axis allows, the one with the fewest digits is returned.
+    An axis that runs backwards is no clock: it has two runs in a row, or is another quantity named
+    t. Clocks have round numbers: of all frequencies that the axis allows, the one with the fewest
+    digits is returned.
 
     >>> sampling_frequency(np.round(np.arange(20_000) / 16384, 6))
     16384.0
@@ -115,7 +132,8 @@ def sampling_frequency(t: np.ndarray) -> float:
     usual = float(np.median(t[sample + 1] - t[sample]))
     least, n_gaps = np.inf, 0
     for steps in _iterate_steps(t):
-        least, n_gaps = min(least, float(steps.min())), n_gaps + int(np.count_nonzero(steps > 1.5 * usual))
+        least = min(least, float(steps.min()))
+        n_gaps = n_gaps + int(np.count_nonzero(steps > 1.5 * usual))
     if least < -_MAX_BACKWARD_STEP * usual or usual < 0:
         return 0.0
     # otherwise the times are only printed coarsely
@@ -123,7 +141,9 @@ def sampling_frequency(t: np.ndarray) -> float:
     n, span, highest, squares = 0, 0.0, -np.inf, 0.0
     for steps in _iterate_steps(t):
         steps = steps if most == np.inf else steps[steps <= most]
-        n, span, squares = n + steps.size, span + float(steps.sum()), squares + float(np.sum((steps - usual) ** 2))
+        n = n + steps.size
+        span = span + float(steps.sum())
+        squares = squares + float(np.sum((steps - usual) ** 2))
         highest = max(highest, float(steps.max(initial=-np.inf)))
     if not 0 < span < np.inf:
         return 0.0
@@ -138,7 +158,8 @@ def sampling_frequency(t: np.ndarray) -> float:
 
 
 def is_rising(stream: np.ndarray) -> bool:
-    """Return whether a stream runs forward by mostly even steps, as times and counters do; nan is ignored.
+    """Return whether a stream runs forward by mostly even steps, as times and counters do; nan is
+    ignored.
 
     >>> is_rising(np.array([0.0, 0.1, 0.2, 0.5, 0.6])), is_rising(np.array([0.0, 0.2, 0.1])), is_rising(np.zeros(9))
     (True, False, False)

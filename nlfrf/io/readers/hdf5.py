@@ -32,12 +32,15 @@ _COLUMN_ATTRIBUTES = ("columns", "channels", "channel_names", "names", "labels")
 
 
 def contents(path: Path) -> Contents:
-    """Read numeric datasets, groups joined by dots; fields of tables, columns named by attributes; attribute texts.
+    """Read numeric datasets, groups joined by dots; fields of tables, columns named by attributes;
+    attribute texts.
 
-    Long datasets are returned unread, to be read in blocks; so the file stays open as long as they exist. This module
-    is loaded by its path in its own process, so it imports nothing from this package.
+    Long datasets are returned unread, to be read in blocks; so the file stays open as long as they
+    exist. This module is loaded by its path in its own process, so it imports nothing from this
+    package.
 
-    HDF5 can take numbers from any other file of the machine, by its path. Such a file is refused as a whole.
+    HDF5 can take numbers from any other file of the machine, by its path. Such a file is refused as
+    a whole.
 
     Raises
     ------
@@ -57,7 +60,9 @@ def contents(path: Path) -> Contents:
         if place.startswith("#"):  # the targets of references of MATLAB's cells and objects
             notes[place.split("/")[0]] = "holds references"
             return
-        if "MATLAB_object_decode" in attributes:  # the numbers of such a dataset are references, too
+        if (
+            "MATLAB_object_decode" in attributes
+        ):  # the numbers of such a dataset are references, too
             notes[prefix] = "is a MATLAB object"
             return
         if not isinstance(node, h5py.Dataset):
@@ -67,7 +72,9 @@ def contents(path: Path) -> Contents:
             return
         for name, array in _dataset_streams(prefix, node, by_key).items():
             arrays[name] = array
-            units[name] = next((by_key[key] for key in _UNIT_ATTRIBUTES if isinstance(by_key.get(key), str)), "")
+            units[name] = next(
+                (by_key[key] for key in _UNIT_ATTRIBUTES if isinstance(by_key.get(key), str)), ""
+            )
             if clock := _stated_clock(by_key):
                 clocks[name], arrays[f"{name}.start"], units[f"{name}.start"] = clock
 
@@ -78,16 +85,38 @@ def contents(path: Path) -> Contents:
 
 
 def _stated_clock(by_key: Attributes) -> tuple[float, np.ndarray, str] | None:
-    """Return the sampling frequency in attributes, the start of the abscissa and its unit; None without one."""
-    key = next((one for one in _RATE_ATTRIBUTES + _STEP_ATTRIBUTES if _is_positive_number(by_key.get(one))), "")
+    """Return the sampling frequency in attributes, the start of the abscissa and its unit; None
+    without one.
+    """
+    key = next(
+        (
+            one
+            for one in _RATE_ATTRIBUTES + _STEP_ATTRIBUTES
+            if _is_positive_number(by_key.get(one))
+        ),
+        "",
+    )
     if not key:
         return None
-    number, start, is_rate = float(by_key[key]), by_key.get(_START_ATTRIBUTE), key in _RATE_ATTRIBUTES
-    stated = (_ABSCISSA_UNIT_ATTRIBUTE, f"{key}_unit", f"{key}_units", f"{key}unit", *(() if is_rate else _TIME_UNITS))
-    unit = next(
-        (str(by_key[one]) for one in stated if by_key.get(one)), "s" if is_rate or key == "wf_increment" else ""
+    number = float(by_key[key])
+    start = by_key.get(_START_ATTRIBUTE)
+    is_rate = key in _RATE_ATTRIBUTES
+    stated = (
+        _ABSCISSA_UNIT_ATTRIBUTE,
+        f"{key}_unit",
+        f"{key}_units",
+        f"{key}unit",
+        *(() if is_rate else _TIME_UNITS),
     )
-    return number if is_rate else 1 / number, np.array(float(start) if _is_finite_number(start) else 0.0), unit
+    unit = next(
+        (str(by_key[one]) for one in stated if by_key.get(one)),
+        "s" if is_rate or key == "wf_increment" else "",
+    )
+    return (
+        number if is_rate else 1 / number,
+        np.array(float(start) if _is_finite_number(start) else 0.0),
+        unit,
+    )
 
 
 def _require_own_numbers(place: str, node: h5py.Dataset | h5py.Group) -> None:
@@ -96,7 +125,13 @@ def _require_own_numbers(place: str, node: h5py.Dataset | h5py.Group) -> None:
 
     why = ""
     if isinstance(node, h5py.Dataset):
-        why = "has external storage" if node.external else "is a virtual dataset" if node.is_virtual else ""
+        why = (
+            "has external storage"
+            if node.external
+            else "is a virtual dataset"
+            if node.is_virtual
+            else ""
+        )
     else:
         # h5py has three classes of links; programs may add others in HDF5
         for name in node:
@@ -104,7 +139,9 @@ def _require_own_numbers(place: str, node: h5py.Dataset | h5py.Group) -> None:
             if not isinstance(link, h5py.HardLink | h5py.SoftLink):
                 place, why = f"{place}/{name}".lstrip("/"), "is a link to another file"
     if why:
-        raise ValueError(f"its {place[:60]!r} {why}: other files are never read; copy the numbers into this one")
+        raise ValueError(
+            f"its {place[:60]!r} {why}: other files are never read; copy the numbers into this one"
+        )
 
 
 #: Attributes of a dataset by name: h5py gives whatever numpy or Python type a file has.
@@ -112,7 +149,9 @@ Attributes: TypeAlias = dict[str, Any]
 
 
 class _LazyStream:
-    """A stream in a dataset: all of it, a field of a table, or a column; a slice is read and scaled when taken."""
+    """A stream in a dataset: all of it, a field of a table, or a column; a slice is read and scaled
+    when taken.
+    """
 
     def __init__(
         self,
@@ -123,7 +162,11 @@ class _LazyStream:
         axis: int = 1,
         scaling: tuple[float, float, float | None] | None = None,
     ) -> None:
-        self.source, self.column, self.axis = node if field is None else node.fields(field), column, axis
+        self.source, self.column, self.axis = (
+            node if field is None else node.fields(field),
+            column,
+            axis,
+        )
         kind = node.dtype if field is None else node.dtype[field]  # may contain several numbers
         self.scaling = scaling
         self.dtype = kind.base if scaling is None else np.dtype(float)
@@ -141,21 +184,30 @@ class _LazyStream:
         return scaled if missing is None else np.where(part == missing, np.nan, scaled)
 
 
-def _find_scaling(node: h5py.Dataset | h5py.Group, attributes: Attributes) -> tuple[float, float, float | None] | None:
+def _find_scaling(
+    node: h5py.Dataset | h5py.Group, attributes: Attributes
+) -> tuple[float, float, float | None] | None:
     """Find scale, offset and missing value of a dataset; None if its numbers are unscaled."""
     scale, offset = 1.0, 0.0
-    for scale_key, offset_key in reversed(_SCALING_ATTRIBUTES if node.dtype.kind in "iu" else _SCALING_ATTRIBUTES[:1]):
+    for scale_key, offset_key in reversed(
+        _SCALING_ATTRIBUTES if node.dtype.kind in "iu" else _SCALING_ATTRIBUTES[:1]
+    ):
         if _is_positive_number(attributes.get(scale_key)) or (
             scale_key == "scale_factor" and _is_finite_number(attributes.get(offset_key))
         ):
-            scale, offset = float(attributes.get(scale_key, 1.0)), float(attributes.get(offset_key, 0.0))
+            scale = float(attributes.get(scale_key, 1.0))
+            offset = float(attributes.get(offset_key, 0.0))
     missing = attributes.get("_fillvalue")
     missing = missing if _is_finite_number(missing) else None
     return None if (scale, offset, missing) == (1.0, 0.0, None) else (scale, offset, missing)
 
 
-def _dataset_streams(name: str, node: h5py.Dataset | h5py.Group, attributes: Attributes) -> dict[str, Any]:
-    """Return a dataset as streams: fields of a table, columns by names of an attribute, or the array itself."""
+def _dataset_streams(
+    name: str, node: h5py.Dataset | h5py.Group, attributes: Attributes
+) -> dict[str, Any]:
+    """Return a dataset as streams: fields of a table, columns by names of an attribute, or the
+    array itself.
+    """
     import h5py
 
     if node.shape is None:  # a null dataspace of HDF5
@@ -163,7 +215,9 @@ def _dataset_streams(name: str, node: h5py.Dataset | h5py.Group, attributes: Att
     if node.dtype.names:
         kinds = {key: node.dtype[key] for key in node.dtype.names}
         return {
-            f"{name}.{key}": _LazyStream(node, field=key) for key, kind in kinds.items() if kind.base.kind in "fiub"
+            f"{name}.{key}": _LazyStream(node, field=key)
+            for key, kind in kinds.items()
+            if kind.base.kind in "fiub"
         }
     if h5py.check_string_dtype(node.dtype) and node.size == 1:
         return {name: np.array(np.ravel(node.asstr()[()])[0])}
@@ -178,7 +232,10 @@ def _dataset_streams(name: str, node: h5py.Dataset | h5py.Group, attributes: Att
     scaling = _find_scaling(node, attributes) if node.dtype.kind in "fiu" else None
     if node.ndim == 2 and names and len(names) in node.shape:
         axis = 1 if node.shape[1] == len(names) else 0
-        return {f"{name}.{key}": _LazyStream(node, column=i, axis=axis, scaling=scaling) for i, key in enumerate(names)}
+        return {
+            f"{name}.{key}": _LazyStream(node, column=i, axis=axis, scaling=scaling)
+            for i, key in enumerate(names)
+        }
     return {name: _LazyStream(node, scaling=scaling)}
 
 
@@ -190,11 +247,17 @@ def _plain_attributes(node: h5py.Dataset | h5py.Group) -> Attributes:
             held = node.attrs[key]
         except (OSError, TypeError, ValueError):  # a type unknown to h5py
             continue
-        held = held.item() if isinstance(held, np.generic | np.ndarray) and np.size(held) == 1 else held
+        held = (
+            held.item()
+            if isinstance(held, np.generic | np.ndarray) and np.size(held) == 1
+            else held
+        )
         if isinstance(held, bytes):
             held = held.decode(errors="replace")
         if isinstance(held, np.ndarray) and held.dtype.kind in "OSU" and held.ndim == 1:
-            held = [one.decode(errors="replace") if isinstance(one, bytes) else str(one) for one in held]
+            held = [
+                one.decode(errors="replace") if isinstance(one, bytes) else str(one) for one in held
+            ]
         if isinstance(held, str | int | float | list):
             found[str(key)] = held
     return found

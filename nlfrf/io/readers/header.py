@@ -1,8 +1,10 @@
-"""The header of a text table, by one table of rules: names and units of the columns, and the clock of the preamble.
+"""The header of a text table, by one table of rules: names and units of the columns, and the clock
+of the preamble.
 
-A row of the header has a label, as in ``Unit,V,V`` and ``Interval,0.001``, and `_RULES` give its meaning. Or it has a
-cell for each column: names, units, types, comments. If a header has fewer or more names than the table has columns, the
-numbers decide to which columns the names belong, or the names are not used.
+A row of the header has a label, as in ``Unit,V,V`` and ``Interval,0.001``, and `_RULES` give its
+meaning. Or it has a cell for each column: names, units, types, comments. If a header has fewer or
+more names than the table has columns, the numbers decide to which columns the names belong, or the
+names are not used.
 """
 
 from __future__ import annotations
@@ -30,7 +32,9 @@ from nlfrf.io.readers.clock import (
 from nlfrf.io.readers.layout import COMMENT_MARKS, MOMENT, Layout, make_unique, split_cells
 from nlfrf.io.readers.names import parse_unit
 
-_TYPE_CELL = re.compile(r"(?:l?real|double|float|single|d?int|u?d?int\d*|bool|float\d\d|string|char|numeric)", re.I)
+_TYPE_CELL = re.compile(
+    r"(?:l?real|double|float|single|d?int|u?d?int\d*|bool|float\d\d|string|char|numeric)", re.I
+)
 _NUMBER_CELL = re.compile(r"[-+]?(?=[.,]?\d)\d*[.,]?\d*(?:e[-+]?\d+)?", re.I)
 
 
@@ -41,13 +45,23 @@ Kind = Enum("Kind", "CLOCK NUMBERS TEXT EMPTY")
 
 #: The rules: role, label in the first cell, and pattern of every other cell.
 _RULES = (
-    (Role.NAMES, re.compile(r"(?:(?:channel|signal|trace|kanal)[ _]?)?names?|source|kanal", re.I), re.compile(r".*")),
+    (
+        Role.NAMES,
+        re.compile(r"(?:(?:channel|signal|trace|kanal)[ _]?)?names?|source|kanal", re.I),
+        re.compile(r".*"),
+    ),
     (
         Role.UNITS,
-        re.compile(r"(?:(?:vertical|y|channel)[ _]?)?(?:units?|einheit(?:en)?)(?:[ _]?label)?", re.I),
+        re.compile(
+            r"(?:(?:vertical|y|channel)[ _]?)?(?:units?|einheit(?:en)?)(?:[ _]?label)?", re.I
+        ),
         re.compile(rf"(?!{_NUMBER_CELL.pattern}$).*|1", re.I),
     ),
-    (Role.ABSCISSA_UNIT, re.compile(r"(?:horizontal|x|time)[ _]?units?(?:[ _]?label)?", re.I), re.compile(r"\D+")),
+    (
+        Role.ABSCISSA_UNIT,
+        re.compile(r"(?:horizontal|x|time)[ _]?units?(?:[ _]?label)?", re.I),
+        re.compile(r"\D+"),
+    ),
     (Role.RATE, re.compile(RATE_WORDS, re.I), re.compile(r"[\d., ]+\D{0,4}")),
     (Role.STEP, re.compile(rf"{STEP_WORDS}|interval|increment", re.I), _NUMBER_CELL),
     (Role.START, re.compile(r"x0|t0|start|x[ _]?(?:origin|start)", re.I), _NUMBER_CELL),
@@ -55,36 +69,47 @@ _RULES = (
 )
 #: Names of rising columns other than times, of remarks that few rows have, and of sockets.
 _COUNTER_NAME = re.compile(
-    r"(?:row[ _]?)?(?:index|idx|nr|no|row|samples?|count(?:er)?|number|#|record|line|points?|frames?|steps?|cycles?|"
+    r"(?:row["
+    r" _]?)?(?:index|idx|nr|no|row|samples?|count(?:er)?|number|#|record|line|points?|frames?|steps?|cycles?|"
     r"ticks?|(?:loop[ _]?)?iterations?|id|seq(?:uence)?)\.?",
     re.I,
 )
 _REMARK_NAME = re.compile(r"comments?|remarks?|notes?|kommentare?|bemerkung(?:en)?|.*:", re.I)
-_SOCKET_NAME = re.compile(r"(?:analog|digital|ch|channel|input|trace|data|col|column)[ _.]?\w{1,2}", re.I)
-_SAME_CLOCK = 1e-3  # largest relative difference between the steps of a column and those in the preamble
+_SOCKET_NAME = re.compile(
+    r"(?:analog|digital|ch|channel|input|trace|data|col|column)[ _.]?\w{1,2}", re.I
+)
+_SAME_CLOCK = (
+    1e-3  # largest relative difference between the steps of a column and those in the preamble
+)
 #: Unlikely contents for the name of a time or counter (True), and for any other name (False).
 _MISMATCHED_KINDS = {True: {Kind.NUMBERS}, False: {Kind.CLOCK, Kind.EMPTY}}
 _MAX_UNPAIRED = 2  # most columns without a name, or names without a column
 
 #: A line above a table with the clock: "Sample rate: 2 kHz", "Sampling interval,0.001".
 _CLOCK_TEXT = re.compile(
-    rf"(?P<rate>\b(?:{RATE_WORDS})\b)|(?P<step>\b(?:{STEP_WORDS})\b|^\W*(?:interval|increment)\b)", re.I
+    rf"(?P<rate>\b(?:{RATE_WORDS})\b)|(?P<step>\b(?:{STEP_WORDS})\b|^\W*(?:interval|increment)\b)",
+    re.I,
 )
 #: The factor from the rate of a converter to that of the table, and names of the latter.
 _DECIMATION = re.compile(
-    r"\b(?:decimation|down[ -]?sampling|decimated?)\b[^\d\n]{0,20}(?<![\d.])([1-9]\d*)(?![\d.])", re.I
+    r"\b(?:decimation|down[ -]?sampling|decimated?)\b[^\d\n]{0,20}(?<![\d.])([1-9]\d*)(?![\d.])",
+    re.I,
 )
 _OUTPUT = re.compile(r"out|log|record|stor|sav|effective|decimat|result|file|export|display", re.I)
-#: The number behind the name, possibly grouped by blanks or marks, and the next word: its unit, or another cell.
+# : The number behind the name, possibly grouped by blanks or marks, and the next word: its unit, or
+# another cell.
 _CLOCK_VALUE = re.compile(
-    r"[^\w.]*?(?P<number>[-+]?(?=\.?\d)(?:\d{1,3}(?:[ '’\u00a0\u202f]\d{3})+(?!\d)|\d)?[\d.,]*(?:e[+-]?\d+)?)"
+    r"[^\w.]*?(?P<number>[-+]?(?=\.?\d)(?:\d{1,3}(?:["
+    r" '’\u00a0\u202f]\d{3})+(?!\d)|\d)?[\d.,]*(?:e[+-]?\d+)?)"
     r"(?P<gap>[\s,;\"'|\[(]*)(?P<unit>1/s|s\^-1|[^\W\d][\w/]*(?: per sec(?:ond)?)?)?",
     re.I,
 )
 
 
 class _Clock(NamedTuple):
-    """A sampling frequency [Hz] from a preamble; 0 if it has none, or if it has several, which are in `rates`."""
+    """A sampling frequency [Hz] from a preamble; 0 if it has none, or if it has several, which are
+    in `rates`.
+    """
 
     fs: float = 0.0
     label: str = ""
@@ -93,7 +118,9 @@ class _Clock(NamedTuple):
 
 
 class Header(NamedTuple):
-    """Content of a header: names, units, steps and starts [s] of columns, the common clock, names without a column."""
+    """Content of a header: names, units, steps and starts [s] of columns, the common clock, names
+    without a column.
+    """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
@@ -108,7 +135,9 @@ def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
     kinds, width = _find_kinds(layout, columns), len(layout.numeric)
     rows, labelled, preamble = _sort_rows(layout, kinds)
     names, units, constants = _find_names(rows, kinds)
-    if {*kinds[len(names) :]} == {Kind.EMPTY} and any(len(row) == width and row[: len(names)] == names for row in rows):
+    if {*kinds[len(names) :]} == {Kind.EMPTY} and any(
+        len(row) == width and row[: len(names)] == names for row in rows
+    ):
         names = _slice_row(names, 0, width)  # each name ends in a separator, also the last one
     label = ""
     if _find_role(names) is Role.NAMES:
@@ -118,13 +147,23 @@ def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
     abscissa = [*labelled.get(Role.ABSCISSA_UNIT, []), "", ""][1].strip("[]()")
     clock = find_clock((*preamble, *constants), layout.delimiter, layout.decimal)
     if clock.fs and not clock.unit and (scale := seconds_per_unit(abscissa)):
-        clock = _Clock(clock.fs / scale, clock.label, abscissa)  # step and unit are in different lines
+        clock = _Clock(
+            clock.fs / scale, clock.label, abscissa
+        )  # step and unit are in different lines
     rate = clock.fs * (seconds_per_unit(abscissa or clock.unit) or 0.0)
     for j in [j for j in range(width) if kinds[j] is Kind.CLOCK and placed[j] in ("", label)]:
         # a rate in an unknown unit is ignored
-        as_clock = j in columns and rate > 0 and abs(sampling_frequency(columns[j]) / rate - 1) < _SAME_CLOCK
+        as_clock = (
+            j in columns
+            and rate > 0
+            and abs(sampling_frequency(columns[j]) / rate - 1) < _SAME_CLOCK
+        )
         stated[j] = stated[j] or (clock.unit if as_clock else "")
-        placed[j] = "time" if label or as_clock or (j not in columns and not any(layout.moments[j + 1 :])) else ""
+        placed[j] = (
+            "time"
+            if label or as_clock or (j not in columns and not any(layout.moments[j + 1 :]))
+            else ""
+        )
     steps, starts = _steps_and_starts(layout, labelled, kinds)
     return Header(
         tuple(make_unique(placed)),
@@ -139,9 +178,14 @@ def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
 def _place_names_and_units(
     names: list[str], units: list[str], kinds: list[Kind]
 ) -> tuple[list[str], list[str], dict[str, str]]:
-    """Return the name of each column, its unit if there are any, and reasons for names without a column."""
+    """Return the name of each column, its unit if there are any, and reasons for names without a
+    column.
+    """
     width, first = len(kinds), _place_names(names, kinds)
-    why = f"is one of {len(names)} names above {width} columns: give each column its name, or use col1, col2, ..."
+    why = (
+        f"is one of {len(names)} names above {width} columns: give each column its name, or use"
+        " col1, col2, ..."
+    )
     unplaced = dict.fromkeys(filter(None, names), why) if first is None else {}
     if unplaced:
         return [""] * width, [], unplaced
@@ -155,13 +199,18 @@ def _is_unit(cell: str) -> bool:
 
 
 def _bare_unit(unit: str, name: str, abscissa: str) -> str:
-    """Return the unit of a column without its brackets, that of the abscissa for a time without one."""
+    """Return the unit of a column without its brackets, that of the abscissa for a time without
+    one.
+    """
     unit = unit or (abscissa if is_time_name(name) else "")
     return "" if unit == "-" else unit.strip("[]()").strip()
 
 
-def _sort_rows(layout: Layout, kinds: list[Kind]) -> tuple[list[list[str]], dict[Role, list[str]], list[str]]:
-    """Return the rows of a header without a label, those with a label by their role, and the lines of the preamble.
+def _sort_rows(
+    layout: Layout, kinds: list[Kind]
+) -> tuple[list[list[str]], dict[Role, list[str]], list[str]]:
+    """Return the rows of a header without a label, those with a label by their role, and the lines
+    of the preamble.
 
     If a row without the mark of a comment has names, rows with the mark give units only.
     """
@@ -177,17 +226,29 @@ def _sort_rows(layout: Layout, kinds: list[Kind]) -> tuple[list[list[str]], dict
             rows.append((cells, line.lstrip().startswith(COMMENT_MARKS)))
         if i != len(layout.header) - 1 or role in (Role.RATE, Role.STEP) or re.search("[=:]", line):
             preamble.append(line)  # without the names, one of which may be that of a clock
-    named = [row for row, comment in rows if not comment and _names_in(row, kinds) and not _is_units_row(row, [])]
-    kept = [row for row, comment in rows if not (comment and named) or _is_units_row(row, named[-1])]
+    named = [
+        row
+        for row, comment in rows
+        if not comment and _names_in(row, kinds) and not _is_units_row(row, [])
+    ]
+    kept = [
+        row for row, comment in rows if not (comment and named) or _is_units_row(row, named[-1])
+    ]
     return kept, labelled, preamble
 
 
 def _steps_and_starts(
     layout: Layout, labelled: Mapping[Role, list[str]], kinds: list[Kind]
 ) -> tuple[dict[int, float], dict[int, float]]:
-    """Return steps and starts [s] of the columns from labelled rows; a time of day is added to the start."""
+    """Return steps and starts [s] of the columns from labelled rows; a time of day is added to the
+    start.
+    """
     steps, starts = (
-        {j: _parse_number(cell, layout.delimiter, layout.decimal) for j, cell in enumerate(_spread(row, kinds)) if cell}
+        {
+            j: _parse_number(cell, layout.delimiter, layout.decimal)
+            for j, cell in enumerate(_spread(row, kinds))
+            if cell
+        }
         for row in (labelled.get(Role.STEP, []), labelled.get(Role.START, []))
     )
     for j, cell in enumerate(_spread(labelled.get(Role.TIME_OF_DAY, []), kinds)):
@@ -199,26 +260,32 @@ def _steps_and_starts(
 
 def _find_kinds(layout: Layout, columns: Mapping[int, np.ndarray]) -> list[Kind]:
     return [
-        (Kind.CLOCK if is_rising(columns[j]) else Kind.NUMBERS)
-        if j in columns
-        else Kind.CLOCK
-        if layout.moments[j]
-        else Kind.TEXT
-        if filled
-        else Kind.EMPTY
+        (
+            (Kind.CLOCK if is_rising(columns[j]) else Kind.NUMBERS)
+            if j in columns
+            else Kind.CLOCK
+            if layout.moments[j]
+            else Kind.TEXT
+            if filled
+            else Kind.EMPTY
+        )
         for j, filled in enumerate(layout.filled)
     ]
 
 
 def _split_header_line(line: str, delimiter: str, width: int) -> list[str]:
-    """Split a line of the header into cells; none for a blank line, a rule, or a remark of one cell."""
+    """Split a line of the header into cells; none for a blank line, a rule, or a remark of one
+    cell.
+    """
     bare = line.strip()
     if not bare or set(bare) <= set("-=+| \t" + delimiter):
         return []
     marked = line.lstrip(" ")[0] in COMMENT_MARKS and bare[0] != delimiter
     bare = bare.lstrip("#%!*/ ") if marked else line
     cells = split_cells(bare, delimiter)
-    if len(cells) != width and (delimiter == " " or len(cells) == 1):  # such names are separated by several blanks
+    if len(cells) != width and (
+        delimiter == " " or len(cells) == 1
+    ):  # such names are separated by several blanks
         wider = re.split(r"\s{2,}|\t", bare.strip(' "'))
         cells = wider if len(wider) == width else cells
     return [] if marked and len(cells) == 1 < width else cells
@@ -232,17 +299,24 @@ def _find_role(cells: Sequence[str]) -> Role | None:
     """
     label = cells[0].rstrip(":") if cells else ""
     others = [cell for cell in cells[1:] if cell and cell != cells[0]]
-    found = (role for role, name, cell in _RULES if name.fullmatch(label) and all(map(cell.fullmatch, others)))
+    found = (
+        role
+        for role, name, cell in _RULES
+        if name.fullmatch(label) and all(map(cell.fullmatch, others))
+    )
     return next(found, None) if others else None
 
 
 def _slice_row(row: Sequence[str], start: int, width: int) -> list[str]:
-    """Return `width` cells of a row from `start` on, which may be negative; cells that do not exist are empty."""
+    """Return `width` cells of a row from `start` on, which may be negative; cells that do not exist
+    are empty.
+    """
     return [row[i] if 0 <= i < len(row) else "" for i in range(start, start + width)]
 
 
 def _spread(row: list[str], kinds: list[Kind]) -> list[str]:
-    """Return the cells of a labelled row by column: at their place, or in turn if there are as many channels.
+    """Return the cells of a labelled row by column: at their place, or in turn if there are as many
+    channels.
 
     >>> _spread(["Unit", "N", "", "mm"], [Kind.CLOCK, Kind.NUMBERS, Kind.CLOCK, Kind.NUMBERS])
     ['', 'N', '', 'mm']
@@ -254,7 +328,10 @@ def _spread(row: list[str], kinds: list[Kind]) -> list[str]:
         return _slice_row(values, int(any(values[len(kinds) :])), len(kinds))
     given = [cell for cell in values if cell]
     numbers = [j for j, kind in enumerate(kinds) if kind is Kind.NUMBERS]
-    return [given[numbers.index(j)] if j in numbers and len(given) == len(numbers) else "" for j in range(len(kinds))]
+    return [
+        given[numbers.index(j)] if j in numbers and len(given) == len(numbers) else ""
+        for j in range(len(kinds))
+    ]
 
 
 def _find_names(rows: list[list[str]], kinds: list[Kind]) -> tuple[list[str], list[str], list[str]]:
@@ -268,14 +345,22 @@ def _find_names(rows: list[list[str]], kinds: list[Kind]) -> tuple[list[str], li
     >>> _find_names([["t", "u", "y"], ["s", "N", "mm"], ["", "load cell", "encoder"]], kinds)     # a row of comments
     (['t', 'u', 'y'], ['s', 'N', 'mm'], [])
     """
-    rows = rows[:1] + [row for row in rows[1:] if not all(map(_TYPE_CELL.fullmatch, filter(None, row)))]
-    while len(rows) > 1 and len(rows[-1]) == 1 < len(kinds) - kinds.count(Kind.EMPTY):  # "End Comments"
+    rows = rows[:1] + [
+        row for row in rows[1:] if not all(map(_TYPE_CELL.fullmatch, filter(None, row)))
+    ]
+    while len(rows) > 1 and len(rows[-1]) == 1 < len(kinds) - kinds.count(
+        Kind.EMPTY
+    ):  # "End Comments"
         rows = rows[:-1]
     over, above = [[], [], *(_names_in(earlier, kinds) for earlier in rows[:-1])][-2:]
     row = rows[-1] if rows else []
     if above and {*row[len(above) :]} <= {"", "-"}:
         row = _slice_row(row, 0, len(above))
-        clocks = [j for j, name in enumerate(above) if STEP_NAME.fullmatch(name) and _NUMBER_CELL.fullmatch(row[j])]
+        clocks = [
+            j
+            for j, name in enumerate(above)
+            if STEP_NAME.fullmatch(name) and _NUMBER_CELL.fullmatch(row[j])
+        ]
         constants = [f"{above[j]},{row[j]}" for j in clocks]
         row = ["" if clocks and _NUMBER_CELL.fullmatch(cell) else cell for cell in row]
         if (found := _names_and_units(above, row)) is not None:
@@ -286,7 +371,9 @@ def _find_names(rows: list[list[str]], kinds: list[Kind]) -> tuple[list[str], li
 
 
 def _names_and_units(above: list[str], row: list[str]) -> tuple[list[str], list[str]] | None:
-    """Return names and units from a row of names and the row below, which may contain both; None without units."""
+    """Return names and units from a row of names and the row below, which may contain both; None
+    without units.
+    """
     seconds = [
         is_time_name(name) and seconds_per_unit(cell.strip("[]() ") or "?")
         for name, cell in zip(above, row, strict=True)
@@ -297,12 +384,15 @@ def _names_and_units(above: list[str], row: list[str]) -> tuple[list[str], list[
         return above, row
     if not any(seconds):
         return None
-    names = [one if second else other for one, other, second in zip(above, row, seconds, strict=True)]
+    names = [
+        one if second else other for one, other, second in zip(above, row, seconds, strict=True)
+    ]
     return names, [cell if second else "" for cell, second in zip(row, seconds, strict=True)]
 
 
 def _names_in(row: list[str], kinds: list[Kind]) -> list[str]:
-    """Return the names in a row; none for a line of a preamble, with numbers or dates, or too short.
+    """Return the names in a row; none for a line of a preamble, with numbers or dates, or too
+    short.
 
     >>> kinds = [Kind.CLOCK, Kind.NUMBERS, Kind.NUMBERS, Kind.EMPTY]
     >>> _names_in(["time", "1", "2", ""], kinds), _names_in(["u", "y"], kinds), _names_in(["Range", "5.0"], kinds)
@@ -310,7 +400,11 @@ def _names_in(row: list[str], kinds: list[Kind]) -> list[str]:
     """
     names = row[: max((j + 1 for j, cell in enumerate(row) if cell), default=0)]
     least = max(j + 1 for j, kind in enumerate(kinds) if kind is not Kind.EMPTY)
-    if names and _REMARK_NAME.fullmatch(names[-1]) and (len(names) > least or kinds[0] is Kind.EMPTY):
+    if (
+        names
+        and _REMARK_NAME.fullmatch(names[-1])
+        and (len(names) > least or kinds[0] is Kind.EMPTY)
+    ):
         return _names_in(names[:-1], kinds)
     numbers = [cell for cell in names if _NUMBER_CELL.fullmatch(cell)]
     if len(numbers) == len(names) or any(map(MOMENT.match, names)):
@@ -325,8 +419,8 @@ def _names_in(row: list[str], kinds: list[Kind]) -> list[str]:
 def _place_names(names: list[str], kinds: list[Kind]) -> int | None:
     """Return the column of the first name; None if the numbers do not show it.
 
-    Columns without a name are empty, or come first and run forward, as row numbers and times do. A time or a counter
-    runs forward. Any other name hardly belongs to a clock.
+    Columns without a name are empty, or come first and run forward, as row numbers and times do. A
+    time or a counter runs forward. Any other name hardly belongs to a clock.
 
     >>> clock, numbers = Kind.CLOCK, Kind.NUMBERS
     >>> _place_names(["time", "u", "y"], [clock, clock, numbers, numbers])
@@ -349,7 +443,8 @@ def _place_names(names: list[str], kinds: list[Kind]) -> int | None:
 
 
 def _is_units_row(row: list[str], above: list[str]) -> bool:
-    """Return whether a row contains units: in all cells, or in most of them, below names that are no units.
+    """Return whether a row contains units: in all cells, or in most of them, below names that are
+    no units.
 
     >>> _is_units_row(["ms", "A", "INC", "per mille"], ["time", "current", "position", "load"])
     True
@@ -362,15 +457,17 @@ def _is_units_row(row: list[str], above: list[str]) -> bool:
     units = sum(map(_is_unit, filled))
     if units == len(filled):
         return True
-    names = len({*above}) == len(above) and not any(_is_unit(cell) for cell in above if len(cell) > 1)
+    names = len({*above}) == len(above) and not any(
+        _is_unit(cell) for cell in above if len(cell) > 1
+    )
     return names and all(above) and units > len(filled) / 2 and _is_unit(row[0])
 
 
 def find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -> _Clock:
     """Find the sampling frequency in the lines above a table; a rate in an unknown unit is ignored.
 
-    A sampling time in seconds may be the duration of the record. If there are several rates, that of the output counts,
-    and a rate before a decimation is divided by its factor.
+    A sampling time in seconds may be the duration of the record. If there are several rates, that
+    of the output counts, and a rate before a decimation is divided by its factor.
 
     >>> find_clock(("Device: A1", "Sample rate: 2 kHz"))
     _Clock(fs=2000.0, label='Sample rate', unit='s', rates=())
@@ -383,7 +480,11 @@ def find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -
     for i, line in enumerate(lines):
         found = _CLOCK_TEXT.search(line)
         value = (
-            _CLOCK_VALUE.match(re.sub(r"^\s*[\[(]([^\])]*)[\])](.*)", r"\2 \1", line[found.end() :])) if found else None
+            _CLOCK_VALUE.match(
+                re.sub(r"^\s*[\[(]([^\])]*)[\])](.*)", r"\2 \1", line[found.end() :])
+            )
+            if found
+            else None
         )
         if found is None or value is None:
             continue
@@ -392,19 +493,28 @@ def find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -
         if scale is None and value["gap"].strip() and not _is_unit(unit):
             scale, unit = 1.0, ""  # a word in a cell of its own
         number = _parse_number(value["number"], delimiter, decimal) * (scale or 0.0)
-        if found["step"] and found["step"].lower().endswith(("time", "zeit")) and number >= MIN_DURATION:
+        if (
+            found["step"]
+            and found["step"].lower().endswith(("time", "zeit"))
+            and number >= MIN_DURATION
+        ):
             continue
         if 0 < number < np.inf:
             fs = number if found["rate"] else float(f"{1 / number:.12g}")
             unit = "s" if found["rate"] or found[0] == "Delta_X" else unit  # by LabVIEW
-            clocks[line[: found.start()].strip("#%!;/* ") or f"line {i + 1}"] = _Clock(fs, found[0].strip(), unit)
+            clocks[line[: found.start()].strip("#%!;/* ") or f"line {i + 1}"] = _Clock(
+                fs, found[0].strip(), unit
+            )
     factor = _DECIMATION.search("\n".join(lines))
     if clocks and factor and (rate := max(one.fs for one in clocks.values()) / int(factor[1])) > 0:
         if int(factor[1]) > 1 and not any(map(_OUTPUT.search, clocks)):
             data_warning(
-                f"fs is taken as {rate:g} Hz, the rate above the table over {factor[0]!r}; give fs if it is another"
+                f"fs is taken as {rate:g} Hz, the rate above the table over {factor[0]!r}; give fs"
+                " if it is another"
             )
-        clocks |= {name: one._replace(fs=rate) for name, one in clocks.items() if not _OUTPUT.search(name)}
+        clocks |= {
+            name: one._replace(fs=rate) for name, one in clocks.items() if not _OUTPUT.search(name)
+        }
     outputs = [one for name, one in clocks.items() if _OUTPUT.search(name)] or [*clocks.values()]
     if len({f"{one.fs:.9g}" for one in outputs}) > 1:
         return _Clock(rates=tuple((name, one.fs) for name, one in clocks.items()))

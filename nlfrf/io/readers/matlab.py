@@ -12,11 +12,15 @@ from nlfrf._base.own_process import Contents, read_in_own_process
 from nlfrf.io.readers import hdf5, matlab_v5
 
 _OBJECTS = "an object that MATLAB's whos lists as timeseries, timetable, table or Dataset"
-_CURE = "is a MATLAB object and not read: save it as a matrix, x = [ts.Time ts.Data]; save run.mat x"
+_CURE = (
+    "is a MATLAB object and not read: save it as a matrix, x = [ts.Time ts.Data]; save run.mat x"
+)
 
 
 def contents(path: Path) -> Contents:
-    """Read MATLAB v4 to v7 by SciPy, v7.3 as HDF5; objects (time series, tables) are named in the notes, not read."""
+    """Read MATLAB v4 to v7 by SciPy, v7.3 as HDF5; objects (time series, tables) are named in the
+    notes, not read.
+    """
     found = read_in_own_process(str((hdf5 if is_version_73(path) else matlab_v5).__file__), path)
     arrays, units, clocks, notes = found
     has_objects = any(name == "#subsystem#" for name in notes)
@@ -63,15 +67,24 @@ def read_mat(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     if not path.is_file():
         raise FileNotFoundError(f"path must be an existing file, got {str(path)!r}")
     if is_version_73(path):
-        raise ValueError(f"path must be a .mat file up to version 7, got {path.name!r} of 7.3: save it with '-v7'")
+        raise ValueError(
+            f"path must be a .mat file up to version 7, got {path.name!r} of 7.3: save it with"
+            " '-v7'"
+        )
     try:
         return contents(path)[0]
     except Exception as error:  # readers of damaged files raise nearly anything
-        raise ValueError(f"path must be a readable .mat file, got {path.name!r}: {str(error)[:160]}") from None
+        raise ValueError(
+            f"path must be a readable .mat file, got {path.name!r}: {str(error)[:160]}"
+        ) from None
 
 
 def is_version_73(path: Path) -> bool:
     """Return whether a file is HDF5, in which MATLAB stores its matrices transposed."""
     with path.open("rb") as stream:
         head = stream.read(128)
-    return b"MATLAB 7.3" in head[:32] or head[:4] == b"\x89HDF" or head[124:128] in (b"\0\2IM", b"\2\0MI")
+    return (
+        b"MATLAB 7.3" in head[:32]
+        or head[:4] == b"\x89HDF"
+        or head[124:128] in (b"\0\2IM", b"\2\0MI")
+    )

@@ -1,7 +1,7 @@
 """MATLAB v4 to v7 files by SciPy: variables, structs, Simulink scopes, dSPACE recordings.
 
-This module is loaded by its path in its own process, because some damaged files crash SciPy. So it imports nothing from
-this package.
+This module is loaded by its path in its own process, because some damaged files crash SciPy. So it
+imports nothing from this package.
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ _MAX_STRUCT_ELEMENTS = 64  # elements of a struct array that are read
 
 
 def contents(path: Path) -> Contents:
-    """Read arrays by name, units and clocks; "#subsystem#" in the notes marks a file with MATLAB objects."""
+    """Read arrays by name, units and clocks; "#subsystem#" in the notes marks a file with MATLAB
+    objects.
+    """
     from scipy.io import loadmat
 
     with warnings.catch_warnings():
@@ -49,7 +51,9 @@ def _rename_by_labels(found: Contents) -> Contents:
 
 
 def _add_variable(name: str, content: object, found: Contents) -> None:
-    """Add a MATLAB variable: numbers and texts unchanged, structs member by member, scopes and dSPACE by name."""
+    """Add a MATLAB variable: numbers and texts unchanged, structs member by member, scopes and
+    dSPACE by name.
+    """
     members = getattr(content, "_fieldnames", None)
     if members is not None:
         if {"X", "Y"} <= set(members):
@@ -70,7 +74,10 @@ def _add_variable(name: str, content: object, found: Contents) -> None:
 
 
 def _add_dspace_recording(recording: mat_struct, found: Contents) -> None:
-    """Add a dSPACE ControlDesk recording: X are times, one per raster, Y channels with Name, Data, Unit and raster."""
+    """Add a dSPACE ControlDesk recording:
+
+    X are times, one per raster, Y channels with Name, Data, Unit and raster.
+    """
     arrays, units, clocks, _ = found
     times = {}
     for i, raster in enumerate(np.ravel(recording.X)):
@@ -86,13 +93,19 @@ def _add_dspace_recording(recording: mat_struct, found: Contents) -> None:
             units[name] = unit.strip()
         index = np.ravel(getattr(channel, "XIndex", 0))
         own = times.get(int(index[0])) if index.size == 1 and index.dtype.kind in "iuf" else None
-        as_long = [time for time in [own, *times.values()] if time and arrays[time].size == arrays[name].size]
+        as_long = [
+            time
+            for time in [own, *times.values()]
+            if time and arrays[time].size == arrays[name].size
+        ]
         if as_long:
             clocks[name] = as_long[0]
 
 
 def _add_scope(name: str, scope: mat_struct, found: Contents) -> None:
-    """Add a Simulink scope or "structure with time": its signals with times; labels go to the notes."""
+    """Add a Simulink scope or "structure with time": its signals with times; labels go to the
+    notes.
+    """
     arrays, _, clocks, labels = found
     time = np.ravel(getattr(scope, "time", np.empty(0)))
     if time.size > 1:

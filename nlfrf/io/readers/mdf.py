@@ -13,15 +13,21 @@ if TYPE_CHECKING:
 
 
 def contents(path: Path) -> Contents:
-    """Read channels by name (``group.name`` if several groups have it), each with the times of its group.
+    """Read channels by name (``group.name`` if several groups have it), each with the times of its
+    group.
 
-    This module is loaded by its path in its own process, so it imports nothing from this package. An MDF file can name
-    other files as attachments, which asammdf opens for some channels: none is opened here.
+    This module is loaded by its path in its own process, so it imports nothing from this package.
+    An MDF file can name other files as attachments, which asammdf opens for some channels: none is
+    opened here.
     """
     from asammdf import MDF
     from asammdf.blocks.mdf_v4 import MDF4
 
-    MDF4._extract_attachment = lambda *_, **__: (b"", Path(), b"")  # an empty attachment for every channel
+    MDF4._extract_attachment = lambda *_, **__: (
+        b"",
+        Path(),
+        b"",
+    )  # an empty attachment for every channel
 
     found: Contents = ({}, {}, {}, {})
     arrays, units, clocks, notes = found

@@ -1,10 +1,11 @@
-"""The grammar of names and units of columns, variables, channels and attributes, each parsed as a whole.
+"""The grammar of names and units of columns, variables, channels and attributes, each parsed as a
+whole.
 
-    name = [sign or inverse] quantity [of what] [unit or scale in brackets, behind a mark or a blank]
-    unit = [factor] symbol [power] { "*" or "/" symbol [power] }, or a scale of ratios as dB
+    name = [sign or inverse] quantity [of what] [unit or scale in brackets, behind a mark or a
+    blank] unit = [factor] symbol [power] { "*" or "/" symbol [power] }, or a scale of ratios as dB
 
-Tables, records, arrays, structs and attributes share the tables below. A word in none of them is kept as `unknown`: the
-caller decides whether it is the name of a thing, or asks the user.
+Tables, records, arrays, structs and attributes share the tables below. A word in none of them is
+kept as `unknown`: the caller decides whether it is the name of a thing, or asks the user.
 """
 
 from __future__ import annotations
@@ -39,7 +40,8 @@ _PREFIXES = {
     "mega": 1e6,
     "giga": 1e9,
 }
-#: Decades of a ratio per unit of a scale: `log10` and `ln` are for the ratio itself, dB10 for a power.
+# : Decades of a ratio per unit of a scale: `log10` and `ln` are for the ratio itself, dB10 for a
+# power.
 _SCALES = {
     **dict.fromkeys(("dB", "dB20", "decibel", "decibels"), 1 / 20),
     **dict.fromkeys(("Np", "neper", "nepers", "ln"), 1 / log(10)),
@@ -49,10 +51,14 @@ _SCALES = {
     "dNp": 0.1 / log(10),
     "cNp": 0.01 / log(10),
 }
-#: Units by their spellings: factor to base units, and powers of these. A base unit is its own symbol.
+# : Units by their spellings: factor to base units, and powers of these. A base unit is its own
+# symbol.
 _UNITS = {
     "rad radian radians": (1.0, "rad"),
-    "deg ° degree degrees Deg Grad": (TURN / 360, "rad"),  # Grad is German for degree; grad may be the gon
+    "deg ° degree degrees Deg Grad": (
+        TURN / 360,
+        "rad",
+    ),  # Grad is German for degree; grad may be the gon
     "gon gons gradian gradians": (TURN / 400, "rad"),
     "rev revs revolution revolutions turn turns cycle cycles cyc tr": (TURN, "rad"),
     "arcmin": (TURN / 21600, "rad"),
@@ -96,7 +102,10 @@ _UNITS = {
     "°F degF": (1.0, "fahrenheit"),
     "g gn": (1.0, "g"),  # gravity or gram: it is compatible with itself only
     "sample samples sa smp": (1.0, "sample"),
-    "count counts cnt cnts inc incr incs increment increments tick ticks digit digits LSB raw": (1.0, "count"),
+    "count counts cnt cnts inc incr incs increment increments tick ticks digit digits LSB raw": (
+        1.0,
+        "count",
+    ),
     "strain": (1.0, "strain"),
     "FS eu pu px div step bit bits bool sequence mic": (1.0, "unit"),
     "% percent prozent pct": (1e-2, ""),
@@ -106,7 +115,8 @@ _UNITS = {
     "1 - abs lin lin. linear ratio none unitless dimensionless n/a": (1.0, ""),
 }
 _RATIOS = ("1", *[*_UNITS][-1].split())  # units of a ratio
-#: Mark, number, exponent, symbol, power. A symbol ends with its word, or a long one could be cut in too many ways.
+# : Mark, number, exponent, symbol, power. A symbol ends with its word, or a long one could be cut
+# in too many ways.
 _FACTOR = (
     r"([/*·×⋅.x]|\bper\b|)\s*(?:(?<![^\W\d_xπ])(\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\d.]))(?:\^(-?\d+))?"
     r"|(°[CF]?|%|‰|[^\W\d_]+(?![^\W\d_]))"
@@ -115,7 +125,9 @@ _FACTOR = (
 
 
 class Unit(NamedTuple):
-    """A unit: factor to base units and their powers, decades of a ratio per unit of a scale, and its text."""
+    """A unit: factor to base units and their powers, decades of a ratio per unit of a scale, and
+    its text.
+    """
 
     factor: float
     powers: tuple[tuple[str, int], ...] = ()
@@ -125,7 +137,9 @@ class Unit(NamedTuple):
 
 @lru_cache(1)
 def _known_symbols() -> dict[str, tuple[float, str, str]]:
-    """Return factor, powers and symbol by spelling, also in lower case if a prefix keeps its own letter."""
+    """Return factor, powers and symbol by spelling, also in lower case if a prefix keeps its own
+    letter.
+    """
     units = {symbol: (*one, symbol) for names, one in _UNITS.items() for symbol in names.split()}
     found = {
         prefix + symbol: (scale * one[0], *one[1:])
@@ -162,7 +176,10 @@ def parse_unit(written: str) -> Unit | None:
     written = _normalize(written).strip()
     if written in _SCALES or (len(written) > 1 and written.lower() in map(str.lower, _SCALES)):
         return Unit(
-            1.0, (), _SCALES.get(written) or {one.lower(): _SCALES[one] for one in _SCALES}[written.lower()], written
+            1.0,
+            (),
+            _SCALES.get(written) or {one.lower(): _SCALES[one] for one in _SCALES}[written.lower()],
+            written,
         )
     if found := re.fullmatch(r"dB\s*(?:re[fl]?\.?\s*1?\s*(.+)|\((.+)\)|(Ω|Ohm))", written, re.I):
         of = parse_unit(found[1] or found[2] or found[3])
@@ -170,7 +187,9 @@ def parse_unit(written: str) -> Unit | None:
     if written.lower() in _RATIOS:
         return Unit(1.0, text=written)
     turned = str.maketrans("*·×⋅. /", "//////*")
-    flat = re.sub(r"/\s*\(([^()]*)\)", lambda some: "/" + some[1].strip().translate(turned), written)
+    flat = re.sub(
+        r"/\s*\(([^()]*)\)", lambda some: "/" + some[1].strip().translate(turned), written
+    )
     flat = re.sub(r"^\(([^()]*)\)", r"\1", flat)
     factors = re.findall(_FACTOR, flat) if re.fullmatch(f"(?:{_FACTOR})+", flat) else []
     scale, powers = 1.0, Counter[str]()
@@ -180,10 +199,14 @@ def parse_unit(written: str) -> Unit | None:
         if one is None or (number and mark in ("/", "per")):
             return None
         scale *= one[0] ** n
-        powers.update({base: n * int(k or 1) for base, k in re.findall(r"([a-z]+)(-?\d*)", one[1], re.I)})
+        powers.update(
+            {base: n * int(k or 1) for base, k in re.findall(r"([a-z]+)(-?\d*)", one[1], re.I)}
+        )
     has_symbol = any(symbol for _, _, _, symbol, _ in factors)
     return (
-        Unit(scale, tuple(sorted((base, n) for base, n in powers.items() if n)), 0.0, written) if has_symbol else None
+        Unit(scale, tuple(sorted((base, n) for base, n in powers.items() if n)), 0.0, written)
+        if has_symbol
+        else None
     )
 
 
@@ -194,31 +217,48 @@ def _parse_powers(written: str) -> tuple[tuple[str, int], ...]:
 
 
 def parse_bracket(head: str, inside: str) -> Unit | None:
-    """Parse the unit in brackets behind a name; None also for a node or a part of a circuit, as in V(in), I(m)."""
+    """Parse the unit in brackets behind a name; None also for a node or a part of a circuit, as in
+    V(in), I(m).
+    """
     unit, of = parse_unit(inside), {"V": "V", "I": "A"}.get(head)
     return None if of and unit and unit.powers != _parse_powers(of) else unit
 
 
 def _normalize(written: str) -> str:
-    """Return a name without accents and with one spelling of minus signs, primes, degrees and squares."""
-    written = re.sub("[ºᵒ˚]", "°", re.sub("(?<!⁻)²", "^2", written.replace("ℜ", "Re").replace("ℑ", "Im")))
-    written = "".join(one for one in unicodedata.normalize("NFKD", written) if not unicodedata.combining(one))
+    """Return a name without accents and with one spelling of minus signs, primes, degrees and
+    squares.
+    """
+    written = re.sub(
+        "[ºᵒ˚]", "°", re.sub("(?<!⁻)²", "^2", written.replace("ℜ", "Re").replace("ℑ", "Im"))
+    )
+    written = "".join(
+        one for one in unicodedata.normalize("NFKD", written) if not unicodedata.combining(one)
+    )
     return re.sub("[′’‘´`]", "'", re.sub('"|″', "''", re.sub("[−–—]", "-", written)))
 
 
-#: Words by meaning. If a name has several quantities, the first one here decides: "gain: real" is a real part.
+# : Words by meaning. If a name has several quantities, the first one here decides: "gain: real" is
+# a real part.
 _QUANTITIES = {
     "std": "std stdev stddev sigma σ",
     "coherence": "coh coherence koharenz γ gamma msc",
-    "phase": "phase pha phas phz ph phi φ ϕ theta θ angle ang cang arg argument fase winkel phasen phasenwinkel "
-    "phasengang",
+    "phase": (
+        "phase pha phas phz ph phi φ ϕ theta θ angle ang cang arg argument fase winkel phasen"
+        " phasenwinkel phasengang"
+    ),
     "imaginary": "im imag img imaginary imaginar imaginaire imaginarteil reactance",
     "real": "re real rea reel reelle realteil resistance",
-    "magnitude": "mag magnitude magn gain ampl amplitude amp abs mod modulus ratio impedance betrag verstarkung "
-    "amplitudengang ganancia guadagno",
-    "frequency": "f w freq freqs frequency frequencies frequenz frequence frecuencia frequenza frequentie omega ω wout",
+    "magnitude": (
+        "mag magnitude magn gain ampl amplitude amp abs mod modulus ratio impedance betrag"
+        " verstarkung amplitudengang ganancia guadagno"
+    ),
+    "frequency": (
+        "f w freq freqs frequency frequencies frequenz frequence frecuencia frequenza frequentie"
+        " omega ω wout"
+    ),
 }
-#: Signs, inverses of G and ("loss") of its magnitude, powers, words without meaning, and words never ignored.
+# : Signs, inverses of G and ("loss") of its magnitude, powers, words without meaning, and words
+# never ignored.
 _WORDS = {
     "minus": "minus neg negative negated",
     "conjugate": "conj conjugate conjugated",
@@ -229,12 +269,17 @@ _WORDS = {
     "squared": "squared square",
     "power": "power",
     "log": "log",
-    "filler": "of the in part component value values response data frf wrapped unwrapped shift linear as function "
-    "axis insertion return transmission",
-    "no_name": "normalized normalised normiert scaled relative rel error err delta difference margin slope",
+    "filler": (
+        "of the in part component value values response data frf wrapped unwrapped shift linear as"
+        " function axis insertion return transmission"
+    ),
+    "no_name": (
+        "normalized normalised normiert scaled relative rel error err delta difference margin slope"
+    ),
 }
 ROLES = {word: role for role, listed in (_WORDS | _QUANTITIES).items() for word in listed.split()}
-#: Replacements in a name, in this order, before its words are looked up; ⟪⟫ enclose the object of a quantity.
+# : Replacements in a name, in this order, before its words are looked up; ⟪⟫ enclose the object of
+# a quantity.
 _REWRITTEN = (
     (r"standard[ _]deviation|std\.?[ _]dev\b\.?", " std "),
     (r"(?:frequency|freq)[ _]?response(?:[ _]?function)?|transfer[ _]?function", " "),
@@ -277,10 +322,11 @@ _WORD = re.compile(
 class ColumnName(NamedTuple):
     """Parsed name of a column: its quantity and how to use the numbers.
 
-    The quantity is one of `_QUANTITIES`, "complex", "level" for a signal, or empty; `part` is that of a standard
-    deviation. With `inverse` the numbers belong to 1/G, with `is_conjugate` to its conjugate; `scale` is their power of
-    G. `label` is common to the columns of one FRF: `of_what`, and the socket. `unknown` are words in no table, hence
-    names of a thing, or words that must not be ignored.
+    The quantity is one of `_QUANTITIES`, "complex", "level" for a signal, or empty; `part` is that
+    of a standard deviation. With `inverse` the numbers belong to 1/G, with `is_conjugate` to its
+    conjugate; `scale` is their power of G. `label` is common to the columns of one FRF: `of_what`,
+    and the socket. `unknown` are words in no table, hence names of a thing, or words that must not
+    be ignored.
     """
 
     quantity: str = ""
@@ -324,7 +370,9 @@ def parse_name(name: str, stated: str = "", *, is_complex: bool = False) -> Colu
             role = "name"  # V(in)
         elif re.fullmatch(_SOCKET, token, re.I):
             role = "socket"
-        elif (role == "minus" and last.isdigit()) or (role in _QUANTITIES and len(token) == 1 and not is_first):
+        elif (role == "minus" and last.isdigit()) or (
+            role in _QUANTITIES and len(token) == 1 and not is_first
+        ):
             role = "name"  # the direction of a node, "6 minus x"; the f of "H f"
         elif role == "name" and not depth and _is_scale(token):
             role = "unit"
@@ -341,12 +389,17 @@ def _combine(found: defaultdict[str, list[str]], unit_text: str, is_complex: boo
     names = found["name"] + found["no_name"]
     unit_text = unit_text or next(iter(found["unit"]), "")
     unit, named = parse_unit(unit_text), [one for one in _QUANTITIES if found[one]]
-    named = ["phase"] * bool(found["lag"] + found["lead"]) + ["magnitude"] * bool(found["loss"]) + named
+    named = (
+        ["phase"] * bool(found["lag"] + found["lead"]) + ["magnitude"] * bool(found["loss"]) + named
+    )
     quantity = next(
-        (one for one in _QUANTITIES if one in named), "" if found["unknown"] else _quantity_of_unit(unit, names)
+        (one for one in _QUANTITIES if one in named),
+        "" if found["unknown"] else _quantity_of_unit(unit, names),
     )
     if quantity == "magnitude" and unit and unit.powers in map(_parse_powers, "VAW"):
-        return ColumnName("level")  # several Bode plotters write the amplitude of the excitation, too
+        return ColumnName(
+            "level"
+        )  # several Bode plotters write the amplitude of the excitation, too
     if is_complex:
         quantity, named, found["unknown"] = "complex", [], found["no_name"]
     part = next((one for one in named if one != "std"), "") if quantity == "std" else ""
@@ -367,7 +420,9 @@ def _combine(found: defaultdict[str, list[str]], unit_text: str, is_complex: boo
         "loss": quantity != "magnitude",
         "inverse": quantity in ("std", "coherence", "frequency"),
         "power": quantity not in ("magnitude", "coherence"),
-        "squared": quantity not in ("magnitude", "coherence") or (in_scale and unit != parse_unit("dB10")),
+        "squared": (
+            quantity not in ("magnitude", "coherence") or (in_scale and unit != parse_unit("dB10"))
+        ),
         **{one: one not in (quantity, "magnitude", part) for one in _QUANTITIES},
     }
     unknown = found["unknown"] + [word for role in odd if odd[role] for word in found[role]]
@@ -389,8 +444,12 @@ def _combine(found: defaultdict[str, list[str]], unit_text: str, is_complex: boo
 
 
 def _quantity_of_unit(unit: Unit | None, names: list[str]) -> str:
-    """Return the quantity implied by a unit alone, as in "dB", "S11(DEG)" and "Z/ohm"; empty for other units."""
-    is_impedance = names in (["Z"], ["Y"]) and unit and unit.powers in map(_parse_powers, ("Ohm", "S"))
+    """Return the quantity implied by a unit alone, as in "dB", "S11(DEG)" and "Z/ohm"; empty for
+    other units.
+    """
+    is_impedance = (
+        names in (["Z"], ["Y"]) and unit and unit.powers in map(_parse_powers, ("Ohm", "S"))
+    )
     if unit is not None and (unit.decades > 0 or is_impedance):
         return "magnitude"
     return next((one for one in ("phase", "frequency") if suits(one, unit)), "")
@@ -401,31 +460,48 @@ def suits(quantity: str, unit: Unit | None) -> bool:
     if unit is None:
         return False
     if quantity in ("frequency", "time"):
-        return unit.powers == ((("s", 1),) if quantity == "time" else (("rad", 1), ("s", -1))) or unit.decades == 1.0
+        return (
+            unit.powers == ((("s", 1),) if quantity == "time" else (("rad", 1), ("s", -1)))
+            or unit.decades == 1.0
+        )
     if quantity == "phase":
-        return not unit.decades and (unit.powers == (("rad", 1),) or (not unit.powers and unit.factor == pi))
-    return quantity in ("magnitude", "std") or (not unit.decades and (quantity != "coherence" or not unit.powers))
+        return not unit.decades and (
+            unit.powers == (("rad", 1),) or (not unit.powers and unit.factor == pi)
+        )
+    return quantity in ("magnitude", "std") or (
+        not unit.decades and (quantity != "coherence" or not unit.powers)
+    )
 
 
 def convert(column: ColumnName, x: np.ndarray) -> np.ndarray:
-    """Return the numbers of a column in SI units, a frequency in Hz; sign, scale and inverse are applied.
+    """Return the numbers of a column in SI units, a frequency in Hz; sign, scale and inverse are
+    applied.
 
     >>> convert(parse_name("Attenuation (dB)"), np.array([20.0])), convert(parse_name("f [rad/min]"), np.array([60.0]))
     (array([0.1]), array([0.15915494]))
     """
-    unit, turns = column.unit or Unit(1.0), column.is_conjugate and column.quantity in ("phase", "imaginary")
+    unit = column.unit or Unit(1.0)
+    turns = column.is_conjugate and column.quantity in ("phase", "imaginary")
     x = x * (-column.sign if turns else column.sign)
     x = unit.factor * (10 ** (unit.decades * x) if unit.decades else x)
     if column.quantity == "phase":
         return -x if column.inverse else x
     with np.errstate(divide="ignore", invalid="ignore"):
-        x = x / TURN if column.quantity == "frequency" else x if column.scale == 1 else x ** (1 / column.scale)
+        x = (
+            x / TURN
+            if column.quantity == "frequency"
+            else x
+            if column.scale == 1
+            else x ** (1 / column.scale)
+        )
         x = 1 / x if column.inverse and column.quantity in ("magnitude", "complex") else x
     return np.conj(x) if column.is_conjugate and column.quantity == "complex" else x
 
 
 def _rewrite_function(found: re.Match[str]) -> str:
-    """Return a function as words: its argument is the object of the quantity, a unit or a quantity: "Im(Ohm)"."""
+    """Return a function as words: its argument is the object of the quantity, a unit or a quantity:
+    "Im(Ohm)".
+    """
     argument = found[2].strip()
     is_unit = parse_unit(argument) and (argument in "°%" or len(argument) > 1)
     is_written = argument.islower() and found[1].lower() in ("phase", "angle", "mag", "magnitude")
@@ -446,13 +522,19 @@ def _split_unit(written: str) -> tuple[str, str]:
             return inside, written[: found.start()] + written[found.end() :]
     for found in _TAIL.finditer(written):
         tail = written[found.end() :].strip()
-        is_letter = (len(tail) == 1 and tail.isalnum()) or tail == "in"  # a name, except behind a stroke or "in"
+        is_letter = (
+            len(tail) == 1 and tail.isalnum()
+        ) or tail == "in"  # a name, except behind a stroke or "in"
         if parse_unit(tail) and (found[1] == "/" or found[2] or not is_letter):
             return tail, written[: found.start()]
     return "", written
 
 
 def _is_scale(word: str) -> bool:
-    """Return whether a word is a unit of ratios, angles or frequencies, which names contain without brackets, too."""
+    """Return whether a word is a unit of ratios, angles or frequencies, which names contain without
+    brackets, too.
+    """
     unit = parse_unit(word) if len(word) > 1 or word in "°%" else None
-    return unit is not None and (unit.decades > 0 or suits("phase", unit) or suits("frequency", unit) or word == "%")
+    return unit is not None and (
+        unit.decades > 0 or suits("phase", unit) or suits("frequency", unit) or word == "%"
+    )

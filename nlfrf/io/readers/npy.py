@@ -11,7 +11,9 @@ from nlfrf._base.own_process import Contents, require_size
 
 
 def contents(path: Path) -> Contents:
-    """Read an array as "data" with columns "data.1", "data.2"; a structured array by the names of its fields."""
+    """Read an array as "data" with columns "data.1", "data.2"; a structured array by the names of
+    its fields.
+    """
     with path.open("rb") as stream:
         version = npy.read_magic(stream)
         read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0

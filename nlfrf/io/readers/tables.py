@@ -19,10 +19,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _END_OF_LABVIEW_HEADER = b"***End_of_Header***"  # once for the file, and once for each measurement
-_GAMRY_IMPEDANCE = re.compile(rb"^ZCURVE\tTABLE[^\n]*\n(?:[\t ][^\n]*\n?)+", re.M)  # one of the tables in a .DTA
+_GAMRY_IMPEDANCE = re.compile(
+    rb"^ZCURVE\tTABLE[^\n]*\n(?:[\t ][^\n]*\n?)+", re.M
+)  # one of the tables in a .DTA
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
 _WRITTEN_OUT = r"[-+]?\d\.\d+e[-+]\d+"  # without a decimal comma
-#: Complex numbers: 1+2j, 1 - 2i, and those of LTspice: (-3dB,45°), and 1.0e+00,2.0e+00 between tabs.
+# : Complex numbers: 1+2j, 1 - 2i, and those of LTspice: (-3dB,45°), and 1.0e+00,2.0e+00 between
+# tabs.
 _COMPLEX = re.compile(
     rf"\(?(?P<re>{_NUMBER})\s*(?P<im>[-+]\s*{_NUMBER[5:]})\s*\*?[ij]\b\)?|"
     rf"\((?P<dB>{_NUMBER})dB,\s*(?P<deg>{_NUMBER})[^\s\d,)]{{1,2}}\)|"
@@ -31,16 +34,26 @@ _COMPLEX = re.compile(
 )
 HEAD_BYTES = 1 << 17  # bytes in which the layout is searched
 _MAX_WIDTH = 256  # most columns of a table with fewer rows
-BLOCK_ROWS = 1 << 16  # rows of a long table that are read at once: pandas needs several times their memory
-_DATE, _DAYTIME = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}"), re.compile(r"\d{1,2}:\d{2}(:\d{2})?")
+BLOCK_ROWS = (
+    1 << 16
+)  # rows of a long table that are read at once: pandas needs several times their memory
+_DATE, _DAYTIME = (
+    re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}"),
+    re.compile(r"\d{1,2}:\d{2}(:\d{2})?"),
+)
 
 
 def contents(path: Path) -> Contents:
     """Read columns by name, with units and clocks from the rows above the numbers."""
     with path.open("rb") as stream:
         start = stream.read(HEAD_BYTES)
-    if _END_OF_LABVIEW_HEADER in start and (n := path.read_bytes().count(_END_OF_LABVIEW_HEADER)) > 2:
-        raise ValueError(f"it holds {n - 1} measurements, one behind the other; save each in its own file")
+    if (
+        _END_OF_LABVIEW_HEADER in start
+        and (n := path.read_bytes().count(_END_OF_LABVIEW_HEADER)) > 2
+    ):
+        raise ValueError(
+            f"it holds {n - 1} measurements, one behind the other; save each in its own file"
+        )
     if start.startswith(b"EXPLAIN") and (section := _GAMRY_IMPEDANCE.search(path.read_bytes())):
         return _read_table(section[0])
     tail = start[-200:].replace(b"\0", b"").decode("latin-1")
@@ -59,7 +72,10 @@ def _read_complex(text: str) -> Contents:
         if found["dB"]:
             z = 10 ** (float(found["dB"]) / 20) * np.exp(1j * np.radians(float(found["deg"])))
         else:
-            z = complex(float(found["re"] or found["a"]), float("".join((found["im"] or found["b"]).split())))
+            z = complex(
+                float(found["re"] or found["a"]),
+                float("".join((found["im"] or found["b"]).split())),
+            )
         numbers.append(z)
         return f"{len(numbers) - 1}e-300"
 
@@ -80,22 +96,33 @@ def _read_table(start: bytes, path: Path | None = None) -> Contents:
     require_size(8 * len(layout.numeric) * n_lines, size)  # a short row is padded with nan
     if (width := len(layout.numeric)) > _MAX_WIDTH and width > 2 * n_lines:
         raise ValueError(
-            f"it has {layout.n_data_rows} rows of {width} columns: transpose it: rows are samples, columns channels"
+            f"it has {layout.n_data_rows} rows of {width} columns: transpose it: rows are samples,"
+            " columns channels"
         )
     long = path is not None and size > HEAD_BYTES
     try:
         frame, no_numbers = _parse_columns(
-            lambda: _open_at_numbers(start, path, layout.n_header_lines), layout, n_lines if long else 0
+            lambda: _open_at_numbers(start, path, layout.n_header_lines),
+            layout,
+            n_lines if long else 0,
         )
     except ValueError as error:  # pandas counts from the first row of numbers
         raise ValueError(
-            re.sub(r"(?<=in line )\d+", lambda n: str(int(n[0]) + layout.n_header_lines), str(error))
+            re.sub(
+                r"(?<=in line )\d+", lambda n: str(int(n[0]) + layout.n_header_lines), str(error)
+            )
         ) from None
     columns = {i: column.to_numpy() for i, column in frame.items() if layout.numeric[i]}
     header = read_header(layout, columns)
     names = header.names
-    texts = (i for i, some in enumerate(layout.filled) if some and not (layout.numeric[i] or layout.moments[i]))
-    notes = header.unplaced | {names[i]: why for i, why in (dict.fromkeys(texts, "holds texts") | no_numbers).items()}
+    texts = (
+        i
+        for i, some in enumerate(layout.filled)
+        if some and not (layout.numeric[i] or layout.moments[i])
+    )
+    notes = header.unplaced | {
+        names[i]: why for i, why in (dict.fromkeys(texts, "holds texts") | no_numbers).items()
+    }
     arrays = {names[i]: column for i, column in columns.items()}
     moments = {names[i]: seconds for i, seconds in _seconds_of_moments(frame, layout).items()}
     units = dict(zip(names, header.units, strict=True)) | dict.fromkeys(moments, "s")
@@ -109,19 +136,27 @@ def _read_table(start: bytes, path: Path | None = None) -> Contents:
 def _clocks_of_table(
     header: Header, columns: list[int], arrays: list[str]
 ) -> tuple[dict[str, float | str], dict[str, np.ndarray]]:
-    """Return the clock of each channel by its name, and more arrays for it: starts [s], a sampling time."""
+    """Return the clock of each channel by its name, and more arrays for it: starts [s], a sampling
+    time.
+    """
     names, clocks = header.names, _own_time_columns(arrays)
     more: dict[str, np.ndarray] = {}
     channels = [i for i in columns if not is_time_name(names[i])]
     steps = {names[i]: header.steps[i] for i in channels if header.steps.get(i, 0.0) > 0}
     starts = {i: header.starts[i] for i in channels if i in header.starts}
-    if len({*steps.values()}) > 1 or (len({*starts.values()}) > 1 and not any(map(is_time_name, arrays))):
+    if len({*steps.values()}) > 1 or (
+        len({*starts.values()}) > 1 and not any(map(is_time_name, arrays))
+    ):
         clocks = {name: 1 / step for name, step in steps.items()}
         more = {f"{names[i]}.start": np.array(start) for i, start in starts.items()}
     elif header.clock.rates and not any(map(is_time_name, arrays)):
         more = {f"{name}.sample rate": np.array(fs) for name, fs in header.clock.rates}
     elif header.clock.fs and not any(map(is_time_name, arrays)):
-        label = header.clock.label if STEP_NAME.fullmatch(split_clock_name(header.clock.label)[0]) else "sampling time"
+        label = (
+            header.clock.label
+            if STEP_NAME.fullmatch(split_clock_name(header.clock.label)[0])
+            else "sampling time"
+        )
         clocks = {"": header.clock.fs} if header.clock.unit else {}
         more = {} if header.clock.unit else {label: np.array(1 / header.clock.fs)}
     return clocks, more
@@ -148,7 +183,10 @@ def count_lines(start: bytes, path: Path | None) -> int:
     if path is None:
         return 1 + start.count(b"\n") + start.count(b"\r")
     with path.open("rb") as stream:
-        return 1 + sum(part.count(b"\n") + part.count(b"\r") for part in iter(lambda: stream.read(1 << 20), b""))
+        return 1 + sum(
+            part.count(b"\n") + part.count(b"\r")
+            for part in iter(lambda: stream.read(1 << 20), b"")
+        )
 
 
 def _open_at_numbers(start: bytes, path: Path | None, n_lines: int) -> BinaryIO:
@@ -159,8 +197,12 @@ def _open_at_numbers(start: bytes, path: Path | None, n_lines: int) -> BinaryIO:
     return stream
 
 
-def _parse_columns(source: Callable[[], BinaryIO], layout: Layout, n_rows: int) -> tuple[pd.DataFrame, dict[int, str]]:
-    """Parse the columns of numbers, and dates and times as texts, with pandas; note cells that are no number."""
+def _parse_columns(
+    source: Callable[[], BinaryIO], layout: Layout, n_rows: int
+) -> tuple[pd.DataFrame, dict[int, str]]:
+    """Parse the columns of numbers, and dates and times as texts, with pandas; note cells that are
+    no number.
+    """
     import pandas as pd
 
     wanted = [i for i, numeric in enumerate(layout.numeric) if numeric or layout.moments[i]]
@@ -177,7 +219,9 @@ def _parse_columns(source: Callable[[], BinaryIO], layout: Layout, n_rows: int) 
     if layout.has_padding:
         options["skipinitialspace"] = True
     newer = tuple(int(part) for part in pd.__version__.split(".")[:2]) >= (3, 1)
-    exact: dict[str, object] = {} if newer else {"float_precision": "round_trip"}  # newer versions are always exact
+    exact: dict[str, object] = (
+        {} if newer else {"float_precision": "round_trip"}
+    )  # newer versions are always exact
     kinds: dict[int, type] = {i: float if layout.numeric[i] else str for i in wanted}
     empty = {"na_values": sorted(EMPTY_CELLS - {""})}
     # pandas has the usual words for an empty cell, and is a quarter slower with more of them
@@ -186,13 +230,22 @@ def _parse_columns(source: Callable[[], BinaryIO], layout: Layout, n_rows: int) 
             all_options = exact | options | more_empty
             with source() as stream:
                 if not n_rows:
-                    return _infinite_to_nan(
-                        pd.read_csv(stream, dtype=kinds, decimal=layout.decimal, **all_options), layout
-                    ), {}
+                    return (
+                        _infinite_to_nan(
+                            pd.read_csv(stream, dtype=kinds, decimal=layout.decimal, **all_options),
+                            layout,
+                        ),
+                        {},
+                    )
                 with pd.read_csv(
                     stream, dtype=kinds, decimal=layout.decimal, chunksize=BLOCK_ROWS, **all_options
                 ) as frames:
-                    return _concatenate_frames((_infinite_to_nan(frame, layout) for frame in frames), n_rows), {}
+                    return (
+                        _concatenate_frames(
+                            (_infinite_to_nan(frame, layout) for frame in frames), n_rows
+                        ),
+                        {},
+                    )
         except ValueError as error:
             if isinstance(error, pd.errors.ParserError):
                 raise
@@ -201,7 +254,9 @@ def _parse_columns(source: Callable[[], BinaryIO], layout: Layout, n_rows: int) 
 
 
 def _numbers_of_texts(frame: pd.DataFrame, layout: Layout) -> tuple[pd.DataFrame, dict[int, str]]:
-    """Return the numbers of columns that were read as texts, without comments and text below; note other cells."""
+    """Return the numbers of columns that were read as texts, without comments and text below; note
+    other cells.
+    """
     import pandas as pd
 
     numbers = [i for i in frame.columns if layout.numeric[i]]
@@ -227,11 +282,17 @@ def _numbers_of_texts(frame: pd.DataFrame, layout: Layout) -> tuple[pd.DataFrame
 def _infinite_to_nan(frame: pd.DataFrame, layout: Layout) -> pd.DataFrame:
     """Replace infinite numbers by nan: instruments write them for missing values."""
     numbers = (column.to_numpy() for i, column in frame.items() if layout.numeric[i])
-    return frame.replace([np.inf, -np.inf], np.nan) if any(np.isinf(one).any() for one in numbers) else frame
+    return (
+        frame.replace([np.inf, -np.inf], np.nan)
+        if any(np.isinf(one).any() for one in numbers)
+        else frame
+    )
 
 
 def _concatenate_frames(frames: Iterable[pd.DataFrame], n_rows: int) -> pd.DataFrame:
-    """Concatenate frames into one, column by column as they come; `n_rows` is an estimate of their rows."""
+    """Concatenate frames into one, column by column as they come; `n_rows` is an estimate of their
+    rows.
+    """
     import pandas as pd
 
     columns: dict[int, np.ndarray] = {}
@@ -249,7 +310,9 @@ def _concatenate_frames(frames: Iterable[pd.DataFrame], n_rows: int) -> pd.DataF
 
 
 def _seconds_of_moments(frame: pd.DataFrame, layout: Layout) -> dict[int, np.ndarray]:
-    """Return the seconds since the first row of a column of dates and times; a date next to a time is joined to it."""
+    """Return the seconds since the first row of a column of dates and times; a date next to a time
+    is joined to it.
+    """
     found = [i for i in frame.columns if not layout.numeric[i]]
     if not found:
         return {}
@@ -272,7 +335,9 @@ def _seconds_since_first(column: pd.Series) -> np.ndarray:
     if not _DATE.match(sample):
         short = sample.count(":") == 1
         seconds = pd.to_timedelta("00:" + column if short else column).dt.total_seconds().to_numpy()
-        seconds = seconds + 86400.0 * np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -43200)  # past midnight
+        seconds = seconds + 86400.0 * np.cumsum(
+            np.diff(seconds, prepend=seconds[:1]) < -43200
+        )  # past midnight
         return np.asarray(seconds - seconds[0])
     try:
         moment = pd.to_datetime(column, format="ISO8601", utc=True)

@@ -18,11 +18,18 @@ def contents(path: Path) -> Contents:
     """
     from skrf.io.touchstone import Touchstone
 
-    text = io.StringIO(re.sub(r"(?m)^\s*#(.*)$", _sort_options, path.read_text(encoding="latin-1"), count=1))
+    text = io.StringIO(
+        re.sub(r"(?m)^\s*#(.*)$", _sort_options, path.read_text(encoding="latin-1"), count=1)
+    )
     text.name = str(path)  # the name gives the number of ports
     file = Touchstone(text)
-    if file.parameter.upper() != "S":  # scikit-rf converts others to S, and reads Y by the reference of Z
-        raise ValueError(f"it holds {file.parameter.upper()}-parameters: export S-parameters, or a table of the ratio")
+    if (
+        file.parameter.upper() != "S"
+    ):  # scikit-rf converts others to S, and reads Y by the reference of Z
+        raise ValueError(
+            f"it holds {file.parameter.upper()}-parameters: export S-parameters, or a table of the"
+            " ratio"
+        )
     f, S = file.get_sparameter_arrays()
     ports = range(1, S.shape[1] + 1)
     arrays = {f"S{i}{j}": S[:, i - 1, j - 1] for i in ports for j in ports}
@@ -31,7 +38,8 @@ def contents(path: Path) -> Contents:
 
 
 def _sort_options(found: re.Match[str]) -> str:
-    """Return the line of options in the order of scikit-rf; the format allows any order, and missing options.
+    """Return the line of options in the order of scikit-rf; the format allows any order, and
+    missing options.
 
     >>> _sort_options(re.match("#(.*)", "# R 75 RI MHz"))
     '# MHz S RI R 75'
@@ -39,5 +47,11 @@ def _sort_options(found: re.Match[str]) -> str:
     options = re.sub("!.*", "", found[1])
     kinds = {"[kMG]?Hz": "GHz", "[SYZGH]": "S", "DB|MA|RI": "MA", r"R\s+\S+": "R 50"}
     return " ".join(
-        ["#", *((re.findall(rf"(?i)\b(?:{kind})(?!\S)", options) or [default])[0] for kind, default in kinds.items())]
+        [
+            "#",
+            *(
+                (re.findall(rf"(?i)\b(?:{kind})(?!\S)", options) or [default])[0]
+                for kind, default in kinds.items()
+            ),
+        ]
     )

@@ -12,8 +12,11 @@ import numpy as np
 if TYPE_CHECKING:
     from nlfrf._base.own_process import Contents
 
-#: Begin of an export: name of the scope, file, and start of the export, in quotes if blanks separate cells.
-_EXPORT_HEAD = re.compile(rb'(?:\xef\xbb\xbf)?Name[\t;:, ][^\n]*\nFile[\t;:, ][^\n]*\n"?Starttime of export')
+# : Begin of an export: name of the scope, file, and start of the export, in quotes if blanks
+# separate cells.
+_EXPORT_HEAD = re.compile(
+    rb'(?:\xef\xbb\xbf)?Name[\t;:, ][^\n]*\nFile[\t;:, ][^\n]*\n"?Starttime of export'
+)
 
 
 def is_export(start: bytes) -> bool:
@@ -37,7 +40,8 @@ def contents(path: Path) -> Contents:
     arrays, units, clocks, notes = found
     axes: dict[bytes, str] = {}
     for name, channel in scope.items():
-        time, samples = np.asarray(channel.time, dtype=float), np.asarray(channel.values, dtype=float)
+        time = np.asarray(channel.time, dtype=float)
+        samples = np.asarray(channel.values, dtype=float)
         if time.size != samples.size:
             notes[name] = f"has {samples.size} samples at {time.size} times"
             continue
@@ -53,9 +57,10 @@ def contents(path: Path) -> Contents:
 def _separate_by_tabs(text: str, delimiter: str) -> str:
     """Return the export with tabs between the cells.
 
-    The header names every column, and the first row of numbers has as many cells as there are columns. Cells of the
-    header can contain the delimiter: decimal commas, names with blanks. Rows that cannot be cut to the width of the
-    table are left out. The row of names is refused, because it is needed.
+    The header names every column, and the first row of numbers has as many cells as there are
+    columns. Cells of the header can contain the delimiter: decimal commas, names with blanks. Rows
+    that cannot be cut to the width of the table are left out. The row of names is refused, because
+    it is needed.
     """
     lines = text.split("\n")
     first = next(i for i, line in enumerate(lines) if i > 4 and re.match(r"-?\d", line))
@@ -78,7 +83,8 @@ def _separate_by_tabs(text: str, delimiter: str) -> str:
 
 
 def _split_header_row(line: str, delimiter: str, width: int, *, named: bool) -> list[str] | None:
-    """Split a row of the header into cells; None for a row with more cells than the table has columns.
+    """Split a row of the header into cells; None for a row with more cells than the table has
+    columns.
 
     >>> _split_header_row("Name a test space Name b test space (1)", " ", 6, named=True)
     ['Name', 'a', 'test space', 'Name', 'b', 'test space (1)']
@@ -94,14 +100,15 @@ def _split_header_row(line: str, delimiter: str, width: int, *, named: bool) -> 
         return cells
     if named:
         raise ValueError(
-            f"its names, {len(cells)} between {'blanks' if delimiter == ' ' else 'commas'} for {width} columns, cannot "
-            "be separated: export it with tabs or semicolons"
+            f"its names, {len(cells)} between {'blanks' if delimiter == ' ' else 'commas'} for"
+            f" {width} columns, cannot be separated: export it with tabs or semicolons"
         )
     return None
 
 
 def _join_words(tokens: list[str], named: bool) -> list[str]:
-    """Join words that belong together: "(Voltage)" to its unit, "(1)" to a name that occurs a second time.
+    """Join words that belong together: "(Voltage)" to its unit, "(1)" to a name that occurs a
+    second time.
 
     This name is the longest run of words in front of "(1)" that occurs earlier, too.
     """
@@ -112,13 +119,18 @@ def _join_words(tokens: list[str], named: bool) -> list[str]:
                 runs = [tuple(tokens[k:i]) for k in range(i) if "Name" not in tokens[k:i]]
                 before = tokens[: max(i - 1, 0)]
                 found = (
-                    run for run in runs if any(tuple(before[j : j + len(run)]) == run for j in range(i - len(run)))
+                    run
+                    for run in runs
+                    if any(tuple(before[j : j + len(run)]) == run for j in range(i - len(run)))
                 )
                 repeated.add(next(found, ()))
     cells: list[str] = []
     i = 0
     while i < len(tokens):
-        run = next((run for run in repeated if run and tuple(tokens[i : i + len(run)]) == run), (tokens[i],))
+        run = next(
+            (run for run in repeated if run and tuple(tokens[i : i + len(run)]) == run),
+            (tokens[i],),
+        )
         cells.append(" ".join(run))
         i += len(run)
         while i < len(tokens) and re.fullmatch(r"\(.*\)", tokens[i]) and tokens[i] != "(None)":

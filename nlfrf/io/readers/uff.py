@@ -18,7 +18,8 @@ _AXIS_NAMES = {1: "x", -1: "-x", 2: "y", -2: "-y", 3: "z", -3: "-z"}
 
 
 def contents(path: Path) -> Contents:
-    """Read time records by the names of their points, else by node and direction, each with its step or its times.
+    """Read time records by the names of their points, else by node and direction, each with its
+    step or its times.
 
     This module is loaded by its path in its own process, so it imports nothing from this package.
     """
@@ -29,7 +30,9 @@ def contents(path: Path) -> Contents:
     records = [one for one in sets if one.get("func_type") == _TIME_RESPONSE]
     arrays, units = _frequency_functions(sets)
     if not records and not arrays:
-        raise ValueError(f"it holds {len(sets)} functions, no time record and no FRF: export the time histories")
+        raise ValueError(
+            f"it holds {len(sets)} functions, no time record and no FRF: export the time histories"
+        )
     clocks: dict[str, float | str] = {}
     for one in records:
         data = np.asarray(one["data"])
@@ -47,22 +50,38 @@ def contents(path: Path) -> Contents:
                 counted or "s",
             )
         elif x.shape == data.shape:
-            arrays[f"{name}.time"], units[f"{name}.time"], clocks[name] = x, counted or "s", f"{name}.time"
+            arrays[f"{name}.time"], units[f"{name}.time"], clocks[name] = (
+                x,
+                counted or "s",
+                f"{name}.time",
+            )
     return arrays, units, clocks, {}
 
 
 def _frequency_functions(sets: list[Dataset]) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """Return FRFs by degrees of freedom, "5 z / 1 x", each with its frequencies and coherence, and their units."""
+    """Return FRFs by degrees of freedom, "5 z / 1 x", each with its frequencies and coherence, and
+    their units.
+    """
     arrays: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
     for one in sets:
         if (suffix := _FREQUENCY_FUNCTIONS.get(one.get("func_type", 0))) is not None:
-            axes = (_AXIS_NAMES.get(int(one.get(f"{end}_dir", 0)), "").replace("-", "minus ") for end in ("rsp", "ref"))
-            name = "{} {} / {} {}".format(one.get("rsp_node", 0), next(axes), one.get("ref_node", 0), next(axes))
-            arrays |= {name + suffix: np.asarray(one["data"]), f"{name}.frequency": np.asarray(one["x"], dtype=float)}
+            axes = (
+                _AXIS_NAMES.get(int(one.get(f"{end}_dir", 0)), "").replace("-", "minus ")
+                for end in ("rsp", "ref")
+            )
+            name = "{} {} / {} {}".format(
+                one.get("rsp_node", 0), next(axes), one.get("ref_node", 0), next(axes)
+            )
+            arrays |= {
+                name + suffix: np.asarray(one["data"]),
+                f"{name}.frequency": np.asarray(one["x"], dtype=float),
+            }
             units[f"{name}.frequency"] = _stated_unit(one, "abscissa") or "Hz"
             if not suffix:
-                units[name] = "/".join(filter(None, (_stated_unit(one, axis) for axis in ("ordinate", "orddenom"))))
+                units[name] = "/".join(
+                    filter(None, (_stated_unit(one, axis) for axis in ("ordinate", "orddenom")))
+                )
     return arrays, units
 
 
@@ -73,7 +92,9 @@ def _stated_unit(one: Dataset, axis: str) -> str:
 
 
 def _record_name(one: Dataset) -> str:
-    """Return the name of a record: its first line, the name of its point, or its node and direction."""
+    """Return the name of a record: its first line, the name of its point, or its node and
+    direction.
+    """
     point, text = (str(one.get(key) or "").strip() for key in ("rsp_ent_name", "id1"))
     for name in (text, point):
         if name and name.upper() != "NONE":

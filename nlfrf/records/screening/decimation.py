@@ -1,16 +1,21 @@
-"""Decimation of long signals where they are smooth: the means of blocks show faults and period as well."""
+"""Decimation of long signals where they are smooth: the means of blocks show faults and period as
+well.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 _CHUNK_SAMPLES = 1 << 16  # samples from which smoothness is estimated
-_SMOOTH_CORRELATION = 0.994  # least ratio of autocorrelations over a block: its mean then has 99.9 % of the power
+_SMOOTH_CORRELATION = (
+    0.994  # least ratio of autocorrelations over a block: its mean then has 99.9 % of the power
+)
 _MAX_STEP = 1024  # largest block
 
 
 def smooth_step(x: np.ndarray) -> int:
-    """Return the number of samples, a power of two, over which a signal (n,) changes by little more than its noise.
+    """Return the number of samples, a power of two, over which a signal (n,) changes by little more
+    than its noise.
 
     White noise is absent from the autocorrelation at one sample, so this value is the reference.
     """
@@ -22,13 +27,20 @@ def smooth_step(x: np.ndarray) -> int:
         return float(np.vdot(part[lag:], part[:-lag])) / (part.size - lag)
 
     step, one = 1, left(1)
-    while one > 0 and step < _MAX_STEP and 64 * step < part.size and left(2 * step) > _SMOOTH_CORRELATION * one:
+    while (
+        one > 0
+        and step < _MAX_STEP
+        and 64 * step < part.size
+        and left(2 * step) > _SMOOTH_CORRELATION * one
+    ):
         step *= 2
     return step
 
 
 def common_smooth_step(signals: list[np.ndarray], n_samples: int) -> int:
-    """Return the number of samples, a divisor of n_samples, over which all signals (n,) are smooth."""
+    """Return the number of samples, a divisor of n_samples, over which all signals (n,) are
+    smooth.
+    """
     step = min(map(smooth_step, signals))
     while n_samples % step:
         step //= 2

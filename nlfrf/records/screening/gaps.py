@@ -1,7 +1,8 @@
-"""Find samples lost or repeated inside a period: before the gap the period is shifted against the next one.
+"""Find samples lost or repeated inside a period: before the gap the period is shifted against the
+next one.
 
-With a short gap, or one near an end, the period as a whole looks like one with a little noise. But all samples behind
-the gap are early or late, which falsifies the FRF.
+With a short gap, or one near an end, the period as a whole looks like one with a little noise. But
+all samples behind the gap are early or late, which falsifies the FRF.
 """
 
 from __future__ import annotations
@@ -13,24 +14,37 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from nlfrf._base.numbers import TINY, power, rfft, rfft_at, squared_modulus
 
-_MIN_LOG_LIKELIHOOD = 50.0  # least reduction of the difference of two periods by a shift, in variances of the noise
-_UNEVEN_LOG_LIKELIHOOD = 10.0  # least log likelihood ratio of an uneven difference for which shifts are tried
+_MIN_LOG_LIKELIHOOD = (
+    50.0  # least reduction of the difference of two periods by a shift, in variances of the noise
+)
+_UNEVEN_LOG_LIKELIHOOD = (
+    10.0  # least log likelihood ratio of an uneven difference for which shifts are tried
+)
 _N_PARTS = 64  # places in a period at which this is tested
 _MAX_REST = 1e-3  # largest share of the difference before the gap that a shift may leave
-_WHOLE_TOLERANCE = 0.2  # of a quarter's step against a whole shift: a spike needs none, a transient any
+_WHOLE_TOLERANCE = (
+    0.2  # of a quarter's step against a whole shift: a spike needs none, a transient any
+)
 _ROUNDING_POWER = 1e-9  # share of the power of y below which a difference is rounding
 _MIN_SAMPLES = 16  # samples that suffice for the variance of noise
-TRANSIENT_RANK, _HANKEL_SAMPLES = 4, 256  # rank of two modes (more would explain gaps); samples in a Hankel matrix
+# rank of two modes (more would explain gaps); samples in a Hankel matrix
+TRANSIENT_RANK = 4
+_HANKEL_SAMPLES = 256
 _MAX_SHORT_SHIFT = 8  # samples of the gaps that are tried everywhere
 _SHORT_SHIFTS = [sign * k for k in range(1, _MAX_SHORT_SHIFT + 1) for sign in (-1, 1)]
-_SPIKE_SHARE = 0.01  # least share of the explained difference in each quarter; a spike has it all in one
+_SPIKE_SHARE = (
+    0.01  # least share of the explained difference in each quarter; a spike has it all in one
+)
 _MIN_PERIODS = 4  # best shifts for the part before the first gap that are tried
 _N_LIKELIEST = 3  # longer shifts that are tried, with their neighbours
-_FINE, _PLACE = 1 << 13, 32  # places of a long period between which two gaps are looked for; samples used at each
+# places of a long period between which two gaps are looked for; samples used at each
+_FINE = 1 << 13
+_PLACE = 32
 
 
 def find_slips(y: np.ndarray, last: int) -> np.ndarray:
-    """Return (P,) the delay behind a gap inside each period [samples], negative if early; 0 without a gap.
+    """Return (P,) the delay behind a gap inside each period [samples], negative if early; 0 without
+    a gap.
 
     In the last period the part behind the gap is compared with the period before.
 
@@ -54,23 +68,30 @@ def find_slips(y: np.ndarray, last: int) -> np.ndarray:
         found[j] = _slip_length(y[j], y[j + 1], difference=up_to, noise=noise, last=last)
     if not found[-2]:
         backwards = difference[-1][-1] - difference[-1][::-1]
-        found[-1] = -_slip_length(y[-1, ::-1], y[-2, ::-1], difference=backwards, noise=noise, last=last)
+        found[-1] = -_slip_length(
+            y[-1, ::-1], y[-2, ::-1], difference=backwards, noise=noise, last=last
+        )
     return _drop_contradicted_slips(y, found, last)
 
 
 def _drop_contradicted_slips(y: np.ndarray, gaps: np.ndarray, last: int) -> np.ndarray:
     """Return (P,) gaps, without those that the neighbouring periods contradict.
 
-    Behind a gap of k lost samples every later period is k samples early. Friction and backlash also delay a part of a
-    period against the next one, but the periods before and after are in place. A gap before the first whole period, or
-    behind the last one, cannot be compared and stays.
+    Behind a gap of k lost samples every later period is k samples early. Friction and backlash also
+    delay a part of a period against the next one, but the periods before and after are in place. A
+    gap before the first whole period, or behind the last one, cannot be compared and stays.
     """
     whole = np.flatnonzero(gaps == 0)
     if whole.size < 2 or whole.size == gaps.size:
         return gaps
     lines = np.arange(1, min(last, (y.shape[1] - 1) // 2) + 1)
     spectra = [rfft_at(y[j], lines) for j in whole]
-    steps = np.array([_period_delay(one, later, lines=lines, n_samples=y.shape[1]) for one, later in pairwise(spectra)])
+    steps = np.array(
+        [
+            _period_delay(one, later, lines=lines, n_samples=y.shape[1])
+            for one, later in pairwise(spectra)
+        ]
+    )
     difference = np.diff(whole)
     pace = float(np.median(steps[difference == 1])) if (difference == 1).any() else 0.0
     kept = gaps.copy()
@@ -81,18 +102,24 @@ def _drop_contradicted_slips(y: np.ndarray, gaps: np.ndarray, last: int) -> np.n
     return kept
 
 
-def _period_delay(one: np.ndarray, later: np.ndarray, *, lines: np.ndarray, n_samples: int) -> float:
+def _period_delay(
+    one: np.ndarray, later: np.ndarray, *, lines: np.ndarray, n_samples: int
+) -> float:
     """Return the delay of a period against another [samples] from their spectra (F,)."""
     cross, slope = later * one.conj(), 2 * np.pi * lines / n_samples
     weight = float(np.sum(slope**2 * np.abs(cross)))
     delay = float(likeliest_lag(cross, lines, n_samples))
     for _ in range(3):
-        delay -= float(np.sum(slope * (cross * np.exp(1j * slope * delay)).imag)) / max(weight, TINY)
+        delay -= float(np.sum(slope * (cross * np.exp(1j * slope * delay)).imag)) / max(
+            weight, TINY
+        )
     return delay
 
 
 def likeliest_lag(cross: np.ndarray, lines: np.ndarray, n_samples: int) -> int:
-    """Return the shift of a period against another, at most an eighth of it [samples], from their cross spectrum."""
+    """Return the shift of a period against another, at most an eighth of it [samples], from their
+    cross spectrum.
+    """
     spectrum = np.zeros(n_samples // 2 + 1, dtype=complex)
     spectrum[lines] = cross
     correlation = np.fft.irfft(spectrum, n_samples)
@@ -101,11 +128,13 @@ def likeliest_lag(cross: np.ndarray, lines: np.ndarray, n_samples: int) -> int:
     return late if correlation[late] >= correlation[early - reach] else early - reach
 
 
-def find_corrupted_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def find_corrupted_periods(
+    y: np.ndarray, last: int, gaps: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return (P,) bool the periods with several gaps inside, and (P,) all gaps including theirs.
 
-    A part between two gaps that compensate each other is shifted; all that follows is in place. If only two periods
-    differ, both are returned.
+    A part between two gaps that compensate each other is shifted; all that follows is in place. If
+    only two periods differ, both are returned.
 
     Parameters
     ----------
@@ -125,7 +154,9 @@ def find_corrupted_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[
     """
     difference = [_cumulative_power(one - following) for one, following in pairwise(y)]
     noise = _least_noise(difference, y[-1])
-    mismatched, corrupted, total = np.zeros(len(y) + 1, dtype=bool), np.zeros(len(y), dtype=bool), gaps.copy()
+    mismatched = np.zeros(len(y) + 1, dtype=bool)
+    corrupted = np.zeros(len(y), dtype=bool)
+    total = gaps.copy()
     for j, up_to in enumerate(difference):
         if gaps[j] or gaps[j + 1]:
             continue
@@ -136,7 +167,9 @@ def find_corrupted_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[
             mismatched[j + 1] = True  # one of the two periods: nothing is lost
         else:
             backwards = up_to[-1] - up_to[::-1]
-            found, shift = _has_slip_pair(y[j + 1, ::-1], y[j, ::-1], difference=backwards, noise=noise, last=last)
+            found, shift = _has_slip_pair(
+                y[j + 1, ::-1], y[j, ::-1], difference=backwards, noise=noise, last=last
+            )
             if found:
                 corrupted[j + 1], total[j + 1] = True, -shift
     if len(y) == 2:
@@ -148,9 +181,11 @@ def find_corrupted_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[
 
 
 def _least_noise(difference: list[np.ndarray], y: np.ndarray) -> float:
-    """Return the mean power of the difference of two periods in the quarter of the period where it is least.
+    """Return the mean power of the difference of two periods in the quarter of the period where it
+    is least.
 
-    `difference` holds `_cumulative_power` (N + 1,) of each pair; the lower limit is the rounding of y (N,).
+    `difference` holds `_cumulative_power` (N + 1,) of each pair; the lower limit is the rounding of
+    y (N,).
     """
     n = y.size
     quarter = min(float(np.diff(up_to[np.arange(5) * n // 4]).min()) for up_to in difference)
@@ -160,7 +195,9 @@ def _least_noise(difference: list[np.ndarray], y: np.ndarray) -> float:
 def _has_slip_pair(
     one: np.ndarray, following: np.ndarray, *, difference: np.ndarray, noise: float, last: int
 ) -> tuple[bool, int]:
-    """Return whether an inner part of a period is shifted in the next one, and the shift of the part before it."""
+    """Return whether an inner part of a period is shifted in the next one, and the shift of the
+    part before it.
+    """
     n = one.size
     blur = max(n / (2 * last), 1.0)
     if not _is_uneven(difference, max(_ROUNDING_POWER * float(power(following)) / n, TINY), blur):
@@ -172,7 +209,9 @@ def _has_slip_pair(
     at = np.arange(0, n - stride + 1, stride)[:, None] + np.arange(size)
 
     def from_there(x: np.ndarray, shift: int) -> np.ndarray:
-        """Return the cumulative power of the difference of x and the next period, shifted, at the places."""
+        """Return the cumulative power of the difference of x and the next period, shifted, at the
+        places.
+        """
         return np.append(0.0, np.add.accumulate(power(x - following[(at + shift) % n])))
 
     here = one[at]
@@ -192,13 +231,19 @@ def _has_slip_pair(
         by_parts = np.diff(difference[parts] - left[shift, parts])
         matches = rest <= max(_MAX_REST * whole, 2 * (end - begin) * size * noise)
         matches &= by_parts.min() > _SPIKE_SHARE * by_parts.sum()
-        if not (matches and _confirms_shift(parts, difference, left=left[shift], step=step, noise=noise * blur)):
+        if not (
+            matches
+            and _confirms_shift(parts, difference, left=left[shift], step=step, noise=noise * blur)
+        ):
             return False
         noise_there = one[begin * stride : end * stride]
         noise_there = noise_there - np.roll(following, -tried[shift])[begin * stride : end * stride]
         return bool(
             whole - rest
-            > _MIN_LOG_LIKELIHOOD * _correlation_length(noise_there) * power(noise_there) / noise_there.size
+            > _MIN_LOG_LIKELIHOOD
+            * _correlation_length(noise_there)
+            * power(noise_there)
+            / noise_there.size
         )
 
     # one shift up to the first gap, another up to the second: the pair with the least rest
@@ -210,7 +255,13 @@ def _has_slip_pair(
             for j, rest in enumerate(from_first + left[1:] - difference, 1):
                 end = int(np.argmin(rest))
                 if rest[end] < least[0]:
-                    least = float(rest[end]), i, j, int(np.argmin((left[i] - left[j])[: end + 1])), end
+                    least = (
+                        float(rest[end]),
+                        i,
+                        j,
+                        int(np.argmin((left[i] - left[j])[: end + 1])),
+                        end,
+                    )
         _, i, j, begin, end = least
         behind = min(end + edge, difference.size - 1)
         if begin < edge or difference[-1] - difference[behind] > 2 * at.size * noise:
@@ -218,13 +269,19 @@ def _has_slip_pair(
         if explained(j, begin, end) and (i == 0 or explained(i, 0, begin)):
             ends = begin * stride, behind * stride
             parts = zip((i, j, 0), np.split(np.arange(n), ends), strict=True)
-            left_of_gaps = one - np.concatenate([np.roll(following, -tried[k])[some] for k, some in parts])
-            return not is_free_response(one - following, left_of_gaps, begin=ends[0], gap=ends[1]), tried[i]
+            left_of_gaps = one - np.concatenate(
+                [np.roll(following, -tried[k])[some] for k, some in parts]
+            )
+            return not is_free_response(
+                one - following, left_of_gaps, begin=ends[0], gap=ends[1]
+            ), tried[i]
     return False, 0
 
 
 def _candidate_lags(one: np.ndarray, following: np.ndarray, last: int) -> list[int]:
-    """Return the likeliest longer shifts between parts of two periods, from the phases of all lines."""
+    """Return the likeliest longer shifts between parts of two periods, from the phases of all
+    lines.
+    """
     n = one.size
     cross = rfft(one).conj() * rfft(following)
     cross[0], cross[last + 1 :] = 0.0, 0.0
@@ -245,17 +302,25 @@ def _confirms_shift(
 ) -> bool:
     """Return whether each part of a signal is explained by the whole shift and by nothing less.
 
-    Arguments are `_cumulative_power`: of the difference before and after the shift, and of the step that it makes.
+    Arguments are `_cumulative_power`: of the difference before and after the shift, and of the step
+    that it makes.
     """
     before, after, size = (np.diff(x[parts]) for x in (difference, left, step))
-    return bool((np.abs(before - after - size) < 2 * _WHOLE_TOLERANCE * size + 6 * np.sqrt(noise * size)).all())
+    return bool(
+        (
+            np.abs(before - after - size) < 2 * _WHOLE_TOLERANCE * size + 6 * np.sqrt(noise * size)
+        ).all()
+    )
 
 
-def _slip_length(one: np.ndarray, following: np.ndarray, *, difference: np.ndarray, noise: float, last: int) -> int:
-    """Return the shift of the first part of a period against the next one [samples]; 0 if there is none.
+def _slip_length(
+    one: np.ndarray, following: np.ndarray, *, difference: np.ndarray, noise: float, last: int
+) -> int:
+    """Return the shift of the first part of a period against the next one [samples]; 0 if there is
+    none.
 
-    The remainder must match unshifted, within noise. A transient matches at no shift, so it is not mistaken for a gap.
-    `difference` is the `_cumulative_power` of the difference of both.
+    The remainder must match unshifted, within noise. A transient matches at no shift, so it is not
+    mistaken for a gap. `difference` is the `_cumulative_power` of the difference of both.
     """
     n = one.size
     blur = max(n / (2 * last), 1.0)  # samples per independent one
@@ -279,19 +344,22 @@ def _slip_length(one: np.ndarray, following: np.ndarray, *, difference: np.ndarr
         if explained > most and _confirms_shift(
             np.arange(5) * end // 4, difference, left=left, step=step, noise=noise * blur
         ):
-            rest, remainder = (one - there)[:end], one - np.where(np.arange(n) < gap, there, following)
-            if explained > _MIN_LOG_LIKELIHOOD * _correlation_length(rest) * power(rest) / end and not is_free_response(
-                one - following, remainder, begin=0, gap=gap
-            ):
+            rest = (one - there)[:end]
+            remainder = one - np.where(np.arange(n) < gap, there, following)
+            if explained > _MIN_LOG_LIKELIHOOD * _correlation_length(rest) * power(
+                rest
+            ) / end and not is_free_response(one - following, remainder, begin=0, gap=gap):
                 found, most = shift, explained
     return found
 
 
 def is_free_response(difference: np.ndarray, left: np.ndarray, *, begin: int, gap: int) -> bool:
-    """Return whether damped modes explain the difference of two periods (N,) as well as a gap, which leaves `left`.
+    """Return whether damped modes explain the difference of two periods (N,) as well as a gap,
+    which leaves `left`.
 
-    A free response of n modes has a Hankel matrix of rank 2 n. The difference before a gap has no low rank, because it
-    ends abruptly. So equally many samples before the gap, from `begin` on, and behind it are used.
+    A free response of n modes has a Hankel matrix of rank 2 n. The difference before a gap has no
+    low rank, because it ends abruptly. So equally many samples before the gap, from `begin` on, and
+    behind it are used.
     """
     reach = min(gap - begin, difference.size - gap)
     if 2 * reach < _MIN_SAMPLES:
@@ -302,7 +370,8 @@ def is_free_response(difference: np.ndarray, left: np.ndarray, *, begin: int, ga
 
 
 def modal_share(difference: np.ndarray, noise: float = 0.0, *, rank: int = TRANSIENT_RANK) -> float:
-    """Return the share of the power of a difference of periods (N,) about its mean that damped modes explain.
+    """Return the share of the power of a difference of periods (N,) about its mean that damped
+    modes explain.
 
     Noise of variance `noise` counts as explained.
     """
@@ -312,20 +381,25 @@ def modal_share(difference: np.ndarray, noise: float = 0.0, *, rank: int = TRANS
 
 
 def _hankel(x: np.ndarray) -> np.ndarray:
-    """Return the Hankel matrix of a signal (n,), as square as it can be, of at most _HANKEL_SAMPLES samples."""
+    """Return the Hankel matrix of a signal (n,), as square as it can be, of at most _HANKEL_SAMPLES
+    samples.
+    """
     x = x[:: -(-x.size // _HANKEL_SAMPLES)]
     return sliding_window_view(x, x.size // 2)
 
 
 def _correlation_length(noise: np.ndarray) -> float:
-    """Return the correlation length [samples]: the number of samples per independent estimate of the noise power.
+    """Return the correlation length [samples]: the number of samples per independent estimate of
+    the noise power.
 
-    It is the sum of the squared autocorrelation of noise (n,), at least 1. The power of noise from a resonance varies
-    from place to place like that of white noise with hundreds of times fewer samples.
+    It is the sum of the squared autocorrelation of noise (n,), at least 1. The power of noise from
+    a resonance varies from place to place like that of white noise with hundreds of times fewer
+    samples.
     """
     spectrum = squared_modulus(rfft(noise))[1:]
     total = float(spectrum.sum())
-    # white noise gives 2, because each line of a periodogram has a chi-square distribution of its own
+    # white noise gives 2, because each line of a periodogram has a chi-square distribution of its
+    # own
     return max(float(spectrum.size * power(spectrum) / total**2 - 1), 1.0) if total > 0 else 1.0
 
 
@@ -335,7 +409,9 @@ def _cumulative_power(x: np.ndarray) -> np.ndarray:
 
 
 def _is_uneven(difference: np.ndarray, floor: float, blur: float) -> bool:
-    """Return whether two variances, before and behind some sample, explain a difference far better than one."""
+    """Return whether two variances, before and behind some sample, explain a difference far better
+    than one.
+    """
     n = difference.size - 1
     parts = min(_N_PARTS, n)
     at = np.arange(1, parts) * n // parts
@@ -346,7 +422,9 @@ def _is_uneven(difference: np.ndarray, floor: float, blur: float) -> bool:
 
 
 def _candidate_shifts(one: np.ndarray, following: np.ndarray, difference: np.ndarray) -> list[int]:
-    """Return the shifts to try: the best fit of the samples up to half of the difference, and all short ones."""
+    """Return the shifts to try: the best fit of the samples up to half of the difference, and all
+    short ones.
+    """
     n = one.size
     half = int(np.searchsorted(difference, difference[-1] / 2))
     size = _cumulative_power(np.tile(following, 2))
@@ -354,5 +432,7 @@ def _candidate_shifts(one: np.ndarray, following: np.ndarray, difference: np.nda
     likeliest = int(np.argmin((size[half : half + n] - size[:n]) - 2 * together))
     likeliest -= n if likeliest > n // 2 else 0
     return (
-        _SHORT_SHIFTS if abs(likeliest) <= _MAX_SHORT_SHIFT or abs(likeliest) > n // 8 else [likeliest, *_SHORT_SHIFTS]
+        _SHORT_SHIFTS
+        if abs(likeliest) <= _MAX_SHORT_SHIFT or abs(likeliest) > n // 8
+        else [likeliest, *_SHORT_SHIFTS]
     )

@@ -1,9 +1,11 @@
-"""Faults of a raw record: a period that is not whole, a drifting clock, lost samples, clipping, dead channels.
+"""Faults of a raw record: a period that is not whole, a drifting clock, lost samples, clipping,
+dead channels.
 
-Each of them would count as distortion. The periods of the input are aligned with each other: in a valid record period j
-begins exactly j n_samples after the first. Its delay against this place shows the fault: a delay that grows evenly is a
-wrong or fractional period, a curved one is a drifting clock, and one that jumps by whole samples is a gap. Cutting the
-record along these delays, between the samples if need be, cures all three.
+Each of them would count as distortion. The periods of the input are aligned with each other: in a
+valid record period j begins exactly j n_samples after the first. Its delay against this place shows
+the fault: a delay that grows evenly is a wrong or fractional period, a curved one is a drifting
+clock, and one that jumps by whole samples is a gap. Cutting the record along these delays, between
+the samples if need be, cures all three.
 """
 
 from __future__ import annotations
@@ -27,24 +29,31 @@ from nlfrf._base.values import value
 from nlfrf.records.screening.decimation import common_smooth_step, decimate
 from nlfrf.records.screening.gaps import find_corrupted_periods, find_slips, likeliest_lag
 
-SEVERE_POWER = 1e-4  # share of the input power that misplaced periods may turn into apparent distortion before refusal
+# share of the input power that misplaced periods may turn into apparent distortion before refusal
+SEVERE_POWER = 1e-4
 _VISIBLE_POWER = 1e-7  # the same share below which the delays are no fault
 _HALF_WIDTH = 24  # samples on either side that the band-limited interpolation uses
 MAX_LINES = 1 << 14  # lines that suffice for the delays
 _FEW_PERIODS = 8  # number of steps up to which one or two jumps would shift the median
 _CLIPPED_SHARE = 2e-3  # share of samples at the extremes, in runs, above which a signal is clipped
-_PART, _FEWEST_CHANGES = 1 << 16, 100  # samples that are tested for a hold; fewest changes among them
-#: Thresholds for an output that repeats its last value because its sensor is slow. The share of new samples behind a
-#: repetition; repetitions over steps of one quantum, about one for rounding; the share of the runs of
-#: repetitions behind which y goes on in its direction; the smaller step beside a run over the rms of steps. 600 slow
-#: sensors have at least 0.10 and 0.38; of 120 outputs with play the median has 0.09 and 0.27
-#: (`benchmarks.records_as_found`).
+# samples that are tested for a hold; fewest changes among them
+_PART = 1 << 16
+_FEWEST_CHANGES = 100
+# : Thresholds for an output that repeats its last value because its sensor is slow. The share of
+# new samples behind a : repetition; repetitions over steps of one quantum, about one for rounding;
+# the share of the runs of : repetitions behind which y goes on in its direction; the smaller step
+# beside a run over the rms of steps. 600 slow : sensors have at least 0.10 and 0.38; of 120 outputs
+# with play the median has 0.09 and 0.27 : (`benchmarks.records_as_found`).
 _MIN_HELD, _MAX_ROUNDED, _MIN_ONWARD, _MIN_STEP = 0.02, 4.0, 0.1, 0.36
-_STANDSTILL_SHARE = 0.02  # penalty for an even delay of one sample per period that explains no more than none
+_STANDSTILL_SHARE = (
+    0.02  # penalty for an even delay of one sample per period that explains no more than none
+)
 _DRIFT_ORDER = 3  # order of the polynomial that a drifting clock follows over the record
 _ROUNDING = 1e-12  # distance from a sample, in samples, below which it is that sample
 _KAISER_BETA = 9.0  # shape of the Kaiser window of the interpolation: error below 1e-5 up to 0.4 fs
-_SINC_OFFSETS = np.arange(-_HALF_WIDTH + 1, _HALF_WIDTH + 1)  # offsets of the samples that the interpolation uses
+_SINC_OFFSETS = np.arange(
+    -_HALF_WIDTH + 1, _HALF_WIDTH + 1
+)  # offsets of the samples that the interpolation uses
 _WINDOW_ORDER = 7  # order of the polynomials for the window between two samples: exact to rounding
 
 
@@ -53,13 +62,15 @@ class PeriodAlignment:
     """Place of each period of a stream."""
 
     n_samples: int  # the period that was assumed [samples]
-    # (P,) delay of each period against j n_samples, zero for the first one that is not empty [samples]
+    # (P,) delay of each period against j n_samples, zero for the first one that is not empty
+    # [samples]
     delay: np.ndarray
     sound: np.ndarray  # (P,) periods that repeat the others up to this delay, without a gap inside
     gaps: np.ndarray  # (P,) samples lost (negative) or repeated inside each period
     noise: float  # standard deviation of the delays by noise [samples]
     misplaced: float  # share of the input's power that the delays turn into apparent distortion
-    unexplained: float  # share of the power of a typical period that does not repeat the first one at any delay
+    # share of the power of a typical period that does not repeat the first one at any delay
+    unexplained: float
 
     @property
     def jumps(self) -> np.ndarray:
@@ -71,15 +82,20 @@ class PeriodAlignment:
         steps, intervals = np.diff(self.delay[j]) - known, np.diff(j)
         whole = known + np.round(steps - _common_step_length(steps, intervals) * intervals)
         sums = np.concatenate([[0.0], np.cumsum(whole)])
-        return np.asarray(sums[np.maximum(np.searchsorted(j, np.arange(self.sound.size), side="right") - 1, 0)])
+        return np.asarray(
+            sums[np.maximum(np.searchsorted(j, np.arange(self.sound.size), side="right") - 1, 0)]
+        )
 
     @property
     def pace(self) -> np.ndarray:
-        """(2,) straight line through the delays without jumps: slope in samples per period, and value at the first."""
+        """(2,) straight line through the delays without jumps: slope in samples per period, and
+        value at the first.
+        """
         j = np.flatnonzero(self.sound)
         if not j.size:
             raise ValueError(
-                f"n_samples must be the period of the input, got {self.n_samples}: none of its periods is sound"
+                f"n_samples must be the period of the input, got {self.n_samples}: none of its"
+                " periods is sound"
             )
         smooth = (self.delay - self.jumps)[j]
         return np.polyfit(j, smooth, 1) if j.size > 1 else np.array([0.0, smooth[0]])
@@ -106,7 +122,9 @@ class PeriodAlignment:
 
     @property
     def bend(self) -> float:
-        """Largest departure of the sound periods from the straight line, without jumps [samples]."""
+        """Largest departure of the sound periods from the straight line, without jumps
+        [samples].
+        """
         even = np.polyval(self.pace, np.arange(self.delay.size))
         return float(np.abs((self.delay - self.jumps - even)[self.sound]).max())
 
@@ -116,22 +134,33 @@ class PeriodAlignment:
         steps = np.diff(self.jumps)
         if steps.any():
             found = ", ".join(
-                f"{abs(n):g} {'repeated' if n > 0 else 'lost'} before period {j + 2}" for j, n in describe_slips(steps)
+                f"{abs(n):g} {'repeated' if n > 0 else 'lost'} before period {j + 2}"
+                for j, n in describe_slips(steps)
             )
-            return f"samples were lost or repeated ({found}); resample=True cuts the periods where they stand"
+            return (
+                f"samples were lost or repeated ({found}); resample=True cuts the periods where"
+                " they stand"
+            )
         if not self.sound.all():
             bad = ", ".join(str(j + 1) for j in np.flatnonzero(~self.sound)[:6])
-            return f"the input does not repeat in period {bad} of {self.sound.size}; resample=True leaves it out"
+            return (
+                f"the input does not repeat in period {bad} of {self.sound.size}; resample=True"
+                " leaves it out"
+            )
         if self.misplaced < _VISIBLE_POWER or np.abs(self.delay).max() < 5 * self.noise:
             return ""
         if self.drifts:
             return (
-                f"the clock drifts: the periods leave an even pace by up to {self.bend:.3g} samples; "
-                "resample=True puts them on an even one"
+                f"the clock drifts: the periods leave an even pace by up to {self.bend:.3g}"
+                " samples; resample=True puts them on an even one"
             )
         if self.is_whole:
             whole = round(self.period)
-            return f"the input repeats every {whole} samples; give n_samples={whole}" if whole != self.n_samples else ""
+            return (
+                f"the input repeats every {whole} samples; give n_samples={whole}"
+                if whole != self.n_samples
+                else ""
+            )
         return (
             f"the input repeats every {self.period:.4f} samples, not a whole number; "
             "resample=True cuts it on that period"
@@ -139,7 +168,9 @@ class PeriodAlignment:
 
 
 def _common_step_length(steps: np.ndarray, intervals: np.ndarray) -> float:
-    """Return the delay per period of most steps, each over `intervals` periods: all but those with a whole jump."""
+    """Return the delay per period of most steps, each over `intervals` periods: all but those with
+    a whole jump.
+    """
     if steps.size > _FEW_PERIODS:
         return float(np.median(steps / intervals))
     paces = np.append(steps / intervals, 0.0)
@@ -166,12 +197,18 @@ def track_input(u: np.ndarray, n_samples: int) -> PeriodAlignment:
     """
     n_periods = u.size // n_samples
     periods = u[: n_periods * n_samples].reshape(n_periods, n_samples)
-    if all(streams_equal(periods[0], period) for period in periods[1:]):  # as a generator plays them
+    if all(
+        streams_equal(periods[0], period) for period in periods[1:]
+    ):  # as a generator plays them
         return are_in_place(n_samples, np.ones(n_periods, dtype=bool))
     step = common_smooth_step([u], n_samples) if n_samples > BLOCK_ENTRIES else 1
     found = _track_cut_periods(decimate(periods, step))
     return replace(
-        found, n_samples=n_samples, delay=step * found.delay, gaps=step * found.gaps, noise=step * found.noise
+        found,
+        n_samples=n_samples,
+        delay=step * found.delay,
+        gaps=step * found.gaps,
+        noise=step * found.noise,
     )
 
 
@@ -179,7 +216,13 @@ def are_in_place(n_samples: int, sound: np.ndarray) -> PeriodAlignment:
     """Return the alignment of periods (P,) without delays, of which `sound` are valid."""
     nothing = np.zeros(sound.size)
     return PeriodAlignment(
-        n_samples=n_samples, delay=nothing, sound=sound, gaps=nothing, noise=0.0, misplaced=0.0, unexplained=0.0
+        n_samples=n_samples,
+        delay=nothing,
+        sound=sound,
+        gaps=nothing,
+        noise=0.0,
+        misplaced=0.0,
+        unexplained=0.0,
     )
 
 
@@ -208,7 +251,8 @@ def _track_cut_periods(periods: np.ndarray) -> PeriodAlignment:
     reference = spectra[first]
     whole = -np.array([likeliest_lag(one * reference.conj(), used, n_samples) for one in spectra])
     cross, slope = spectra * reference.conj(), 2 * np.pi * used / n_samples
-    # x_j(t) = x_0(t + d): phase of the cross spectrum + slope d; Gauss-Newton on the phase, from the whole shift
+    # x_j(t) = x_0(t + d): phase of the cross spectrum + slope d; Gauss-Newton on the phase, from
+    # the whole shift
     delay = whole.astype(float)
     for _ in range(4):
         turned = cross * np.exp(-1j * slope * delay[:, None])
@@ -219,7 +263,9 @@ def _track_cut_periods(periods: np.ndarray) -> PeriodAlignment:
     whole_ones = np.delete(rest, first)[np.delete(whole_inside, first)]
     typical = float(np.median(whole_ones)) if whole_ones.size else 0.0
     sound = (rest < max(1e-3, 10 * typical)) & whole_inside
-    noise = float(np.sqrt(typical / 2 * np.sum(weight) / np.sum(slope**2 * weight) / max(1, used.size)))
+    noise = float(
+        np.sqrt(typical / 2 * np.sum(weight) / np.sum(slope**2 * weight) / max(1, used.size))
+    )
     shift = delay[sound] - delay[sound].mean()
     misplaced = float(np.mean(np.sum(slope**2 * weight) * shift**2) / np.sum(weight))
     return PeriodAlignment(
@@ -234,7 +280,8 @@ def _track_cut_periods(periods: np.ndarray) -> PeriodAlignment:
 
 
 def resegment(x: np.ndarray, where: PeriodAlignment) -> tuple[np.ndarray, np.ndarray]:
-    """Return the sound periods (P, N) of a stream, each cut at its place between the samples, and their indices.
+    """Return the sound periods (P, N) of a stream, each cut at its place between the samples, and
+    their indices.
 
     Parameters
     ----------
@@ -251,7 +298,8 @@ def resegment(x: np.ndarray, where: PeriodAlignment) -> tuple[np.ndarray, np.nda
     n, n_periods = where.n_samples, where.delay.size
     if not where.sound.any():
         raise ValueError(
-            f"u must hold at least one whole period of {n} samples without a fault, got none: {where.fault}"
+            f"u must hold at least one whole period of {n} samples without a fault, got none:"
+            f" {where.fault}"
         )
     j = np.arange(n_periods)
     curve = where.pace  # a straight line has less noise than single delays
@@ -263,7 +311,9 @@ def resegment(x: np.ndarray, where: PeriodAlignment) -> tuple[np.ndarray, np.nda
     rows, kept = [], []
     for period in j[where.sound]:
         jumps = period + 1 < n_periods and where.jumps[period + 1] != where.jumps[period]
-        if jumps and where.sound[period + 1]:  # the gap lies in this period, too short to be found in it
+        if (
+            jumps and where.sound[period + 1]
+        ):  # the gap lies in this period, too short to be found in it
             continue
         tau = period + np.arange(n) / n
         at = n * tau + np.polyval(curve, tau) + where.jumps[period]
@@ -271,7 +321,9 @@ def resegment(x: np.ndarray, where: PeriodAlignment) -> tuple[np.ndarray, np.nda
             rows.append(interpolate_bandlimited(x, at))
             kept.append(period)
     if not rows:
-        raise ValueError(f"u must hold at least one whole period of {n} samples without a fault, got none")
+        raise ValueError(
+            f"u must hold at least one whole period of {n} samples without a fault, got none"
+        )
     return np.array(rows), np.array(kept)
 
 
@@ -288,15 +340,16 @@ def interpolate_bandlimited(x: np.ndarray, at: np.ndarray) -> np.ndarray:
         beyond = np.maximum(at[some] - first, _ROUNDING)
         kernel = np.vander(2 * beyond - 1, _WINDOW_ORDER + 1) @ windows
         kernel /= beyond[:, None] - _SINC_OFFSETS
-        values[some] = np.vecdot(x.take(first[:, None] + _SINC_OFFSETS, mode="clip"), kernel) / np.add.reduce(
-            kernel, axis=1
-        )
+        values[some] = np.vecdot(
+            x.take(first[:, None] + _SINC_OFFSETS, mode="clip"), kernel
+        ) / np.add.reduce(kernel, axis=1)
     return values
 
 
 @lru_cache(maxsize=1)
 def _kaiser_windows() -> np.ndarray:
-    """Return (8, 48) polynomials in the place between two samples, from -1 to 1, for the window at each sample around.
+    """Return (8, 48) polynomials in the place between two samples, from -1 to 1, for the window at
+    each sample around.
 
     They include the sign of the sine of the sinc, whose absolute value is the same for all samples.
     """
@@ -329,7 +382,9 @@ def longest_constant_run(x: np.ndarray) -> tuple[int, int]:
 
 
 def hold_factor(x: np.ndarray) -> int:
-    """Return the number n of samples for which a stream holds each value, if it changes at every n-th only; else 1."""
+    """Return the number n of samples for which a stream holds each value, if it changes at every
+    n-th only; else 1.
+    """
     part = x[:_PART]
     at = np.flatnonzero(part[1:] != part[:-1])
     n = int(np.gcd.reduce(at - at[0])) if at.size > _FEWEST_CHANGES else 1
@@ -337,10 +392,12 @@ def hold_factor(x: np.ndarray) -> int:
 
 
 def repeated_share(y: np.ndarray, u: np.ndarray) -> float:
-    """Return the share of samples at which an output y (n,) of a slow sensor repeats its last value; 0 for any other y.
+    """Return the share of samples at which an output y (n,) of a slow sensor repeats its last
+    value; 0 for any other y.
 
-    Rounding repeats values, too, but makes about as many steps of one quantum, or y goes on by one quantum. A clipped
-    signal, or one with a dead zone, repeats at few values. A signal with play goes on in the other direction.
+    Rounding repeats values, too, but makes about as many steps of one quantum, or y goes on by one
+    quantum. A clipped signal, or one with a dead zone, repeats at few values. A signal with play
+    goes on in the other direction.
 
     >>> t = np.arange(4000)
     >>> y = np.sin(0.3 * t) + np.sin(0.11 * t)
@@ -350,7 +407,9 @@ def repeated_share(y: np.ndarray, u: np.ndarray) -> float:
     y, u = y[:_PART], u[:_PART]
     steps = np.diff(y)
     still = steps == 0
-    edges = np.flatnonzero(still[1:] != still[:-1]) + 1  # first steps of runs of repetitions or of moves
+    edges = (
+        np.flatnonzero(still[1:] != still[:-1]) + 1
+    )  # first steps of runs of repetitions or of moves
     behind = edges[~still[edges]]
     held = y[behind]  # the step into it is the last one before the repetitions
     free = (held != y.max()) & (held != y.min()) & (u[behind] != u[behind - 1])
@@ -359,10 +418,21 @@ def repeated_share(y: np.ndarray, u: np.ndarray) -> float:
     size = np.abs(steps)
     quantum = float(size.min(initial=np.inf, where=~still))
     into = np.maximum.accumulate(np.where(still, 0, np.arange(steps.size)))[behind - 1]
-    full = np.minimum(size[into], size[behind]).mean() > _MIN_STEP * np.sqrt(np.mean(size[~still] ** 2))
-    onward = np.mean(steps[into] * steps[behind] > 0) > _MIN_ONWARD and np.mean(held == np.median(held)) < 0.5
-    rounded = np.count_nonzero(still) < _MAX_ROUNDED * np.count_nonzero(size[~still] < 1.5 * quantum)
-    return float(np.mean(still)) if full and onward and not rounded and np.median(size[behind]) > 2.5 * quantum else 0.0
+    full = np.minimum(size[into], size[behind]).mean() > _MIN_STEP * np.sqrt(
+        np.mean(size[~still] ** 2)
+    )
+    onward = (
+        np.mean(steps[into] * steps[behind] > 0) > _MIN_ONWARD
+        and np.mean(held == np.median(held)) < 0.5
+    )
+    rounded = np.count_nonzero(still) < _MAX_ROUNDED * np.count_nonzero(
+        size[~still] < 1.5 * quantum
+    )
+    return (
+        float(np.mean(still))
+        if full and onward and not rounded and np.median(size[behind]) > 2.5 * quantum
+        else 0.0
+    )
 
 
 def warn_about_channel(name: str, signal: np.ndarray, n_samples: int) -> None:
@@ -371,11 +441,11 @@ def warn_about_channel(name: str, signal: np.ndarray, n_samples: int) -> None:
     share = clipped_share(signal) if length > 2 else 0.0
     if share > _CLIPPED_SHARE:
         data_warning(
-            f"{name} seems clipped: {100 * share:.2g} % of its samples stand at its largest or smallest value in runs; "
-            "lower the level or widen the range"
+            f"{name} seems clipped: {100 * share:.2g} % of its samples stand at its largest or"
+            " smallest value in runs; lower the level or widen the range"
         )
     if length > n_samples // 4:
         data_warning(
-            f"{name} stands still for {length} samples from sample {begin}, {length / n_samples:.2g} periods; "
-            "was the channel alive?"
+            f"{name} stands still for {length} samples from sample {begin},"
+            f" {length / n_samples:.2g} periods; was the channel alive?"
         )

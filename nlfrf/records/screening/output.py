@@ -1,7 +1,9 @@
-"""Faults of the output against the input: lost samples, another clock, a changed sign, and drifts over the periods.
+"""Faults of the output against the input: lost samples, another clock, a changed sign, and drifts
+over the periods.
 
-In a valid record the phase of Y/U on the excited lines is the same in every period. A slope of it over frequency is a
-delay: one that jumps by whole samples is a gap in y, one that grows evenly is a clock of y that differs from that of u.
+In a valid record the phase of Y/U on the excited lines is the same in every period. A slope of it
+over frequency is a delay: one that jumps by whole samples is a gap in y, one that grows evenly is a
+clock of y that differs from that of u.
 """
 
 from __future__ import annotations
@@ -22,24 +24,37 @@ from nlfrf.records.screening.gaps import (
     likeliest_lag,
     modal_share,
 )
-from nlfrf.records.screening.input import MAX_LINES, SEVERE_POWER, describe_slips, interpolate_bandlimited
+from nlfrf.records.screening.input import (
+    MAX_LINES,
+    SEVERE_POWER,
+    describe_slips,
+    interpolate_bandlimited,
+)
 from nlfrf.signals.lines import chance_correlation
 
-# ---- Drifts over the periods of a record: the gain from u to y, evenly or in a step, and the operating point.
+# ---- Drifts over the periods of a record: the gain from u to y, evenly or in a step, and the
+# operating point.
 
 _MIN_GAIN_DRIFT = 0.02  # smallest change of gain over the record that is reported
 _NEGLIGIBLE = 1e-6  # differences of periods, over the rms, that are ignored
-_MIN_OFFSET_DRIFT = 0.15  # smallest reported change of the operating point over the record, in rms of the output
-_FEW, _ALONE = 4, 0.9  # periods that separate a drift from a transient; share that fewer periods must explain
+_MIN_OFFSET_DRIFT = (
+    0.15  # smallest reported change of the operating point over the record, in rms of the output
+)
+# periods that separate a drift from a transient; share that fewer periods must explain
+_FEW = 4
+_ALONE = 0.9
 _CLEAR_SHARE = 0.3  # largest rest beside a clear change, as a share of it
 _DRIFT_CURE = "let it settle, or cut the record into shorter ones (n_discard)"
 
 
-def _describe_gain_drift(at: np.ndarray, gain: np.ndarray, *, noise: float, explained: float) -> str:
-    """Describe a drift or step of the gain of the periods `at`, with its numbers; empty if there is neither.
+def _describe_gain_drift(
+    at: np.ndarray, gain: np.ndarray, *, noise: float, explained: float
+) -> str:
+    """Describe a drift or step of the gain of the periods `at`, with its numbers; empty if there is
+    neither.
 
-    `explained` is the explained share of the nonrepeating power. If it is small, a first period alone may be in
-    transient, and among few periods each may be such a first one.
+    `explained` is the explained share of the nonrepeating power. If it is small, a first period
+    alone may be in transient, and among few periods each may be such a first one.
     """
     if at.size < 2 or (at.size < _FEW and explained < _ALONE):
         return ""
@@ -48,17 +63,21 @@ def _describe_gain_drift(at: np.ndarray, gain: np.ndarray, *, noise: float, expl
     place, step, rest = _find_step(gain)
     least = max(_MIN_GAIN_DRIFT, noise)
     if rest < bend or at.size < 3:
-        if abs(step) > least and rest < _CLEAR_SHARE * abs(step) and (place > 1 or explained > _ALONE):
+        if (
+            abs(step) > least
+            and rest < _CLEAR_SHARE * abs(step)
+            and (place > 1 or explained > _ALONE)
+        ):
             return (
-                f"the gain from u to y steps by {100 * step:+.2g} % before period {at[place] + 1}: G is an average, "
-                f"and belongs to neither side; {_DRIFT_CURE}"
+                f"the gain from u to y steps by {100 * step:+.2g} % before period {at[place] + 1}:"
+                f" G is an average, and belongs to neither side; {_DRIFT_CURE}"
             )
         if place == 1:
             return ""
     if at.size >= _FEW and abs(drift) > least and bend < _CLEAR_SHARE * abs(drift):
         return (
-            f"the gain from u to y drifts by {100 * drift:+.2g} % over the record: G is an average, which the machine "
-            f"had at no time; {_DRIFT_CURE}"
+            f"the gain from u to y drifts by {100 * drift:+.2g} % over the record: G is an average,"
+            f" which the machine had at no time; {_DRIFT_CURE}"
         )
     return ""
 
@@ -69,8 +88,9 @@ def _describe_offset_drift(offset: np.ndarray) -> str:
     if change <= _MIN_OFFSET_DRIFT:
         return ""
     return (
-        f"the operating point of y wanders by {100 * change:.2g} % of its rms over the record: G is an average over "
-        "these points; hold it by a slow loop, or cut the record into shorter ones (n_discard)"
+        f"the operating point of y wanders by {100 * change:.2g} % of its rms over the record: G is"
+        " an average over these points; hold it by a slow loop, or cut the record into shorter"
+        " ones (n_discard)"
     )
 
 
@@ -81,8 +101,12 @@ def _fit_line(at: np.ndarray, x: np.ndarray) -> tuple[float, float]:
 
 
 def _find_step(x: np.ndarray) -> tuple[int, float, float]:
-    """Return place and relative size of the step of x (n,), and the largest departure from a step."""
-    first, last = (np.maximum.accumulate(part) - np.minimum.accumulate(part) for part in (x, x[::-1]))
+    """Return place and relative size of the step of x (n,), and the largest departure from a
+    step.
+    """
+    first, last = (
+        np.maximum.accumulate(part) - np.minimum.accumulate(part) for part in (x, x[::-1])
+    )
     rest = np.maximum(first[:-1], last[-2::-1]) / 2
     k = int(np.argmin(rest))
     before, after = float(np.mean(x[: k + 1])), float(np.mean(x[k + 1 :]))
@@ -93,11 +117,13 @@ def _find_step(x: np.ndarray) -> tuple[int, float, float]:
 
 N_POLYNOMIAL = 3
 _MAX_WINDOWS = 1000  # windows that suffice to detect a transient
-WINDOW_LINES = 12  # neighbouring lines of a window over which a difference between periods is tested for smoothness
+# neighbouring lines of a window over which a difference between periods is tested for smoothness
+WINDOW_LINES = 12
 
 
 def is_transient(first: np.ndarray, last: np.ndarray) -> bool:
-    """Return whether two periods differ by more than noise: noise is rough over frequency, a transient is smooth.
+    """Return whether two periods differ by more than noise: noise is rough over frequency, a
+    transient is smooth.
 
     Parameters
     ----------
@@ -107,7 +133,9 @@ def is_transient(first: np.ndarray, last: np.ndarray) -> bool:
     n_windows = first.shape[1] // WINDOW_LINES
     step = max(1, first.shape[0] * n_windows // _MAX_WINDOWS)
     difference = first[:, : n_windows * WINDOW_LINES] - last[:, : n_windows * WINDOW_LINES]
-    windows = difference.reshape(len(difference), -1, WINDOW_LINES)[:, ::step].reshape(-1, WINDOW_LINES)
+    windows = difference.reshape(len(difference), -1, WINDOW_LINES)[:, ::step].reshape(
+        -1, WINDOW_LINES
+    )
     total = power(windows)
     if np.add.reduce(total) <= 1e-20 * np.add.reduce(power(last)):
         return False
@@ -121,22 +149,39 @@ def is_transient(first: np.ndarray, last: np.ndarray) -> bool:
 @cache
 def _smooth_basis() -> np.ndarray:
     """Return (WINDOW, N_POLYNOMIAL) orthonormal polynomials on the lines of a window."""
-    return np.linalg.qr(np.linspace(-1, 1, WINDOW_LINES)[:, None] ** np.arange(N_POLYNOMIAL))[0].astype(complex)
+    return np.linalg.qr(np.linspace(-1, 1, WINDOW_LINES)[:, None] ** np.arange(N_POLYNOMIAL))[
+        0
+    ].astype(complex)
 
 
-#: Thresholds, all tuned on `benchmarks.bench_screening`. Two damped modes explain 0.5 to 0.9 of a gap and 0.1 of noise;
-#: four explain less than 0.95 of a start from rest in one of 300 random records. A difference below a multiple of the
-#: noise is noise. Then for the difference of two periods: the power of its second half over the first, for modes that
-#: beat; of the first half over the second; and of both over the noise.
-_MODAL_SHARE, _SETTLING_SHARE, _MIN_OVER_NOISE, _MAX_BEAT, _MIN_DECAY, _MIN_EXCESS = 0.9, 0.95, 3.0, 2.0, 1.1, 1.2
+# : Thresholds, all tuned on `benchmarks.bench_screening`. Two damped modes explain 0.5 to 0.9 of a
+# gap and 0.1 of noise; : four explain less than 0.95 of a start from rest in one of 300 random
+# records. A difference below a multiple of the : noise is noise. Then for the difference of two
+# periods: the power of its second half over the first, for modes that : beat; of the first half
+# over the second; and of both over the noise.
+_MODAL_SHARE = 0.9
+_SETTLING_SHARE = 0.95
+_MIN_OVER_NOISE = 3.0
+_MAX_BEAT = 2.0
+_MIN_DECAY = 1.1
+_MIN_EXCESS = 1.2
 _SIGMAS = 6.0  # standard deviations above which a fault is believed
-_MIN_EXPLAINED = 0.5  # share of the nonrepeating power that a delay must explain before a record is refused for it
+# share of the nonrepeating power that a delay must explain before a record is refused for it
+_MIN_EXPLAINED = 0.5
 _VISIBLE_POWER = 1e-6  # share of the power of y out of place above which a delay is reported
-_MAX_CLOCK_ERROR = 1e-4  # largest relative difference of two clocks; a larger one is samples lost or repeated
-_MAX_LEVEL_CHANGE = 0.25  # largest relative difference of the gain of a period from that of the others
-_MAX_UNEXPLAINED = 1e-3  # share of the power of a period that does not repeat, above which the period is examined
+_MAX_CLOCK_ERROR = (
+    1e-4  # largest relative difference of two clocks; a larger one is samples lost or repeated
+)
+_MAX_LEVEL_CHANGE = (
+    0.25  # largest relative difference of the gain of a period from that of the others
+)
+_MAX_UNEXPLAINED = (
+    1e-3  # share of the power of a period that does not repeat, above which the period is examined
+)
 _FALSE_ALARM = 1e-3  # probability that noise passes for a late or early period
-_OPPOSITE_CORRELATION = 0.9  # correlation of two periods beyond which one is the other with its sign changed
+_OPPOSITE_CORRELATION = (
+    0.9  # correlation of two periods beyond which one is the other with its sign changed
+)
 
 
 @value(copy=False)
@@ -144,9 +189,14 @@ class _OutputAlignment:
     """Alignment of an output with the input, period by period."""
 
     n_samples: int  # samples in one period
-    delay: np.ndarray  # (P,) delay of y minus that of u in each period, zero for the first sound period [samples]
-    jumps: np.ndarray  # (P,) whole samples of this delay, caused by samples of y that were lost (negative) or repeated
-    sound: np.ndarray  # (P,) periods that repeat the others up to a delay and a gain, without a gap inside
+    delay: (
+        np.ndarray
+    )  # (P,) delay of y minus that of u in each period, zero for the first sound period [samples]
+    # (P,) whole samples of this delay, caused by samples of y that were lost (negative) or repeated
+    jumps: np.ndarray
+    sound: (
+        np.ndarray
+    )  # (P,) periods that repeat the others up to a delay and a gain, without a gap inside
     corrupted: np.ndarray  # (P,) periods of which a part is shifted against the others
     noise: float  # standard deviation of the delays by noise [samples]
     misplaced: float  # share of the power of y that the delays turn into apparent distortion
@@ -154,56 +204,81 @@ class _OutputAlignment:
     gain: np.ndarray  # (P,) gain of each period over that of the last one
     gain_noise: float  # standard deviation of `gain` by noise
     offset: np.ndarray  # (P,) mean of y over each period, in rms of y about its mean
-    n_unsettled: int = 0  # periods at the start that differ from the others, but not by a transient; they are left out
+    # periods at the start that differ from the others, but not by a transient; they are left out
+    n_unsettled: int = 0
 
     @property
     def broken(self) -> bool:
-        """True if a period after the first valid one does not repeat the others, or y has a gap before it.
+        """True if a period after the first valid one does not repeat the others, or y has a gap
+        before it.
 
-        Periods before the first sound one may be in transient. Behind a gap all sound periods are shifted against the
-        input; a corrupted period is shifted in part.
+        Periods before the first sound one may be in transient. Behind a gap all sound periods are
+        shifted against the input; a corrupted period is shifted in part.
         """
         first = int(np.argmax(self.sound))
-        return bool(self.corrupted.any()) or not self.sound[first:].all() or bool(self.jumps[0] != self.jumps[first])
+        return (
+            bool(self.corrupted.any())
+            or not self.sound[first:].all()
+            or bool(self.jumps[0] != self.jumps[first])
+        )
 
     @property
     def clock(self) -> float:
-        """Delay of y against u per period because of its clock [samples]; zero if not significant."""
+        """Delay of y against u per period because of its clock [samples]; zero if not
+        significant.
+        """
         at = np.flatnonzero(self.sound)
         if at.size < 2:
             return 0.0
         pace, bend = _fit_line(at, (self.delay - self.jumps)[at])
         spread = float(np.sqrt(np.sum((at - at.mean()) ** 2)))
         straight = at.size < _FEW or bend < 0.3 * abs(pace) * np.ptp(at)
-        likely = self.explained > (_ALONE if at.size < _FEW else 0.1) or abs(pace) * spread > 3 * _SIGMAS * self.noise
+        likely = (
+            self.explained > (_ALONE if at.size < _FEW else 0.1)
+            or abs(pace) * spread > 3 * _SIGMAS * self.noise
+        )
         return pace if abs(pace) * spread > _SIGMAS * self.noise and straight and likely else 0.0
 
     @property
     def fault(self) -> str:
-        """Description of a fault of timing or sign of y, with numbers and cure; empty without a fault."""
+        """Description of a fault of timing or sign of y, with numbers and cure; empty without a
+        fault.
+        """
         turned = np.flatnonzero(self.turns)
         if turned.size:
-            return f"y changes its sign before period {', '.join(str(j + 2) for j in turned[:6])}; was it rewired?"
+            return (
+                f"y changes its sign before period {', '.join(str(j + 2) for j in turned[:6])}; was"
+                " it rewired?"
+            )
         gaps = np.diff(self.jumps)
         if gaps.any():
             found = ", ".join(
-                f"{abs(n):g} {'repeated' if n > 0 else 'lost'} before period {j + 2}" for j, n in describe_slips(gaps)
+                f"{abs(n):g} {'repeated' if n > 0 else 'lost'} before period {j + 2}"
+                for j, n in describe_slips(gaps)
             )
-            return f"samples of y were lost or repeated against u ({found}); resample=True cuts y where it stands"
+            return (
+                f"samples of y were lost or repeated against u ({found}); resample=True cuts y"
+                " where it stands"
+            )
         if self.broken:
             bad = ", ".join(str(j + 1) for j in np.flatnonzero(~self.sound)[:6])
-            return f"y does not repeat in period {bad} of {self.sound.size}; resample=True leaves it out"
+            return (
+                f"y does not repeat in period {bad} of {self.sound.size}; resample=True leaves"
+                " it out"
+            )
         if self.clock and self.misplaced > _VISIBLE_POWER and self.outweighs_noise:
             ppm = 1e6 * self.clock / self.n_samples
             return (
-                f"the clock of y is off that of u by {ppm:.3g} ppm ({self.clock:+.3g} samples a period); "
-                "resample=True puts y on the clock of u"
+                f"the clock of y is off that of u by {ppm:.3g} ppm ({self.clock:+.3g} samples a"
+                " period); resample=True puts y on the clock of u"
             )
         return ""
 
     @property
     def outweighs_noise(self) -> bool:
-        """True if the power misplaced by the delays exceeds the noise in the mean of the periods."""
+        """True if the power misplaced by the delays exceeds the noise in the mean of the
+        periods.
+        """
         return bool(self.explained * np.count_nonzero(self.sound) > 1 - self.explained)
 
     @property
@@ -215,26 +290,36 @@ class _OutputAlignment:
     def severe(self) -> bool:
         """True if the fault would count as distortion, above the noise."""
         return (
-            (self.misplaced > SEVERE_POWER and self.explained > _MIN_EXPLAINED) or self.broken or bool(self.turns.any())
+            (self.misplaced > SEVERE_POWER and self.explained > _MIN_EXPLAINED)
+            or self.broken
+            or bool(self.turns.any())
         )
 
     @property
     def start(self) -> str:
-        """Description of a possible fault before the first settled period; empty if it may be a transient."""
+        """Description of a possible fault before the first settled period; empty if it may be a
+        transient.
+        """
         if not self.n_unsettled:
             return ""
-        which = "period 1 differs" if self.n_unsettled == 1 else f"periods 1 to {self.n_unsettled} differ"
+        which = (
+            "period 1 differs"
+            if self.n_unsettled == 1
+            else f"periods 1 to {self.n_unsettled} differ"
+        )
         return (
-            f"{which} from the others by more than noise and by no free response of a few modes, and is left out. It "
-            "may be a start from rest of a nonlinear machine. But if samples of y were lost in it, all that follows is "
-            "shifted against u; then measure again"
+            f"{which} from the others by more than noise and by no free response of a few modes,"
+            " and is left out. It may be a start from rest of a nonlinear machine. But if samples"
+            " of y were lost in it, all that follows is shifted against u; then measure again"
         )
 
     @property
     def drift(self) -> str:
         """Description of a drift over the record, with numbers and cure; empty without a drift."""
         at = np.flatnonzero(self.sound)
-        changed = _describe_gain_drift(at, self.gain[at], noise=_SIGMAS * self.gain_noise, explained=self.explained)
+        changed = _describe_gain_drift(
+            at, self.gain[at], noise=_SIGMAS * self.gain_noise, explained=self.explained
+        )
         return changed if changed or at.size < _FEW else _describe_offset_drift(self.offset[at])
 
 
@@ -267,28 +352,43 @@ def align_output(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> _OutputAlig
         if first:
             return _prepend_transient_periods(
                 _align_decimated(
-                    u[first:], y[first:], lines=lines, step=step, gaps=gaps[first:], corrupted=corrupted[first:]
+                    u[first:],
+                    y[first:],
+                    lines=lines,
+                    step=step,
+                    gaps=gaps[first:],
+                    corrupted=corrupted[first:],
                 ),
                 first,
             )
     first = int(np.argmax(lag.sound))
     begins = y[max(first - 1, 0)] - y[max(first, 1)]
     differs = power(begins) > _NEGLIGIBLE**2 * power(y[-1])
-    if len(y) > 2 and differs and not (lag.fault or lag.drift or _is_modal(np.diff(y, axis=0), max(first - 1, 0))):
+    if (
+        len(y) > 2
+        and differs
+        and not (lag.fault or lag.drift or _is_modal(np.diff(y, axis=0), max(first - 1, 0)))
+    ):
         lag = replace(lag, n_unsettled=max(first, 1))
     # a gap before all sound periods shifts the rest
     gaps[first:] = 0.0
-    return replace(lag, jumps=lag.jumps + np.append(0.0, np.add.accumulate(gaps))[:-1]) if gaps.any() else lag
+    return (
+        replace(lag, jumps=lag.jumps + np.append(0.0, np.add.accumulate(gaps))[:-1])
+        if gaps.any()
+        else lag
+    )
 
 
 def _first_settled_period(y: np.ndarray, last: int, broken: np.ndarray) -> int:
-    """Return the first of the periods (P, N) that differs from the next by no transient on the lines up to `last`.
+    """Return the first of the periods (P, N) that differs from the next by no transient on the
+    lines up to `last`.
 
-    A transient decays. A difference that grows within a period, as behind a gap, is none; periods with a gap, `broken`
-    (P,), count as settled. Two modes that beat may grow for half a period. A transient that rings on few lines is not
-    smooth from line to line, but has few damped modes.
+    A transient decays. A difference that grows within a period, as behind a gap, is none; periods
+    with a gap, `broken` (P,), count as settled. Two modes that beat may grow for half a period. A
+    transient that rings on few lines is not smooth from line to line, but has few damped modes.
     """
-    Y, noise = rfft_at(y, np.arange(1, last + 1))[:, None], min(map(power, np.diff(y, axis=0))) * (len(y) > 2)
+    Y = rfft_at(y, np.arange(1, last + 1))[:, None]
+    noise = min(map(power, np.diff(y, axis=0))) * (len(y) > 2)
     for j, (one, following) in enumerate(itertools.pairwise(y)):
         early, late = map(power, np.array_split(one - following, 2))
         if broken[j : j + 2].any() or not (
@@ -311,7 +411,8 @@ def _is_modal(differences: np.ndarray, j: int) -> bool:
     noise = min(map(power, differences))
     return bool(
         power(differences[j]) < _MIN_OVER_NOISE * noise
-        or modal_share(differences[j], noise / differences.shape[1], rank=2 * TRANSIENT_RANK) > _SETTLING_SHARE
+        or modal_share(differences[j], noise / differences.shape[1], rank=2 * TRANSIENT_RANK)
+        > _SETTLING_SHARE
     )
 
 
@@ -351,9 +452,17 @@ def _prepend_transient_periods(lag: _OutputAlignment, n: int) -> _OutputAlignmen
 
 
 def _align_decimated(
-    u: np.ndarray, y: np.ndarray, *, lines: np.ndarray, step: int, gaps: np.ndarray, corrupted: np.ndarray
+    u: np.ndarray,
+    y: np.ndarray,
+    *,
+    lines: np.ndarray,
+    step: int,
+    gaps: np.ndarray,
+    corrupted: np.ndarray,
 ) -> _OutputAlignment:
-    """Return `align_output` for signals decimated by `step`, with gaps and corrupted periods (P,)."""
+    """Return `align_output` for signals decimated by `step`, with gaps and corrupted periods
+    (P,).
+    """
     n_samples = step * y.shape[1]
     if lines.size > MAX_LINES:
         lines = np.sort(np.random.default_rng(0).choice(lines, MAX_LINES, replace=False))
@@ -404,13 +513,20 @@ def _align_decimated(
     )
 
 
-def _alignment_noise_std(observed: np.ndarray, weight: np.ndarray, *, noise_variance: float, n_periods: int) -> float:
-    """Return the standard deviation by noise of the delay, or gain, of a period; lines (F,) have power `observed`.
+def _alignment_noise_std(
+    observed: np.ndarray, weight: np.ndarray, *, noise_variance: float, n_periods: int
+) -> float:
+    """Return the standard deviation by noise of the delay, or gain, of a period; lines (F,) have
+    power `observed`.
 
     The noise in the mean of the periods carries no information and is subtracted.
     """
     signal_power = observed.sum() - noise_variance / n_periods * weight.sum()
-    return float(np.sqrt(noise_variance / 2 * observed.sum()) / signal_power) if signal_power > 0 else np.inf
+    return (
+        float(np.sqrt(noise_variance / 2 * observed.sum()) / signal_power)
+        if signal_power > 0
+        else np.inf
+    )
 
 
 def _forward_filled(delay: np.ndarray, placed: np.ndarray) -> np.ndarray:
@@ -432,17 +548,24 @@ def _slips_between_periods(
     left = delay - pace * np.arange(delay.size)
     difference = left[at] - left[at, None]
     agree = np.abs(difference - np.round(difference)) < max(0.1, _SIGMAS * noise)
-    most = at[np.argmax(np.count_nonzero(agree, axis=1))]  # most agree with it; the first may have a gap inside
+    most = at[
+        np.argmax(np.count_nonzero(agree, axis=1))
+    ]  # most agree with it; the first may have a gap inside
     left -= left[most]
     whole = np.round(left)
     if not whole[at].any():
         return sound, nothing
     sound = sound & (np.abs(left - whole) < max(0.1, _SIGMAS * noise))
-    return sound, _forward_filled(whole - whole[np.argmax(sound)], sound) if sound.any() else nothing
+    return sound, (
+        _forward_filled(whole - whole[np.argmax(sound)], sound) if sound.any() else nothing
+    )
 
 
-def resample_to_input_clock(y: np.ndarray, lag: _OutputAlignment, periods: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the stream y (n,) on the clock of the input, and a mask of the periods that are measured throughout.
+def resample_to_input_clock(
+    y: np.ndarray, lag: _OutputAlignment, periods: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the stream y (n,) on the clock of the input, and a mask of the periods that are
+    measured throughout.
 
     Parameters
     ----------
@@ -455,12 +578,16 @@ def resample_to_input_clock(y: np.ndarray, lag: _OutputAlignment, periods: np.nd
     """
     turns = np.arange(y.size) / lag.n_samples
     at = np.arange(y.size) + lag.clock * turns  # one trigger started both clocks
-    row = np.clip(np.searchsorted(periods, turns.astype(int), side="right") - 1, 0, periods.size - 1)
+    row = np.clip(
+        np.searchsorted(periods, turns.astype(int), side="right") - 1, 0, periods.size - 1
+    )
     at += lag.jumps[row]
     first = int(np.argmax(lag.sound))
     good = (lag.sound | (np.arange(periods.size) < first)) & ~lag.corrupted
     step = np.diff(lag.jumps, append=lag.jumps[-1]) != 0
-    good &= ~(step & np.append(good[1:], True))  # the gap lies in the period before, too short to be found in it
+    good &= ~(
+        step & np.append(good[1:], True)
+    )  # the gap lies in the period before, too short to be found in it
     inside = (at[0 :: lag.n_samples] > -0.5)[periods]
     last = np.minimum((periods + 1) * lag.n_samples, y.size) - 1
     return interpolate_bandlimited(y, at), good & inside & (at[last] < y.size - 0.5)
@@ -468,7 +595,8 @@ def resample_to_input_clock(y: np.ndarray, lag: _OutputAlignment, periods: np.nd
 
 @value(copy=False)
 class _AlignedPeriods:
-    """Periods laid over each other: delay [samples] and gain (P,) of each, rest (P,), their mean (F,), spectra (P, F).
+    """Periods laid over each other: delay [samples] and gain (P,) of each, rest (P,), their mean
+    (F,), spectra (P, F).
 
     `placed` (P,): periods that have more in common with the others than white noise.
     """
@@ -482,7 +610,9 @@ class _AlignedPeriods:
 
 
 def _align_periods(x: np.ndarray, lines: np.ndarray) -> _AlignedPeriods:
-    """Return the periods x (P, N) laid over the last one on the lines (F,), then over their mean."""
+    """Return the periods x (P, N) laid over the last one on the lines (F,), then over their
+    mean.
+    """
     n_samples = x.shape[1]
     repeats = all(streams_equal(x[-1], one) for one in x[:-1])
     X = np.array([rfft_at(one, lines) * (2 / n_samples) for one in (x[-1:] if repeats else x)])
@@ -491,7 +621,9 @@ def _align_periods(x: np.ndarray, lines: np.ndarray) -> _AlignedPeriods:
     reference = X[-1]
     # of either sign: a period with its sign changed looks late on every line
     sign = np.where(
-        (X @ reference.conj()).real < -_OPPOSITE_CORRELATION * np.sqrt(power(X) * power(reference)), -1.0, 1.0
+        (X @ reference.conj()).real < -_OPPOSITE_CORRELATION * np.sqrt(power(X) * power(reference)),
+        -1.0,
+        1.0,
     )
     X = X * sign[:, None]
     delay = np.zeros(len(x))
@@ -511,24 +643,37 @@ def _align_periods(x: np.ndarray, lines: np.ndarray) -> _AlignedPeriods:
     least = chance_correlation(_FALSE_ALARM / n_samples, lines.size) if lines.size > 1 else 0.0
     placed = shared >= least * power(turned) * power(others)
     return _AlignedPeriods(
-        delay=delay, gain=sign * gain / gain[-1], rest=rest, placed=placed, mean=reference, spectra=X
+        delay=delay,
+        gain=sign * gain / gain[-1],
+        rest=rest,
+        placed=placed,
+        mean=reference,
+        spectra=X,
     )
 
 
-def _follows_input(output: _AlignedPeriods, lines: np.ndarray, *, n_samples: int, whole: np.ndarray) -> np.ndarray:
-    """Return whether each period without a gap has more in common with the others than noise of any colour."""
+def _follows_input(
+    output: _AlignedPeriods, lines: np.ndarray, *, n_samples: int, whole: np.ndarray
+) -> np.ndarray:
+    """Return whether each period without a gap has more in common with the others than noise of any
+    colour.
+    """
     delay = output.delay[whole]
     X = output.spectra[whole] * np.exp(2j * np.pi / n_samples * delay[:, None] * lines)
     # a delay was searched at all places, or none was needed
-    return _periods_share_a_signal(X, _FALSE_ALARM / np.where(np.abs(delay - np.median(delay)) < 1, 1, n_samples))
+    return _periods_share_a_signal(
+        X, _FALSE_ALARM / np.where(np.abs(delay - np.median(delay)) < 1, 1, n_samples)
+    )
 
 
 def _periods_share_a_signal(X: np.ndarray, chance: np.ndarray) -> np.ndarray:
-    """Return (P,) whether each period has more in common with the others than noise, with false alarms at `chance`.
+    """Return (P,) whether each period has more in common with the others than noise, with false
+    alarms at `chance`.
 
-    For noise of any colour each line is weighted by its power over that of its neighbours, or over their noise: either
-    many lines contribute little or a few contribute much. A drift leaks into all lines and is smooth over them, while
-    the response to random phases is rough. So the smooth part is removed.
+    For noise of any colour each line is weighted by its power over that of its neighbours, or over
+    their noise: either many lines contribute little or a few contribute much. A drift leaks into
+    all lines and is smooth over them, while the response to random phases is rough. So the smooth
+    part is removed.
 
     Parameters
     ----------
@@ -559,7 +704,10 @@ def _periods_share_a_signal(X: np.ndarray, chance: np.ndarray) -> np.ndarray:
         # the equivalent number of lines with equal power
         n = free * whole / np.maximum(power(weight), TINY)
         least = np.array(
-            [chance_correlation(p, lines) for p, lines in zip(chance, np.maximum(n, 1 + 1e-9), strict=True)]
+            [
+                chance_correlation(p, lines)
+                for p, lines in zip(chance, np.maximum(n, 1 + 1e-9), strict=True)
+            ]
         )
         placed |= np.abs(cross.sum(axis=1)) ** 2 >= least * whole
     return placed

@@ -39,21 +39,26 @@ from nlfrf.rig.laws.laws import UserLawData, pack_law
 
 #: Halvings of the step after which a loop that still runs away counts as diverged.
 MAX_HALVINGS = 6
-_MAX_STEPS_PER_SAMPLE = 10_000  # integration steps per sample; more means an error in mass or stiffness
+_MAX_STEPS_PER_SAMPLE = (
+    10_000  # integration steps per sample; more means an error in mass or stiffness
+)
 _MAX_BATCH_SAMPLES = 250_000  # samples in one task of an executor: 10 MB, a second or less
 _UNITS = {"r": "m", "u": "N", "x": "m", "v": "m/s", "y": "m", "friction": "N"}
 
 
 @value(kw_only=False)
 class Controller:
-    """A sampled controller on a machine: u = K (r - y), with delay, limit, and a sensor of finite resolution.
+    """A sampled controller on a machine: u = K (r - y), with delay, limit, and a sensor of finite
+    resolution.
 
     Parameters
     ----------
     K : state space
-        Anything with A, B, C, D and dt: forces [N] from errors [m], n_y inputs and n_u outputs, sampled with dt [s].
+        Anything with A, B, C, D and dt: forces [N] from errors [m], n_y inputs and n_u outputs,
+        sampled with dt [s].
     delay : float
-        Delay from sampling to the change of the force [s]; any fraction of a sample, or several samples.
+        Delay from sampling to the change of the force [s]; any fraction of a sample, or several
+        samples.
     saturation : float or (n_u,) ndarray
         Largest force of the actuators, in either direction [N].
     resolution : float or (n_y,) ndarray
@@ -62,8 +67,8 @@ class Controller:
     Raises
     ------
     ValueError
-        A controller that is continuous, or whose matrices are not finite, not real or of wrong shapes; a negative
-        delay, limit or resolution.
+        A controller that is continuous, or whose matrices are not finite, not real or of wrong
+        shapes; a negative delay, limit or resolution.
 
     References
     ----------
@@ -85,10 +90,15 @@ class Controller:
     def __post_init__(self) -> None:
         missing = [name for name in ("A", "B", "C", "D", "dt") if not hasattr(self.K, name)]
         if missing:
-            raise ValueError(f"K must have A, B, C, D and dt, got {type(self.K).__name__} without {', '.join(missing)}")
+            raise ValueError(
+                f"K must have A, B, C, D and dt, got {type(self.K).__name__} without"
+                f" {', '.join(missing)}"
+            )
         dt = self.K.dt
         if isinstance(dt, (bool, np.bool_)) or dt is None or dt == 0:
-            raise ValueError(f"K must be sampled with a time dt in seconds, got dt = {dt}. Discretise it first")
+            raise ValueError(
+                f"K must be sampled with a time dt in seconds, got dt = {dt}. Discretise it first"
+            )
         require_positive("dt of K", dt)
         require_nonnegative("delay", self.delay)
 
@@ -143,7 +153,9 @@ def run_axes_loop(
     initial: ArrayLike,
     steps: int,
 ) -> Trajectory:
-    """Simulate a sampled controller matrix around a rig with several axes; arguments as in `run`."""
+    """Simulate a sampled controller matrix around a rig with several axes; arguments as in
+    `run`.
+    """
     r = require_samples("signal", r, channels=rig.n_outputs)
     n, fs = r.shape[1], controller.fs
     K = [np.ascontiguousarray(part) for part in controller.matrices(rig.n_outputs, rig.n_inputs)]
@@ -152,7 +164,9 @@ def run_axes_loop(
     samples = [np.ascontiguousarray(one.T) for one in rows]
     begin = initial_axes(initial, rig.n_axes)
     late = min(controller.delay * fs, n)  # a longer delay ends behind the last sample
-    for halving in range(MAX_HALVINGS + 1):  # a run that does not reach the end is repeated with shorter steps
+    for halving in range(
+        MAX_HALVINGS + 1
+    ):  # a run that does not reach the end is repeated with shorter steps
         numbers = fs, *controller.limits(rig.n_outputs, rig.n_inputs), late, steps * 2**halving
         length, found, lost = _run_axes_once(
             rig, K, r=np.ascontiguousarray(r.T), signals=samples, begin=begin, numbers=numbers
@@ -160,7 +174,9 @@ def run_axes_loop(
         if length == n:
             break
     warn_of_forgotten_loops(lost)
-    traces = {"r": r[:, :length].copy()} | {name: found[name][:, :length] for name in _UNITS if name != "r"}
+    traces = {"r": r[:, :length].copy()} | {
+        name: found[name][:, :length] for name in _UNITS if name != "r"
+    }
     return Trajectory(t=np.arange(length) / fs, signals=traces, units=_UNITS, diverged=length < n)
 
 
@@ -173,7 +189,9 @@ def _run_axes_once(
     begin: np.ndarray,
     numbers: tuple[float | np.ndarray, ...],
 ) -> tuple[int, dict[str, np.ndarray], float]:
-    """Call the compiled code once; return the samples reached, the signals (.., n), and the loops forgotten."""
+    """Call the compiled code once; return the samples reached, the signals (.., n), and the loops
+    forgotten.
+    """
     from nlfrf.rig.kernels.coupled import run_axes_loop as run_compiled
 
     laws, grids = axes.pack_laws(rig.friction)
@@ -183,7 +201,19 @@ def _run_axes_once(
     machine = axes.stack_matrices(rig.mass, rig.stiffness, damping=rig.damping, cubic=rig.cubic)
     places = np.array(rig.sensors), np.array(rig.actuators)
     length = run_compiled(
-        machine, laws, grids, memory.state, memory.stack, *places, *controller, r, *signals, *numbers, rows, y, u
+        machine,
+        laws,
+        grids,
+        memory.state,
+        memory.stack,
+        *places,
+        *controller,
+        r,
+        *signals,
+        *numbers,
+        rows,
+        y,
+        u,
     )
     x, v = rig.sensors @ rows[:, 0].T, rig.sensors @ rows[:, 1].T
     found = {"x": x, "v": v, "friction": rows[:, 3].T, "y": y.T, "u": u.T}
@@ -191,7 +221,9 @@ def _run_axes_once(
 
 
 def memory_at(rig: Rig, laws: np.ndarray, begin: np.ndarray) -> packing.Memory:
-    """Return the memory of axes with initial positions and velocities (2, n) and relaxed friction."""
+    """Return the memory of axes with initial positions and velocities (2, n) and relaxed
+    friction.
+    """
     memory = initial_memory(rig)
     memory.state[:, packing.X], memory.state[:, packing.V] = begin
     dry = laws[:, 0] == packing.COULOMB
@@ -200,21 +232,33 @@ def memory_at(rig: Rig, laws: np.ndarray, begin: np.ndarray) -> packing.Memory:
 
 
 def _broadcast_limit(name: str, given: ArrayLike, n: int) -> np.ndarray:
-    """Return (n,) limits from one number or one per channel; a saturation may be infinite, a resolution zero."""
+    """Return (n,) limits from one number or one per channel; a saturation may be infinite, a
+    resolution zero.
+    """
     if np.ndim(given) > 0 and np.shape(given) != (n,):
-        raise ValueError(f"{name} must be one number or {n}, one per channel, got shape {np.shape(given)}")
+        raise ValueError(
+            f"{name} must be one number or {n}, one per channel, got shape {np.shape(given)}"
+        )
     check = require_nonnegative if name == "resolution" else require_positive
     found = np.broadcast_to(np.asarray(given, dtype=float), (n,)).tolist()
-    return np.array([one if name == "saturation" and one == np.inf else check(name, one) for one in found])
+    return np.array(
+        [one if name == "saturation" and one == np.inf else check(name, one) for one in found]
+    )
 
 
-def signal_rows(name: str, signal: ArrayLike | None, n: int, *, n_rows: int | None = None) -> np.ndarray:
-    """Return (rows, n) signals, one per run or per channel, with `n_rows` required; zeros if not given."""
+def signal_rows(
+    name: str, signal: ArrayLike | None, n: int, *, n_rows: int | None = None
+) -> np.ndarray:
+    """Return (rows, n) signals, one per run or per channel, with `n_rows` required; zeros if not
+    given.
+    """
     if signal is None:
         return np.zeros((n_rows or 1, n))
     rows = require_real_array(name, np.atleast_2d(signal), ndim=2)
     if rows.shape[1] != n:
-        raise ValueError(f"{name} must have one value for each of the {n} samples of r, got {rows.shape[1]}")
+        raise ValueError(
+            f"{name} must have one value for each of the {n} samples of r, got {rows.shape[1]}"
+        )
     if n_rows is not None and len(rows) != n_rows:
         raise ValueError(f"{name} must have {n_rows} channels, like the rig, got {len(rows)}")
     return rows
@@ -226,7 +270,9 @@ def initial_axes(initial: ArrayLike, n: int) -> np.ndarray:
     if initial.shape == (2,):
         initial = np.repeat(initial[:, None], n, axis=1)
     if initial.shape != (2, n):
-        raise ValueError(f"initial must hold positions and velocities, shape (2, {n}), got shape {initial.shape}")
+        raise ValueError(
+            f"initial must hold positions and velocities, shape (2, {n}), got shape {initial.shape}"
+        )
     return require_real_array("initial", initial, ndim=2)
 
 
@@ -240,8 +286,9 @@ class _LoopRuns:
     rig: Rig
     fs: float
     steps: int  # integration steps per sample
-    # one row per run, or one for all: A (R, s, s), B (R, s), C (R, s) and D (R,) of the controllers; r, disturbance,
-    # noise (R, n); delay in samples, saturation, resolution (R,); initial (R, 2), position and velocity
+    # one row per run, or one for all: A (R, s, s), B (R, s), C (R, s) and D (R,) of the
+    # controllers; r, disturbance, noise (R, n); delay in samples, saturation, resolution (R,);
+    # initial (R, 2), position and velocity
     rows: dict[str, np.ndarray]
 
     @property
@@ -256,7 +303,8 @@ class _LoopRuns:
 
 
 def simulate_runs(runs: _LoopRuns) -> dict[str, np.ndarray]:
-    """Return rows (R, n, 5) of x, v, y, u and friction per sample, the length of each run, and the loops forgotten.
+    """Return rows (R, n, 5) of x, v, y, u and friction per sample, the length of each run, and the
+    loops forgotten.
 
     A run that does not reach the end is repeated with shorter steps.
     """
@@ -275,13 +323,16 @@ def _attempt(runs: _LoopRuns) -> dict[str, np.ndarray]:
     """Call the compiled code once for all runs."""
     n_runs, n = runs.shape
     law, grid = pack_law(runs.rig.friction)
-    body = packing.Body(False, float(runs.rig.mass), float(runs.rig.stiffness), float(runs.rig.damping))
+    body = packing.Body(
+        False, float(runs.rig.mass), float(runs.rig.stiffness), float(runs.rig.damping)
+    )
     memory = packing.initial_memory(law.curve, grid)
     states = np.tile(memory.state, (n_runs, 1))
     stacks = np.tile(memory.stack, (n_runs, 1, 1))
     # copies, because the code is compiled for writable arrays
     given = {
-        name: np.array(np.broadcast_to(part, (n_runs, *part.shape[1:])), order="C") for name, part in runs.rows.items()
+        name: np.array(np.broadcast_to(part, (n_runs, *part.shape[1:])), order="C")
+        for name, part in runs.rows.items()
     }
     initial = given.pop("initial")
     states[:, packing.X], states[:, packing.V] = initial.T
@@ -310,32 +361,46 @@ def _loops_kernel(law: packing.Law) -> Callable[..., None]:
     if isinstance(law, UserLawData):
         from nlfrf.rig.kernels.loops import user_law_loops
 
-        return user_law_loops(law.functions.derivative, law.functions.force, law.functions.rest.size)
+        return user_law_loops(
+            law.functions.derivative, law.functions.force, law.functions.rest.size
+        )
     from nlfrf.rig.kernels.loops import run_loops
 
     return run_loops
 
 
 def _reduce_runs(of: Callable[[Trajectory], object], runs: _LoopRuns) -> dict[str, Any]:
-    """Simulate loops and return `of(response)` of each, so that little data is sent between processes."""
+    """Simulate loops and return `of(response)` of each, so that little data is sent between
+    processes.
+    """
     out = simulate_runs(runs)
     try:
         return {"found": _collect_results(runs, out, of), "lost": out["lost"]}
-    except Exception as error:  # an error of the function, not of the executor: raised in `_collect_results`
+    except (
+        Exception
+    ) as error:  # an error of the function, not of the executor: raised in `_collect_results`
         return {"refused": error, "lost": out["lost"]}
 
 
-def _collect_results(runs: _LoopRuns, out: dict[str, Any], of: Callable[[Trajectory], object] | None) -> list[object]:
+def _collect_results(
+    runs: _LoopRuns, out: dict[str, Any], of: Callable[[Trajectory], object] | None
+) -> list[object]:
     """Return the trajectories of computed runs, or `of(response)` of each."""
     if "refused" in out:
         raise out["refused"]
-    return out["found"] if "found" in out else [one if of is None else of(one) for one in _to_trajectories(runs, out)]
+    return (
+        out["found"]
+        if "found" in out
+        else [one if of is None else of(one) for one in _to_trajectories(runs, out)]
+    )
 
 
 def _to_trajectories(runs: _LoopRuns, out: Arrays) -> list[Trajectory]:
     """Return the output of the compiled code as trajectories; arrays end where a loop diverged."""
     found, t = [], np.arange(runs.shape[1]) / runs.fs
-    for r, rows, n in zip(np.broadcast_to(runs.rows["r"], runs.shape), out["rows"], out["lengths"], strict=True):
+    for r, rows, n in zip(
+        np.broadcast_to(runs.rows["r"], runs.shape), out["rows"], out["lengths"], strict=True
+    ):
         x, v, y, u, friction = rows[:n].T.copy()
         signals = {"r": r[:n], "u": u, "x": x, "v": v, "y": y, "friction": friction}
         found.append(Trajectory(t=t[:n], signals=signals, units=_UNITS, diverged=bool(n < r.size)))
@@ -343,7 +408,9 @@ def _to_trajectories(runs: _LoopRuns, out: Arrays) -> list[Trajectory]:
 
 
 def can_pickle(of: Callable[[Trajectory], object]) -> bool:
-    """Return whether a function can be pickled to another process: not a lambda, nor a function of a notebook."""
+    """Return whether a function can be pickled to another process: not a lambda, nor a function of
+    a notebook.
+    """
     try:
         sent = pickle.dumps(of)
     except Exception:  # pickle raises anything
@@ -383,12 +450,19 @@ class _StackOptions(TypedDict, total=False):
 
 
 @overload
-def run_loops(rig: Rig, r: ArrayLike, controllers: object, **options: Unpack[_StackOptions]) -> list[Trajectory]: ...
+def run_loops(
+    rig: Rig, r: ArrayLike, controllers: object, **options: Unpack[_StackOptions]
+) -> list[Trajectory]: ...
 
 
 @overload
 def run_loops(
-    rig: Rig, r: ArrayLike, controllers: object, *, of: Callable[[Trajectory], Result], **options: Unpack[_StackOptions]
+    rig: Rig,
+    r: ArrayLike,
+    controllers: object,
+    *,
+    of: Callable[[Trajectory], Result],
+    **options: Unpack[_StackOptions],
 ) -> list[Result]: ...
 
 
@@ -406,7 +480,8 @@ def run_loops(
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,
 ) -> list[Trajectory] | list[Result]:
-    """Run many loops around one rig in compiled code: controllers, disturbances and initial states, one per run.
+    """Run many loops around one rig in compiled code: controllers, disturbances and initial states,
+    one per run.
 
     Use this for tables of gains or random cases; `run` simulates a single loop.
 
@@ -419,10 +494,11 @@ def run_loops(
     controllers : sequence of Controller or state space
         One per run, all with one sampling time; a single one is used for all runs.
     of : callable, optional
-        Function of each run whose result is wanted, as ``lambda response: response.outcome(0.2)``. The trajectories
-        are released, so that thousands of runs take no memory. With an executor, a function that pickles (from a
-        module, or a `functools.partial` of one) is called in the worker, and only its result returns. A lambda is
-        called here, and so is any function with `resume`, whose folder keeps the runs themselves.
+        Function of each run whose result is wanted, as ``lambda response: response.outcome(0.2)``.
+        The trajectories are released, so that thousands of runs take no memory. With an executor, a
+        function that pickles (from a module, or a `functools.partial` of one) is called in the
+        worker, and only its result returns. A lambda is called here, and so is any function with
+        `resume`, whose folder keeps the runs themselves.
     initial : (2,) or (R, 2) ndarray
         Position [m] and velocity [m/s] at the start.
     oversampling : int
@@ -432,8 +508,8 @@ def run_loops(
     progress : callable, optional
         Called with the number of parts done and their total.
     resume : path, optional
-        Folder that keeps every finished part, 40 bytes per sample. A repeated call with the same arguments, after an
-        interruption, computes only the others.
+        Folder that keeps every finished part, 40 bytes per sample. A repeated call with the same
+        arguments, after an interruption, computes only the others.
 
     Returns
     -------
@@ -477,7 +553,9 @@ def run_loops(
         steps=oversampling,
     )
     most = max(1, _MAX_BATCH_SAMPLES // n)
-    batches = [runs.select_runs(slice(i, i + most), runs.steps) for i in range(0, runs.shape[0], most)]
+    batches = [
+        runs.select_runs(slice(i, i + most), runs.steps) for i in range(0, runs.shape[0], most)
+    ]
     # a folder keeps the runs themselves, whatever `of` is
     there = of is not None and executor is not None and resume is None and can_pickle(of)
     task = partial(_reduce_runs, of) if of is not None and there else simulate_runs
@@ -488,8 +566,11 @@ def run_loops(
     return cast("list[Result]", [one for i in range(len(batches)) for one in found[i]])
 
 
-def stack_runs(rig: Rig, controllers: list[Controller], given: dict[str, np.ndarray], *, steps: int) -> _LoopRuns:
-    """Check the arguments and stack them with one row per run; controllers with fewer states are padded by zeros.
+def stack_runs(
+    rig: Rig, controllers: list[Controller], given: dict[str, np.ndarray], *, steps: int
+) -> _LoopRuns:
+    """Check the arguments and stack them with one row per run; controllers with fewer states are
+    padded by zeros.
 
     given holds rows of r, disturbance, noise and initial, each once or one per run.
     """
@@ -497,10 +578,14 @@ def stack_runs(rig: Rig, controllers: list[Controller], given: dict[str, np.ndar
     n_runs, fs = max(counts.values()), controllers[0].fs
     for name, count in counts.items():
         if count not in (1, n_runs):
-            raise ValueError(f"{name} must be given once or for each of the {n_runs} runs, got {count}")
+            raise ValueError(
+                f"{name} must be given once or for each of the {n_runs} runs, got {count}"
+            )
     for one in controllers:
         if abs(one.fs / fs - 1) > 1e-6:
-            raise ValueError(f"controllers must have one sampling time, got {1 / fs:g} s and {1 / one.fs:g} s")
+            raise ValueError(
+                f"controllers must have one sampling time, got {1 / fs:g} s and {1 / one.fs:g} s"
+            )
     initial = require_real_array("initial", given["initial"], ndim=2)
     if initial.shape[1] != 2:
         raise ValueError(f"initial must hold a position and a velocity, got shape {initial.shape}")
@@ -515,7 +600,9 @@ def stack_runs(rig: Rig, controllers: list[Controller], given: dict[str, np.ndar
         "r": given["r"],
         "disturbance": given["disturbance"],
         "noise": given["noise"],
-        "delay": np.minimum([one.delay * fs for one in controllers], given["r"].shape[1]),  # at most the whole run
+        "delay": np.minimum(
+            [one.delay * fs for one in controllers], given["r"].shape[1]
+        ),  # at most the whole run
         "saturation": limits[:, 0],
         "resolution": limits[:, 1],
         "initial": initial,
@@ -536,7 +623,7 @@ def steps_per_sample(rig: Rig, fs: float, oversampling: int) -> int:
     needed = int(np.ceil(1 / (fs * rig.stable_step)))
     if needed > _MAX_STEPS_PER_SAMPLE:
         raise ValueError(
-            f"fs must leave the rig at most {_MAX_STEPS_PER_SAMPLE} integration steps per sample, got {fs:g} Hz with "
-            f"{needed}: its stable step is {rig.stable_step:.2g} s"
+            f"fs must leave the rig at most {_MAX_STEPS_PER_SAMPLE} integration steps per sample,"
+            f" got {fs:g} Hz with {needed}: its stable step is {rig.stable_step:.2g} s"
         )
     return max(require_integer("oversampling", oversampling, least=1), needed)

@@ -1,6 +1,7 @@
 """A drive: gains, filters, sampling and units, for a simulated or a real axis.
 
-r --->(+)-->[ kv ]-->(+)-->[ kp (1 + 1/(tn s)) ]-->[filters]-->[limit]--- i* -->[delay]-->[1/(lag s + 1)]--> motor
+r --->(+)-->[ kv ]-->(+)-->[ kp (1 + 1/(tn s)) ]-->[filters]-->[limit]--- i* -->[delay]-->[1/(lag s
++ 1)]--> motor
      -^             -^
       |              +------[velocity: differences, low-pass or observer]------- position of the motor
       +---------------------------------------------- position of the motor or of the load
@@ -27,7 +28,10 @@ from nlfrf._base.values import ArrayField, freeze_array, value
 
 
 class _FilterSlot(Protocol):
-    """Interface of a filter slot of a drive: `Notch`, `LowPass` and `Biquad` of `robust.tuning` have it."""
+    """Interface of a filter slot of a drive:
+
+    `Notch`, `LowPass` and `Biquad` of `robust.tuning` have it.
+    """
 
     def section(self, fs: float) -> np.ndarray:
         """Return (6,) b0 b1 b2 1 a1 a2 of the filter sampled at fs [Hz], in powers of z^-1."""
@@ -44,7 +48,8 @@ class _Scale(NamedTuple):
 class Drive:
     """Settings of a drive: a position P, a velocity PI, filters, and their units.
 
-    Anti-windup: while the output is limited, the integrator of a simulated axis does not move further into the limit.
+    Anti-windup: while the output is limited, the integrator of a simulated axis does not move
+    further into the limit.
 
     Parameters
     ----------
@@ -63,41 +68,48 @@ class Drive:
     lag : float
         Time constant of the current loop [s].
     delay_periods : float
-        Delay from sampling to the change of the current set point, in periods of `fs`; any fraction of one, or several.
+        Delay from sampling to the change of the current set point, in periods of `fs`; any fraction
+        of one, or several.
     filters : tuple of Notch, LowPass, Biquad, or (S, 6) ndarray
-        Filters between the velocity loop and the limit: elements of `robust.tuning`, or second-order sections in the
-        format of scipy.signal.
+        Filters between the velocity loop and the limit: elements of `robust.tuning`, or
+        second-order sections in the format of scipy.signal.
     position_every : int
         Number of periods of the velocity loop per period of the position loop.
     encoder : str
-        "motor" or "load": the encoder that both loops read. "both": velocity of the motor, position of the load.
+        "motor" or "load": the encoder that both loops read. "both": velocity of the motor, position
+        of the load.
     velocity_lag : float
         Time constant of a low-pass on the velocity, the difference of two positions [s].
     observer_frequency : float
-        Natural frequency [Hz] of an observer instead of differences: a tracking loop of second order, critically
-        damped, s/(s/omega + 1)^2. nan: differences.
+        Natural frequency [Hz] of an observer instead of differences: a tracking loop of second
+        order, critically damped, s/(s/omega + 1)^2. nan: differences.
     velocity_feedforward : float
-        Share of the velocity of the position set point that is fed to the velocity loop, 0 to 1; the presets of
-        `nlfrf.servo_axis` have 1.
+        Share of the velocity of the position set point that is fed to the velocity loop, 0 to 1;
+        the presets of `nlfrf.servo_axis` have 1.
     limit : float
-        Limit of the current or force set point, in either direction, in the output unit of `kp_unit`.
+        Limit of the current or force set point, in either direction, in the output unit of
+        `kp_unit`.
     position_unit, load_unit : str
-        Unit of the measured position; `load_unit` for the load with two encoders: "m", "mm", "um", "rad", "deg",
-        "rev", or any other ("counts") with its factor. By default that of `kp_unit`, m or rad.
+        Unit of the measured position; `load_unit` for the load with two encoders: "m", "mm", "um",
+        "rad", "deg", "rev", or any other ("counts") with its factor. By default that of `kp_unit`,
+        m or rad.
     unit_factor, load_factor : float
-        Number of velocity-loop units (m or rad) in one `position_unit`, and in one `load_unit`. Needed if the two units
-        are not multiples of each other, as rad at a motor and mm after its screw, or counts.
+        Number of velocity-loop units (m or rad) in one `position_unit`, and in one `load_unit`.
+        Needed if the two units are not multiples of each other, as rad at a motor and mm after its
+        screw, or counts.
     assumed : tuple of str
         Settings at their defaults because they were not given; printed as assumed.
 
     Raises
     ------
     ValueError
-        Numbers out of range, an unknown unit, a missing factor, filters that are no second-order sections.
+        Numbers out of range, an unknown unit, a missing factor, filters that are no second-order
+        sections.
 
     References
     ----------
-    H. Gross, J. Hamann, G. Wiegärtner, *Electrical Feed Drives in Automation*, Publicis MCD, 2001: the cascade.
+    H. Gross, J. Hamann, G. Wiegärtner, *Electrical Feed Drives in Automation*, Publicis MCD, 2001:
+    the cascade.
 
     Examples
     --------
@@ -141,7 +153,9 @@ class Drive:
             if not (isinstance(number, float) and np.isnan(number)):
                 require_positive(name, number)
         if not 0 <= require_real("velocity_feedforward", self.velocity_feedforward) <= 1:
-            raise ValueError(f"velocity_feedforward must lie between 0 and 1, got {self.velocity_feedforward:g}")
+            raise ValueError(
+                f"velocity_feedforward must lie between 0 and 1, got {self.velocity_feedforward:g}"
+            )
         require_integer("position_every", self.position_every, least=1)
         require_choice("encoder", self.encoder, ("motor", "load", "both"))
         object.__setattr__(self, "filters", _filter_slots(self.filters))
@@ -151,7 +165,9 @@ class Drive:
     @property
     def sections(self) -> np.ndarray:
         """(S, 6) second-order sections of the filters."""
-        slots = [slot if isinstance(slot, np.ndarray) else slot.section(self.fs) for slot in self.filters]
+        slots = [
+            slot if isinstance(slot, np.ndarray) else slot.section(self.fs) for slot in self.filters
+        ]
         return np.array(slots, dtype=float).reshape(-1, 6)
 
     @property
@@ -205,45 +221,71 @@ class Drive:
         return self.kp * parse_gain_unit(self.kp_unit)[2]
 
     def output_factor(self, unit: str) -> float:
-        """Return the factor from the output of the velocity loop to a current [A] or a force [N] or [Nm]."""
+        """Return the factor from the output of the velocity loop to a current [A] or a force [N] or
+        [Nm].
+        """
         if unit == self.output_unit:
             return 1.0
         if {unit, self.output_unit} != {"A", self.force_unit}:
             raise ValueError(
-                f"output_unit must be A or {self.force_unit} for a velocity loop in {self.kp_unit}, got {unit!r}"
+                f"output_unit must be A or {self.force_unit} for a velocity loop in {self.kp_unit},"
+                f" got {unit!r}"
             )
         if np.isnan(self.torque_constant):
             raise ValueError(
-                f"torque_constant must be given [{self.force_unit}/A] between {self.output_unit} and {unit}, got none"
+                f"torque_constant must be given [{self.force_unit}/A] between {self.output_unit}"
+                f" and {unit}, got none"
             )
         return self.torque_constant if unit != "A" else 1 / self.torque_constant
 
     def __str__(self) -> str:
         period = 1e3 / self.fs
         reset = "no integral part" if np.isinf(self.tn) else f"tn = {1e3 * self.tn:.6g} ms"
-        smoothed = f" after a first-order low-pass of {1e3 * self.velocity_lag:.6g} ms" if self.velocity_lag else ""
+        smoothed = (
+            f" after a first-order low-pass of {1e3 * self.velocity_lag:.6g} ms"
+            if self.velocity_lag
+            else ""
+        )
         velocity = (
             f"an observer of {self.observer_frequency:g} Hz"
             if self.velocity_from == "observer"
             else f"differences{smoothed}"
         )
         low, high = USUAL_KV
-        unusual = f" (drives have {low:g} to {high:g} 1/s: look up its unit)" if is_unusual_gain(self.kv) else ""
+        unusual = (
+            f" (drives have {low:g} to {high:g} 1/s: look up its unit)"
+            if is_unusual_gain(self.kv)
+            else ""
+        )
         per_mm = f" = {0.06 * self.kv:.4g} (m/min)/mm" if self.base_unit == "m" else ""
         rows = [
-            f"position loop kv = {self.kv:.6g} 1/s{per_mm}{unusual}, every {period * self.position_every:g} ms",
-            f"velocity loop kp = {self.kp:.6g} {self.kp_unit}, {reset}, velocity from {velocity}, every {period:g} ms",
+            (
+                f"position loop kv = {self.kv:.6g} 1/s{per_mm}{unusual}, every"
+                f" {period * self.position_every:g} ms"
+            ),
+            (
+                f"velocity loop kp = {self.kp:.6g} {self.kp_unit}, {reset}, velocity from"
+                f" {velocity}, every {period:g} ms"
+            ),
         ]
         if self.encoder == "both":
             rows.append(
-                f"velocity of the motor [{self.position_scale.unit}], position of the load [{self.load_scale.unit}]"
+                f"velocity of the motor [{self.position_scale.unit}], position of the load"
+                f" [{self.load_scale.unit}]"
             )
         named = ["a section" if isinstance(one, np.ndarray) else str(one) for one in self.filters]
         rows += [f"filters: {', '.join(named)}"] if named else []
         constant = ratio_unit(self.force_unit, "A")
-        known = "" if np.isnan(self.torque_constant) else f"force constant {self.torque_constant:g} {constant}; "
+        known = (
+            ""
+            if np.isnan(self.torque_constant)
+            else f"force constant {self.torque_constant:g} {constant}; "
+        )
         guessed = f" ({' and '.join(self.assumed)} assumed, not given)" if self.assumed else ""
-        rows.append(f"{known}current loop: lag {1e3 * self.lag:g} ms, delay {1e3 * self.delay:g} ms{guessed}")
+        rows.append(
+            f"{known}current loop: lag {1e3 * self.lag:g} ms, delay {1e3 * self.delay:g}"
+            f" ms{guessed}"
+        )
         return "\n".join(rows)
 
 
@@ -254,7 +296,8 @@ def _filter_slots(given: object) -> tuple[_FilterSlot | np.ndarray, ...]:
     sections = require_real_array("filters", given, ndim=2)
     if sections.shape[1:] != (6,) or not np.allclose(sections[:, 3], 1):
         raise ValueError(
-            "filters must be elements or second-order sections (S, 6) with 1 in the fourth column, got "
+            "filters must be elements or second-order sections (S, 6) with 1 in the fourth column,"
+            " got "
             f"{'another fourth column' if sections.shape[1:] == (6,) else f'shape {sections.shape}'}"
         )
     return tuple(freeze_array(one) for one in sections)

@@ -58,7 +58,10 @@ class LevelStudy:
 
     @property
     def growth(self) -> np.ndarray:
-        """(L - 1, F) growth of the distortion [dB] per 20 dB of level: 40 for a cube, 20 for a square."""
+        """(L - 1, F) growth of the distortion [dB] per 20 dB of level:
+
+        40 for a cube, 20 for a square.
+        """
         step = np.diff(20 * np.log10(self.rms))[:, np.newaxis]
         return 20 * np.diff(10 * np.log10(self.distortion), axis=0) / step
 
@@ -105,7 +108,8 @@ def level_study(
 
     Examples
     --------
-    In small motions the friction of the paper distorts by its creep, |v| Fh/s, of second degree (and odd):
+    In small motions the friction of the paper distorts by its creep, |v| Fh/s, of second degree
+    (and odd):
 
     >>> from nlfrf.signals.multisine import multisine
     >>> from nlfrf.rig.bench.rig import paper_rig
@@ -116,7 +120,9 @@ def level_study(
     """
     levels = require_real_array("rms", rms, ndim=1)
     if levels.size < 2 or levels[0] <= 0 or np.any(np.diff(levels) <= 0):
-        raise ValueError(f"rms must hold at least two positive, increasing levels, got {levels.tolist()}")
+        raise ValueError(
+            f"rms must hold at least two positive, increasing levels, got {levels.tolist()}"
+        )
     blas = []
     for i, level in enumerate(levels):
 

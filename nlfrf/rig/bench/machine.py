@@ -15,7 +15,17 @@ from nlfrf.rig.kernels import data as packing
 from nlfrf.rig.laws.laws import Friction, pack_law
 
 Laws = Sequence[Friction | None]
-FIELDS = ("mass", "stiffness", "damping", "friction", "cubic", "actuators", "sensors", "inputs", "outputs")
+FIELDS = (
+    "mass",
+    "stiffness",
+    "damping",
+    "friction",
+    "cubic",
+    "actuators",
+    "sensors",
+    "inputs",
+    "outputs",
+)
 #: Rounding of a computed matrix: numbers below this share of its largest one count as zero.
 _SYMMETRY_TOLERANCE = 1e-9
 
@@ -33,17 +43,28 @@ def check_axes(given: Mapping[str, object]) -> dict[str, object]:
         found[name] = np.zeros((n, n)) if none else _require_square(name, given[name], n)
     _require_definite("stiffness", found["stiffness"], least=-_SYMMETRY_TOLERANCE)
     # the antisymmetric part is gyroscopic and dissipates no energy
-    _require_definite("damping", (found["damping"] + found["damping"].T) / 2, least=-_SYMMETRY_TOLERANCE)
+    _require_definite(
+        "damping", (found["damping"] + found["damping"].T) / 2, least=-_SYMMETRY_TOLERANCE
+    )
     if given["cubic"] is not None:
         found["cubic"] = _require_square("cubic", given["cubic"], n)
         _require_symmetric("cubic", found["cubic"])
         if found["cubic"].min() < 0:
-            raise ValueError(f"cubic must hold springs of zero or positive stiffness, got {found['cubic'].min():g}")
+            raise ValueError(
+                "cubic must hold springs of zero or positive stiffness, got"
+                f" {found['cubic'].min():g}"
+            )
     for name, axis in (("actuators", 0), ("sensors", 1)):
         found[name] = _placement_matrix(name, given[name], n=n, axis=axis)
-    channels = {"inputs": ("F", found["actuators"].shape[1]), "outputs": ("x", found["sensors"].shape[0])}
+    channels = {
+        "inputs": ("F", found["actuators"].shape[1]),
+        "outputs": ("x", found["sensors"].shape[0]),
+    }
     names = {
-        name: channel_names(name, given[name], count) or tuple(f"{letter}{i + 1}" for i in range(count))
+        name: (
+            channel_names(name, given[name], count)
+            or tuple(f"{letter}{i + 1}" for i in range(count))
+        )
         for name, (letter, count) in channels.items()
     }
     frozen = {name: freeze_array(part) for name, part in found.items()}
@@ -54,7 +75,9 @@ def check_single_axis(given: dict[str, object]) -> dict[str, tuple[str, ...]]:
     """Return the channel names of a machine with one axis; refuse fields for several axes."""
     for name in ("cubic", "actuators", "sensors"):
         if given[name] is not None:
-            raise ValueError(f"{name} must be left out for one axis, or mass must be a (1, 1) matrix, got {name}")
+            raise ValueError(
+                f"{name} must be left out for one axis, or mass must be a (1, 1) matrix, got {name}"
+            )
     found = {}
     for name, default in (("inputs", "force"), ("outputs", "position")):
         found[name] = channel_names(name, given[name], 1) or (default,)
@@ -65,11 +88,14 @@ def _check_laws(friction: object, n: int) -> tuple[Friction | None, ...]:
     """Check that there is a law or None for each axis."""
     if not isinstance(friction, (list, tuple)) or len(friction) != n:
         got = f"{len(friction)}" if isinstance(friction, (list, tuple)) else type(friction).__name__
-        raise ValueError(f"friction must be a list with a law or None for each of the {n} axes, got {got}")
+        raise ValueError(
+            f"friction must be a list with a law or None for each of the {n} axes, got {got}"
+        )
     for i, law in enumerate(friction):
         if law is not None and pack_law(law)[0].form == packing.OWN:
             raise ValueError(
-                f"friction[{i}] must be one of the laws of nlfrf.friction for several axes, got OwnFriction"
+                f"friction[{i}] must be one of the laws of nlfrf.friction for several axes, got"
+                " OwnFriction"
             )
     return tuple(friction)
 
@@ -82,12 +108,17 @@ def _require_square(name: str, matrix: object, n: int) -> np.ndarray:
 
 
 def _placement_matrix(name: str, given: object, *, n: int, axis: int) -> np.ndarray:
-    """Return the matrix of actuators or sensors: one row (axis 0) or column (axis 1) for each axis of the machine."""
+    """Return the matrix of actuators or sensors: one row (axis 0) or column (axis 1) for each axis
+    of the machine.
+    """
     if given is None:
         return np.eye(n)
     matrix = require_real_array(name, given, ndim=2)
     if matrix.shape[axis] != n or 0 in matrix.shape:
-        raise ValueError(f"{name} must have {n} {('rows', 'columns')[axis]}, one per axis, got shape {matrix.shape}")
+        raise ValueError(
+            f"{name} must have {n} {('rows', 'columns')[axis]}, one per axis, got shape"
+            f" {matrix.shape}"
+        )
     if not np.abs(matrix).max(axis=axis).all():
         raise ValueError(f"{name} must act on some axis with every channel, got a channel of zeros")
     return matrix
@@ -97,22 +128,36 @@ def _require_symmetric(name: str, matrix: np.ndarray) -> None:
     """Refuse a matrix that is not its own transpose."""
     off = np.abs(matrix - matrix.T).max()
     if off > _SYMMETRY_TOLERANCE * np.abs(matrix).max():
-        raise ValueError(f"{name} must be symmetric, got a matrix that differs from its transpose by up to {off:.3g}")
+        raise ValueError(
+            f"{name} must be symmetric, got a matrix that differs from its transpose by up to"
+            f" {off:.3g}"
+        )
 
 
 def _require_definite(name: str, matrix: np.ndarray, *, least: float) -> None:
-    """Refuse a matrix that is not symmetric, or has an eigenvalue below `least` times its largest number."""
+    """Refuse a matrix that is not symmetric, or has an eigenvalue below `least` times its largest
+    number.
+    """
     _require_symmetric(name, matrix)
     values = np.linalg.eigvalsh(matrix)
     if values[0] < least * np.abs(matrix).max() or (least > 0 and values[0] <= 0):
         kind = "definite" if least > 0 else "semidefinite"
-        raise ValueError(f"{name} must be positive {kind}, got eigenvalues from {values[0]:.3g} to {values[-1]:.3g}")
+        raise ValueError(
+            f"{name} must be positive {kind}, got eigenvalues from {values[0]:.3g} to"
+            f" {values[-1]:.3g}"
+        )
 
 
 def poles(
-    mass: np.ndarray, stiffness: np.ndarray, damping: np.ndarray, friction: Sequence[Friction | None], gain: float
+    mass: np.ndarray,
+    stiffness: np.ndarray,
+    damping: np.ndarray,
+    friction: Sequence[Friction | None],
+    gain: float,
 ) -> np.ndarray:
-    """Return the (2 n,) poles [rad/s] of the axes with `gain` times the presliding stiffness of their friction."""
+    """Return the (2 n,) poles [rad/s] of the axes with `gain` times the presliding stiffness of
+    their friction.
+    """
     n = len(mass)
     laws = [None if law is None else pack_law(law)[0] for law in friction]
     K0 = np.array([0.0 if law is None else gain * law.curve.K0 for law in laws])
@@ -124,15 +169,19 @@ def poles(
 def stack_matrices(
     mass: np.ndarray, stiffness: np.ndarray, *, damping: np.ndarray, cubic: np.ndarray | None
 ) -> np.ndarray:
-    """Return (4 or 5, n, n) mass, its inverse, stiffness, damping, and cubic springs if there are any."""
+    """Return (4 or 5, n, n) mass, its inverse, stiffness, damping, and cubic springs if there are
+    any.
+    """
     parts = [mass, np.linalg.inv(mass), stiffness, damping] + ([] if cubic is None else [cubic])
     return np.stack(parts)
 
 
 def pack_laws(friction: Laws) -> tuple[np.ndarray, np.ndarray]:
-    """Return (n, 11) numbers of the laws, -1 first without a law, and (n, 7, E) tables or elements, padded.
+    """Return (n, 11) numbers of the laws, -1 first without a law, and (n, 7, E) tables or elements,
+    padded.
 
-    An element without stiffness and strength adds nothing, and a point of a table at infinity is never reached.
+    An element without stiffness and strength adds nothing, and a point of a table at infinity is
+    never reached.
     """
     packed = [None if law is None else pack_law(law) for law in friction]
     widest = max([1, *(one[1].shape[1] for one in packed if one)])
@@ -152,8 +201,12 @@ def pack_laws(friction: Laws) -> tuple[np.ndarray, np.ndarray]:
 def initial_memory(friction: Laws) -> packing.Memory:
     """Return the memories of axes at rest: (n, N_STATES) and (n, 4, entries)."""
     packed = [pack_law(law) for law in friction if law is not None]
-    entries = max([1, *(packing.initial_memory(law.curve, grid).stack.shape[1] for law, grid in packed)])
-    return packing.Memory(np.zeros((len(friction), packing.N_STATES)), np.zeros((len(friction), 4, entries)))
+    entries = max(
+        [1, *(packing.initial_memory(law.curve, grid).stack.shape[1] for law, grid in packed)]
+    )
+    return packing.Memory(
+        np.zeros((len(friction), packing.N_STATES)), np.zeros((len(friction), 4, entries))
+    )
 
 
 def integrate_axes(
@@ -165,7 +218,8 @@ def integrate_axes(
     h: float,
     substeps: int,
 ) -> np.ndarray | None:
-    """Integrate over forces (n, 3, axes); return (n / substeps, 4, axes), or None if the step is not stable.
+    """Integrate over forces (n, 3, axes); return (n / substeps, 4, axes), or None if the step is
+    not stable.
 
     The four are position, velocity, z and friction force.
     """
@@ -173,5 +227,14 @@ def integrate_axes(
 
     laws, grids = pack_laws(friction)
     out = np.empty((len(drive) // substeps, 4, len(friction)))
-    stable = run_axes(matrices, laws, grids, memory.state, memory.stack, np.ascontiguousarray(drive), float(h), out)
+    stable = run_axes(
+        matrices,
+        laws,
+        grids,
+        memory.state,
+        memory.stack,
+        np.ascontiguousarray(drive),
+        float(h),
+        out,
+    )
     return out if stable else None

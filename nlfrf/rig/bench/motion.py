@@ -49,8 +49,11 @@ def run_law(friction: Friction, v: ArrayLike, *, fs: float, oversampling: int) -
     body = packing.Body(True, 1.0, 0.0, 0.0)
 
     def integrate_at(steps: int) -> tuple[np.ndarray | None, packing.Memory]:
-        memory, drive = packing.initial_memory(law.curve, grid), _force_at_substeps(velocity, steps, "linear")
-        return integrate(body, law, grid=grid, memory=memory, drive=drive, h=1 / (fs * steps), substeps=steps), memory
+        memory = packing.initial_memory(law.curve, grid)
+        drive = _force_at_substeps(velocity, steps, "linear")
+        return integrate(
+            body, law, grid=grid, memory=memory, drive=drive, h=1 / (fs * steps), substeps=steps
+        ), memory
 
     return _move(integrate_at, velocity, fs=fs, oversampling=oversampling, unit="m/s")
 
@@ -66,19 +69,29 @@ def _move(
     """Return the result of the integrator at an oversampling; refuse an unstable step."""
     out, memory = integrate_at(oversampling)
     if out is None:
-        raise unstable_step_error(fs, oversampling, lambda steps: integrate_at(steps)[0] is not None)
+        raise unstable_step_error(
+            fs, oversampling, lambda steps: integrate_at(steps)[0] is not None
+        )
     warn_of_forgotten_loops(memory.state[..., packing.LOST].sum())
     signals = {"drive": drive.copy()} | dict(zip(_UNITS, np.moveaxis(out, 0, -1), strict=True))
-    return Trajectory(t=np.arange(drive.shape[-1]) / fs, signals=signals, units={"drive": unit} | _UNITS)
+    return Trajectory(
+        t=np.arange(drive.shape[-1]) / fs, signals=signals, units={"drive": unit} | _UNITS
+    )
 
 
 def _force_at_substeps(samples: np.ndarray, oversampling: int, hold: str) -> np.ndarray:
-    """Return the force at start, middle and end of each integration step, (n oversampling, 3) or (.., 3, n_u).
+    """Return the force at start, middle and end of each integration step, (n oversampling, 3) or
+    (.., 3, n_u).
 
-    With hold "linear" the samples (n,) or (n_u, n) are interpolated, and the last one is held; else each is held.
+    With hold "linear" the samples (n,) or (n_u, n) are interpolated, and the last one is held; else
+    each is held.
     """
     step = np.arange(oversampling)[:, np.newaxis]
-    fraction = (step + np.array([0.0, 0.5, 1.0])) / oversampling if hold == "linear" else np.zeros((oversampling, 3))
+    fraction = (
+        (step + np.array([0.0, 0.5, 1.0])) / oversampling
+        if hold == "linear"
+        else np.zeros((oversampling, 3))
+    )
     rise = np.diff(samples, append=samples[..., -1:])
     force = samples[..., np.newaxis, np.newaxis] + rise[..., np.newaxis, np.newaxis] * fraction
     force = force.reshape(*samples.shape[:-1], -1, 3)

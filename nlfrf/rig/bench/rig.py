@@ -3,7 +3,8 @@
     m x'' + c x' + k x + friction(x') = force                                          one axis
     M q'' + C q' + K q + cubic springs + friction(q') = actuators @ force, y = sensors @ q        several
 
-`Rig` is the machine; `nlfrf.rig.run` runs it from rest under any force, `nlfrf.simulate` under multisines.
+`Rig` is the machine; `nlfrf.rig.run` runs it from rest under any force, `nlfrf.simulate` under
+multisines.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ _MAX_RESONANCE_ERROR = 0.01
 
 
 def _longest_step(pole: complex) -> float:
-    """Return the longest step [s] with which the fourth-order Runge-Kutta method keeps a mode from growing.
+    """Return the longest step [s] with which the fourth-order Runge-Kutta method keeps a mode from
+    growing.
 
     inf for a pole at zero, and for an unstable pole, which grows with every step.
     """
@@ -52,13 +54,15 @@ def require_stable_step(longest: float, fs: float, oversampling: int) -> None:
     """Refuse a step that is unstable even before the rig slides."""
     if 1 / (fs * oversampling) > longest:
         raise ValueError(
-            f"oversampling must be at least {int(np.ceil(1 / (fs * longest)))} for a stable integration step "
-            f"of at most {longest:.3g} s at fs = {fs:g} Hz, got {oversampling}"
+            f"oversampling must be at least {int(np.ceil(1 / (fs * longest)))} for a stable"
+            f" integration step of at most {longest:.3g} s at fs = {fs:g} Hz, got {oversampling}"
         )
 
 
 def unstable_step_error(fs: float, oversampling: int, stable: Callable[[int], bool]) -> ValueError:
-    """Return the error for a step that is unstable in sliding, with an oversampling tested to be stable."""
+    """Return the error for a step that is unstable in sliding, with an oversampling tested to be
+    stable.
+    """
     enough, finer = "more than", oversampling
     for finer in (oversampling * 2**i for i in range(1, 10)):
         if stable(finer):
@@ -71,17 +75,21 @@ def unstable_step_error(fs: float, oversampling: int, stable: Callable[[int], bo
 
 
 def warn_of_coarse_step(poles: np.ndarray, fs: float, oversampling: int) -> None:
-    """Warn of a step that moves a pole of the stuck rig by more than 1 % of its damping: the resonance is wrong."""
+    """Warn of a step that moves a pole of the stuck rig by more than 1 % of its damping: the
+    resonance is wrong.
+    """
     swinging = poles[(poles.imag > 0) & (poles.real != 0)]
     if not swinging.size:
         return
     # the error of a fourth-order Runge-Kutta step is (h p)^5 / 120
-    shift = np.max(np.abs(swinging / swinging.real) * (np.abs(swinging) / (fs * oversampling)) ** 4 / 120)
+    shift = np.max(
+        np.abs(swinging / swinging.real) * (np.abs(swinging) / (fs * oversampling)) ** 4 / 120
+    )
     if shift > _MAX_RESONANCE_ERROR:
         enough = int(np.ceil(oversampling * (shift / _MAX_RESONANCE_ERROR) ** 0.25))
         warnings.warn(
-            f"the integration step is coarse: the resonance of the stuck rig is wrong by {100 * shift:.2g} %. "
-            f"Use an oversampling of {enough}",
+            "the integration step is coarse: the resonance of the stuck rig is wrong by"
+            f" {100 * shift:.2g} %. Use an oversampling of {enough}",
             DataWarning,
             stacklevel=3,
         )
@@ -100,11 +108,13 @@ class Rig:
     stiffness : float or (n, n) ndarray
         Stiffness of the springs to ground and between axes [N/m]; zero for a free mass.
     friction : law, or a list of n laws or None
-        Coulomb, Dahl, LuGre, Leuven, GeneralizedMaxwellSlip, VaryingSliders; for one axis also OwnFriction.
+        Coulomb, Dahl, LuGre, Leuven, GeneralizedMaxwellSlip, VaryingSliders; for one axis also
+        OwnFriction.
     damping : float or (n, n) ndarray
         Viscous damping in addition to that of the friction law [Ns/m].
     cubic : (n, n) ndarray, optional
-        Springs with force c d^3 [N/m^3]: to ground on the diagonal, between two axes off it. Symmetric.
+        Springs with force c d^3 [N/m^3]: to ground on the diagonal, between two axes off it.
+        Symmetric.
     actuators : (n, n_u) ndarray, optional
         Force on each axis per unit of each input; by default one force per axis.
     sensors : (n_y, n) ndarray, optional
@@ -115,12 +125,13 @@ class Rig:
     Raises
     ------
     ValueError
-        A mass that is not positive (definite), a negative (indefinite) stiffness or damping, a friction that is no law;
-        matrices, laws or names that do not fit each other.
+        A mass that is not positive (definite), a negative (indefinite) stiffness or damping, a
+        friction that is no law; matrices, laws or names that do not fit each other.
 
     References
     ----------
-    "The impact of nonlinear friction on frequency response function measurements", section 2: the experiment.
+    "The impact of nonlinear friction on frequency response function measurements", section 2: the
+    experiment.
 
     Examples
     --------
@@ -150,7 +161,9 @@ class Rig:
 
     def __post_init__(self) -> None:
         if self.several:
-            checked: Mapping[str, object] = axes.check_axes({name: getattr(self, name) for name in axes.FIELDS})
+            checked: Mapping[str, object] = axes.check_axes(
+                {name: getattr(self, name) for name in axes.FIELDS}
+            )
         else:
             checked = axes.check_single_axis({name: getattr(self, name) for name in axes.FIELDS})
             require_positive("mass", self.mass)
@@ -181,20 +194,31 @@ class Rig:
         return len(self.outputs)
 
     def poles(self, gain: float) -> np.ndarray:
-        """Return the (2 n,) poles [rad/s] with `gain` times the presliding stiffness: 1 for stuck, 0 for sliding."""
+        """Return the (2 n,) poles [rad/s] with `gain` times the presliding stiffness:
+
+        1 for stuck, 0 for sliding.
+        """
         mass, stiffness, damping = map(np.atleast_2d, (self.mass, self.stiffness, self.damping))
-        return axes.poles(mass, stiffness, damping, self.friction if self.several else [self.friction], gain)
+        return axes.poles(
+            mass, stiffness, damping, self.friction if self.several else [self.friction], gain
+        )
 
     @cached_property
     def stable_step(self) -> float:
-        """Longest integration step [s] that is stable without sliding; sliding may need a shorter one."""
+        """Longest integration step [s] that is stable without sliding; sliding may need a shorter
+        one.
+        """
         # stuck, just after a reversal (dz/dt = 2 v), and sliding
-        limits = [_longest_step(complex(pole)) for gain in (1.0, 2.0, 0.0) for pole in self.poles(gain)]
+        limits = [
+            _longest_step(complex(pole)) for gain in (1.0, 2.0, 0.0) for pole in self.poles(gain)
+        ]
         for friction in self.friction if self.several else (self.friction,):
             if friction is None:
                 continue
             law, _ = pack_law(friction)
-            if law.form == packing.GMS:  # a slipping element relaxes to the Stribeck curve at the rate C / Fc
+            if (
+                law.form == packing.GMS
+            ):  # a slipping element relaxes to the Stribeck curve at the rate C / Fc
                 limits.append(_RUNGE_KUTTA_REAL_LIMIT * law.Fc / law.n)
         return min(limits)
 
@@ -210,7 +234,8 @@ def paper_rig() -> Rig:
 
     References
     ----------
-    "The impact of nonlinear friction on frequency response function measurements": its table of parameters.
+    "The impact of nonlinear friction on frequency response function measurements": its table of
+    parameters.
 
     Examples
     --------
@@ -228,8 +253,8 @@ def two_axis_stage(nonlinearity: str = "friction") -> Rig:
     Parameters
     ----------
     nonlinearity : str
-        "friction": LuGre friction on both axes. "springs": cubic springs to ground and between the axes, no friction.
-        "none": neither.
+        "friction": LuGre friction on both axes. "springs": cubic springs to ground and between the
+        axes, no friction. "none": neither.
 
     Returns
     -------
@@ -243,7 +268,8 @@ def two_axis_stage(nonlinearity: str = "friction") -> Rig:
 
     References
     ----------
-    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 3.7: several inputs.
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 3.7:
+    several inputs.
 
     Examples
     --------
@@ -280,16 +306,20 @@ def initial_memory(rig: Rig) -> packing.Memory:
     return packing.initial_memory(law.curve, grid)
 
 
-def integrate_rig(rig: Rig, memory: packing.Memory, *, drive: np.ndarray, h: float, substeps: int) -> np.ndarray | None:
+def integrate_rig(
+    rig: Rig, memory: packing.Memory, *, drive: np.ndarray, h: float, substeps: int
+) -> np.ndarray | None:
     """Integrate the rig over the force at start, middle and end of each step; update `memory`.
 
-    `drive` is (n, 3), or (n, 3, n_u) for several axes. Returns (n / substeps, 4), or (n / substeps, 4, axes): position,
-    velocity, z and friction force; None if the step was unstable.
+    `drive` is (n, 3), or (n, 3, n_u) for several axes. Returns (n / substeps, 4), or (n / substeps,
+    4, axes): position, velocity, z and friction force; None if the step was unstable.
     """
     if rig.several:
         machine = axes.stack_matrices(rig.mass, rig.stiffness, damping=rig.damping, cubic=rig.cubic)
         forces = drive.reshape(len(drive), 3, rig.n_inputs) @ rig.actuators.T
-        return axes.integrate_axes(machine, rig.friction, memory=memory, drive=forces, h=h, substeps=substeps)
+        return axes.integrate_axes(
+            machine, rig.friction, memory=memory, drive=forces, h=h, substeps=substeps
+        )
     law, grid = pack_law(rig.friction)
     body = packing.Body(False, float(rig.mass), float(rig.stiffness), float(rig.damping))
     return integrate(body, law, grid=grid, memory=memory, drive=drive, h=h, substeps=substeps)

@@ -28,23 +28,26 @@ def run(
     oversampling: int | None = None,
     hold: str | None = None,
 ) -> Trajectory:
-    """Run a machine under any signal: a force, a reference of its controller, set points of its drive.
+    """Run a machine under any signal: a force, a reference of its controller, set points of its
+    drive.
 
-    A `Rig` moves under a force [N], from rest. With a controller around it the signal is the reference of the measured
-    positions [m]. A `ServoAxis` follows set points of its drive. A friction law alone takes a velocity [m/s], linear
-    between samples, from rest: for hysteresis loops and Stribeck curves.
+    A `Rig` moves under a force [N], from rest. With a controller around it the signal is the
+    reference of the measured positions [m]. A `ServoAxis` follows set points of its drive. A
+    friction law alone takes a velocity [m/s], linear between samples, from rest: for hysteresis
+    loops and Stribeck curves.
 
     Parameters
     ----------
     machine : Rig, ServoAxis or friction law
         The machine to run.
     signal : (n,) ndarray, (channels, n) for a rig of matrices, or dict of them for an axis
-        One value per sample. For an axis by name: "position" [m] or [rad] is the set point of the position loop,
-        "velocity" is added to the velocity set point, "force" [N] or [Nm] to the output of the velocity loop, before
-        the current limit. "torque" alone opens both loops: torque mode. An array is the position.
+        One value per sample. For an axis by name: "position" [m] or [rad] is the set point of the
+        position loop, "velocity" is added to the velocity set point, "force" [N] or [Nm] to the
+        output of the velocity loop, before the current limit. "torque" alone opens both loops:
+        torque mode. An array is the position.
     controller : Controller or state space, optional
-        Sampled, around a rig: u = K (r - y), held over each sample. For several axes a controller matrix, full or with
-        one loop per axis. A state space alone acts without delay and limits.
+        Sampled, around a rig: u = K (r - y), held over each sample. For several axes a controller
+        matrix, full or with one loop per axis. A state space alone acts without delay and limits.
     fs : float, optional
         Sampling frequency [Hz]; needed if neither a controller nor a drive has one.
     disturbance : (n,) or (n_u, n) ndarray, optional
@@ -54,8 +57,8 @@ def run(
     initial : (2,) or (2, axes) ndarray, optional
         Initial position and velocity, with relaxed friction; by default zeros.
     oversampling : int, optional
-        Integration steps per sample: 4 with a controller, otherwise 1. With a controller or a drive this is a minimum;
-        more steps are taken if the machine needs them.
+        Integration steps per sample: 4 with a controller, otherwise 1. With a controller or a drive
+        this is a minimum; more steps are taken if the machine needs them.
     hold : str, optional
         Force on a rig between samples: "linear", or "zoh" (held).
 
@@ -67,9 +70,10 @@ def run(
     Raises
     ------
     ValueError
-        An argument without effect on this machine; signals that do not fit each other; a controller that is
-        continuous, or has other inputs and outputs than the rig; a step too long to be stable, with a sufficient
-        oversampling in the message; a machine far too fast for its controller.
+        An argument without effect on this machine; signals that do not fit each other; a controller
+        that is continuous, or has other inputs and outputs than the rig; a step too long to be
+        stable, with a sufficient oversampling in the message; a machine far too fast for its
+        controller.
 
     Warns
     -----
@@ -78,7 +82,8 @@ def run(
 
     References
     ----------
-    K. J. Åström, B. Wittenmark, *Computer-Controlled Systems*, 3rd ed., 1997, 2.3 (hold and delay), 3.5 (anti-windup).
+    K. J. Åström, B. Wittenmark, *Computer-Controlled Systems*, 3rd ed., 1997, 2.3 (hold and delay),
+    3.5 (anti-windup).
 
     Examples
     --------
@@ -115,9 +120,13 @@ def run(
         closed = "torque" not in ports
         require_known("signal", ports, (*PORTS, "torque") if closed else ("torque",))
         ports = ports if closed else {"force": ports["torque"]}
-        return run_axis(machine, ports, closed=closed, noise=noise, initial=begin, oversampling=steps)
+        return run_axis(
+            machine, ports, closed=closed, noise=noise, initial=begin, oversampling=steps
+        )
     if isinstance(signal, Mapping):
-        raise ValueError(f"signal must be an array if machine is no servo axis, got {short_form(signal)}")
+        raise ValueError(
+            f"signal must be an array if machine is no servo axis, got {short_form(signal)}"
+        )
     if controller is not None:
         _require_unused("a rig with a controller", given, ("fs", "hold"))
         require_kind("machine", machine, Rig)
@@ -140,4 +149,6 @@ def _require_unused(machine: str, given: Mapping[str, object], names: tuple[str,
     """Refuse arguments that would have no effect."""
     for name in names:
         if given[name] is not None:
-            raise ValueError(f"{name} must be left out for {machine}, got {short_form(given[name])}")
+            raise ValueError(
+                f"{name} must be left out for {machine}, got {short_form(given[name])}"
+            )

@@ -1,13 +1,16 @@
-"""A servo axis under its drive: motor and load with friction, a P-PI cascade, a quantised encoder, a limited current.
+"""A servo axis under its drive: motor and load with friction, a P-PI cascade, a quantised encoder,
+a limited current.
 
-    position set point -> [P] -> velocity set point -> [PI, filters] -> current set point -> delay, lag -> motor = load
+    position set point -> [P] -> velocity set point -> [PI, filters] -> current set point -> delay,
+    lag -> motor = load
           |-------------- encoder: quantised position, its differences ---------|
 
     m1 x1'' + c1 x1' + k (x1 - x2) + c (x1' - x2') + friction1(x1') = force_constant * current
     m2 x2'' + c2 x2' + k (x2 - x1) + c (x2' - x1') + k2 x2 + friction2(x2') = 0
 
-All quantities are in one coordinate, that of the load. A rotor with inertia J behind a transmission of r metres per
-radian has a motor inertia of J / r^2 kg, and its torque constant Kt becomes a force constant of Kt / r N/A.
+All quantities are in one coordinate, that of the load. A rotor with inertia J behind a transmission
+of r metres per radian has a motor inertia of J / r^2 kg, and its torque constant Kt becomes a force
+constant of Kt / r N/A.
 """
 
 from __future__ import annotations
@@ -35,7 +38,13 @@ from nlfrf._base.drive_entries import PORTS
 from nlfrf._base.values import value
 from nlfrf.records.record import Record, SignalLabels
 from nlfrf.rig.bench import machine as axes
-from nlfrf.rig.bench.closed_loop import MAX_HALVINGS, initial_axes, memory_at, signal_rows, steps_per_sample
+from nlfrf.rig.bench.closed_loop import (
+    MAX_HALVINGS,
+    initial_axes,
+    memory_at,
+    signal_rows,
+    steps_per_sample,
+)
 from nlfrf.rig.bench.drive import Drive
 from nlfrf.rig.bench.rig import Rig
 from nlfrf.rig.bench.simulate import Arrays, Progress, run_all
@@ -48,29 +57,33 @@ from nlfrf.signals.multisine import Multisine, require_one_input
 
 _MOTIONS = {"linear": ("m", "N"), "rotary": ("rad", "Nm")}
 _PRESETS = ("linear motor", "belt", "ball screw", "joint")
-#: Share of samples with a current limit, or with a reversal in motion, up to which no warning is given.
+# : Share of samples with a current limit, or with a reversal in motion, up to which no warning is
+# given.
 _SELDOM = 1e-3
-#: Change from one period to the next, over the rms of the position, above which a record is reported as unsettled.
+# : Change from one period to the next, over the rms of the position, above which a record is
+# reported as unsettled.
 _UNSETTLED = 1e-2
 
 
 @value
 class ServoAxis:
-    """A motor and a load behind a belt, a screw or a gear, an encoder, and the drive; one rigid mass without a load.
+    """A motor and a load behind a belt, a screw or a gear, an encoder, and the drive; one rigid
+    mass without a load.
 
     Parameters
     ----------
     motor_inertia : float
         Inertia of the motor [kg] or [kg m^2], in the coordinate of the load.
     drive : Drive
-        Gains, limits, sampling, torque constant and encoder of the drive, all in the coordinate of the load. The
-        velocity must come from differences.
+        Gains, limits, sampling, torque constant and encoder of the drive, all in the coordinate of
+        the load. The velocity must come from differences.
     motor_friction, load_friction : law, optional
         Friction of each mass to ground.
     motor_damping, load_damping : float
         Viscous friction to ground [Ns/m] or [Nm s/rad].
     load_inertia : float
-        Inertia of the load [kg] or [kg m^2]; zero: motor and load are one rigid mass, `motor_inertia`.
+        Inertia of the load [kg] or [kg m^2]; zero: motor and load are one rigid mass,
+        `motor_inertia`.
     stiffness, damping : float
         Belt, screw or gear between motor and load [N/m], [Ns/m] or [Nm/rad], [Nm s/rad].
     spring : float
@@ -83,11 +96,13 @@ class ServoAxis:
     Raises
     ------
     ValueError
-        Numbers out of range; a load without a stiffness; parameters of a load without `load_inertia`.
+        Numbers out of range; a load without a stiffness; parameters of a load without
+        `load_inertia`.
 
     References
     ----------
-    G. Ellis, *Control System Design Guide*, 4th ed., Butterworth-Heinemann, 2012, chapter 16: two masses and a spring.
+    G. Ellis, *Control System Design Guide*, 4th ed., Butterworth-Heinemann, 2012, chapter 16: two
+    masses and a spring.
 
     Examples
     --------
@@ -112,13 +127,24 @@ class ServoAxis:
     def __post_init__(self) -> None:
         require_positive("motor_inertia", self.motor_inertia)
         require_kind("drive", self.drive, Drive)
-        for name in ("motor_damping", "load_inertia", "load_damping", "stiffness", "damping", "spring", "resolution"):
+        for name in (
+            "motor_damping",
+            "load_inertia",
+            "load_damping",
+            "stiffness",
+            "damping",
+            "spring",
+            "resolution",
+        ):
             require_nonnegative(name, getattr(self, name))
         require_choice("motion", self.motion, tuple(_MOTIONS))
         # refuses units of another motion, and a missing torque constant
         self.drive.output_factor(self.units[1])
         if self.encoder == "both" or self.drive.velocity_from == "observer":
-            raise ValueError("drive must read one encoder and use its differences, got two encoders or an observer")
+            raise ValueError(
+                "drive must read one encoder and use its differences, got two encoders or an"
+                " observer"
+            )
         for law in (self.motor_friction, self.load_friction):
             if law is not None:
                 pack_law(law)
@@ -154,7 +180,9 @@ class ServoAxis:
     @property
     def resonance(self) -> float:
         """Highest resonance of motor and load without friction [Hz]; zero for one free mass."""
-        return float(np.abs(self.rig.poles(0.0)).max() / 2 / np.pi) if self.two or self.spring else 0.0
+        return (
+            float(np.abs(self.rig.poles(0.0)).max() / 2 / np.pi) if self.two or self.spring else 0.0
+        )
 
     @property
     def two(self) -> bool:
@@ -167,7 +195,14 @@ class ServoAxis:
         k, c = self.stiffness, self.damping
         if not self.two:
             mass, laws = [[self.motor_inertia]], [self.motor_friction]
-            return Rig(mass, [[self.spring]], laws, [[self.motor_damping]], inputs=("force",), outputs=("position",))
+            return Rig(
+                mass,
+                [[self.spring]],
+                laws,
+                [[self.motor_damping]],
+                inputs=("force",),
+                outputs=("position",),
+            )
         return Rig(
             mass=np.diag([self.motor_inertia, self.load_inertia]),
             stiffness=[[k, -k], [-k, k + self.spring]],
@@ -189,16 +224,25 @@ def run_axis(
     initial: ArrayLike,
     oversampling: int,
 ) -> Trajectory:
-    """Run an axis under its drive from a given state; with open loops `force` alone drives it. See `run`."""
+    """Run an axis under its drive from a given state; with open loops `force` alone drives it.
+
+    See `run`.
+    """
     given = {name: set_points.get(name) for name in PORTS}
     sizes = [np.size(signal) for signal in given.values() if signal is not None]
     if not sizes or 0 in sizes:
-        raise ValueError("position, velocity or force must be given, with at least one sample, got none")
+        raise ValueError(
+            "position, velocity or force must be given, with at least one sample, got none"
+        )
     given["noise"] = noise
-    signals = {name: signal_rows(name, signal, sizes[0], n_rows=1)[0] for name, signal in given.items()}
+    signals = {
+        name: signal_rows(name, signal, sizes[0], n_rows=1)[0] for name, signal in given.items()
+    }
     begin = initial_axes(initial, axis.rig.n_axes)
     steps = steps_per_sample(axis.rig, axis.drive.fs, oversampling)
-    for halving in range(MAX_HALVINGS + 1):  # a run that does not reach the end is repeated with shorter steps
+    for halving in range(
+        MAX_HALVINGS + 1
+    ):  # a run that does not reach the end is repeated with shorter steps
         trace, lost = _attempt(axis, signals, closed=closed, begin=begin, steps=steps * 2**halving)
         if not trace.diverged:
             break
@@ -209,7 +253,9 @@ def run_axis(
 def _attempt(
     axis: ServoAxis, signals: dict[str, np.ndarray], *, closed: bool, begin: np.ndarray, steps: int
 ) -> tuple[Trajectory, float]:
-    """Call the compiled code once; return the trace up to its end, and the number of forgotten hysteresis loops."""
+    """Call the compiled code once; return the trace up to its end, and the number of forgotten
+    hysteresis loops.
+    """
     from nlfrf.rig.kernels.servo import GAINS, SIGNALS, step_servo
 
     rig, drive, n = axis.rig, axis.drive, signals["force"].size
@@ -263,7 +309,9 @@ def _attempt(
         "v": rows[:, 1].T,
         "friction": rows[:, 3].T,
     }
-    units = dict.fromkeys(("position", "position_set", "x"), m) | dict.fromkeys(("force", "force_set", "friction"), N)
+    units = dict.fromkeys(("position", "position_set", "x"), m) | dict.fromkeys(
+        ("force", "force_set", "friction"), N
+    )
     units |= dict.fromkeys(("velocity", "velocity_set", "v"), f"{m}/s") | {
         "current": axis.drive.output_unit,
         "current_set": axis.drive.output_unit,
@@ -306,12 +354,13 @@ def simulate_servo(
     progress: Progress | None = None,
     resume: str | PathLike[str] | None = None,
 ) -> Record:
-    """Run every realisation of a multisine on an axis under its drive: force set point in, encoder position out.
+    """Run every realisation of a multisine on an axis under its drive: force set point in, encoder
+    position out.
 
-    At rest the multisine moves the axis about a fixed position set point. In motion it is superimposed on a constant
-    velocity, so that the friction slides; the motion of the set point is subtracted from the position. With `strokes`
-    the axis moves back and forth, and only the strokes in the direction of `base_velocity` are recorded: forward and
-    backward are two records.
+    At rest the multisine moves the axis about a fixed position set point. In motion it is
+    superimposed on a constant velocity, so that the friction slides; the motion of the set point is
+    subtracted from the position. With `strokes` the axis moves back and forth, and only the strokes
+    in the direction of `base_velocity` are recorded: forward and backward are two records.
 
     Parameters
     ----------
@@ -320,7 +369,8 @@ def simulate_servo(
     ms : Multisine
         M realisations of N samples at the sampling frequency of the drive.
     port : str
-        Port of the multisine: "force" [N] or [Nm], "velocity" [m/s] or [rad/s], "position" [m] or [rad].
+        Port of the multisine: "force" [N] or [Nm], "velocity" [m/s] or [rad/s], "position" [m] or
+        [rad].
     closed : bool
         False: torque mode, the multisine alone drives the motor.
     base_velocity : float
@@ -339,23 +389,26 @@ def simulate_servo(
     Returns
     -------
     Record
-        u: the force set point, held over each period ("zoh"), so delay and lag of the current belong to the identified
-        plant. y: the encoder position. r: the multisine. (M, P, N), P the periods of all strokes.
+        u: the force set point, held over each period ("zoh"), so delay and lag of the current
+        belong to the identified plant. y: the encoder position. r: the multisine. (M, P, N), P the
+        periods of all strokes.
 
     Raises
     ------
     ValueError
-        A multisine with another sampling frequency; motion or a set point in an open loop; an axis that runs away.
+        A multisine with another sampling frequency; motion or a set point in an open loop; an axis
+        that runs away.
 
     Warns
     -----
     DataWarning
-        The current was limited; an axis in motion turned back; or the last two periods of a record without motion
-        still differ by more than the encoder explains.
+        The current was limited; an axis in motion turned back; or the last two periods of a record
+        without motion still differ by more than the encoder explains.
 
     References
     ----------
-    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.6.4: FRF of a closed loop.
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.6.4: FRF
+    of a closed loop.
 
     Examples
     --------
@@ -380,22 +433,39 @@ def simulate_servo(
         oversampling=require_integer("oversampling", oversampling, least=1),
     )
     if abs(ms.fs / axis.drive.fs - 1) > 1e-9:
-        raise ValueError(f"ms must be sampled like the drive, at {axis.drive.fs:g} Hz, got {ms.fs:g} Hz")
+        raise ValueError(
+            f"ms must be sampled like the drive, at {axis.drive.fs:g} Hz, got {ms.fs:g} Hz"
+        )
     if not closed and (port != "force" or base_velocity):
         raise ValueError(
-            'port must be "force" and base_velocity 0 in an open loop, got a set point that no loop follows'
+            'port must be "force" and base_velocity 0 in an open loop, got a set point that no loop'
+            " follows"
         )
     if strokes and not base_velocity:
-        raise ValueError(f"base_velocity must not be zero if the axis moves back and forth, got {strokes} strokes")
+        raise ValueError(
+            f"base_velocity must not be zero if the axis moves back and forth, got {strokes}"
+            " strokes"
+        )
     if base_velocity and n_discard < 1:
         raise ValueError("n_discard must be at least 1 in motion, for the acceleration, got 0")
-    runs = [replace(experiment, ms=replace(ms, phase=ms.phase[m : m + 1])) for m in range(ms.n_realizations)]
+    runs = [
+        replace(experiment, ms=replace(ms, phase=ms.phase[m : m + 1]))
+        for m in range(ms.n_realizations)
+    ]
     found = run_all(_run_experiment, runs, executor=executor, progress=progress, resume=resume)
     warn_of_forgotten_loops(float(sum(one["lost"] for one in found)))
-    _warn_of(experiment, {name: max(float(one[name]) for one in found) for name in ("limited", "turned", "change")})
+    _warn_of(
+        experiment,
+        {name: max(float(one[name]) for one in found) for name in ("limited", "turned", "change")},
+    )
     u, y, r = (np.stack([one[name] for one in found]) for name in ("u", "y", "r"))
     position, force = axis.units
-    labels: SignalLabels = {"u_name": "force", "y_name": "position", "u_unit": force, "y_unit": position}
+    labels: SignalLabels = {
+        "u_name": "force",
+        "y_name": "position",
+        "u_unit": force,
+        "y_unit": position,
+    }
     return Record(u=u, y=y, r=r, fs=ms.fs, lines=ms.lines, hold="zoh", **labels)
 
 
@@ -409,24 +479,37 @@ def _run_experiment(experiment: _ServoExperiment) -> Arrays:
     signals[experiment.port] = signals[experiment.port] + played
     given = signals if experiment.closed else {"force": signals["force"]}
     trace = run_axis(
-        axis, given, closed=experiment.closed, noise=None, initial=(0.0, 0.0), oversampling=experiment.oversampling
+        axis,
+        given,
+        closed=experiment.closed,
+        noise=None,
+        initial=(0.0, 0.0),
+        oversampling=experiment.oversampling,
     )
     if trace.diverged:
         raise ValueError(
-            f"axis must be stable under its drive, got one that ran away after {trace.t.size / axis.drive.fs:.3g} s: "
-            "lower kp or kv, or raise tn"
+            "axis must be stable under its drive, got one that ran away after"
+            f" {trace.t.size / axis.drive.fs:.3g} s: lower kp or kv, or raise tn"
         )
 
     def kept(signal: np.ndarray) -> np.ndarray:
-        """Return (P, N) the recorded periods of all strokes: every second stroke, beginning with the second."""
-        strokes = signal.reshape(-1, block, N)[1::2] if experiment.strokes else signal.reshape(1, block, N)
+        """Return (P, N) the recorded periods of all strokes: every second stroke, beginning with
+        the second.
+        """
+        strokes = (
+            signal.reshape(-1, block, N)[1::2]
+            if experiment.strokes
+            else signal.reshape(1, block, N)
+        )
         return np.asarray(strokes[:, experiment.n_discard :].reshape(-1, N))
 
     y = kept(trace.position - base)
     change = 0.0
     if experiment.n_periods > 1 and not experiment.base_velocity:
         period_difference = np.sqrt(np.mean((y[-1] - y[-2]) ** 2))
-        change = max(period_difference - 2 * axis.resolution, 0.0) / max(np.std(y[-1]), np.finfo(float).tiny)
+        change = max(period_difference - 2 * axis.resolution, 0.0) / max(
+            np.std(y[-1]), np.finfo(float).tiny
+        )
     back = kept(trace.v[-1]) * experiment.base_velocity < 0
     return {
         "u": kept(trace.force_set),
@@ -442,12 +525,15 @@ def _run_experiment(experiment: _ServoExperiment) -> Arrays:
 def _base_position(experiment: _ServoExperiment) -> np.ndarray:
     """Return (n,) the position set point of the whole experiment [unit of the axis].
 
-    Each stroke lasts as long as all periods together; the first one is backward. Without strokes there is one forward
-    motion. The velocity is constant except for a quarter of a multisine period at each change.
+    Each stroke lasts as long as all periods together; the first one is backward. Without strokes
+    there is one forward motion. The velocity is constant except for a quarter of a multisine period
+    at each change.
     """
     block = (experiment.n_discard + experiment.n_periods) * experiment.ms.n_samples
     directions = np.tile([-1.0, 1.0], experiment.strokes) if experiment.strokes else np.ones(1)
-    velocity = stepped_profile(experiment.base_velocity * directions, block, experiment.ms.n_samples // 4)
+    velocity = stepped_profile(
+        experiment.base_velocity * directions, block, experiment.ms.n_samples // 4
+    )
     return np.asarray(np.cumsum(velocity[: directions.size * block]) / experiment.axis.drive.fs)
 
 
@@ -457,18 +543,19 @@ def _warn_of(experiment: _ServoExperiment, worst: dict[str, float]) -> None:
     if worst["limited"] > _SELDOM:
         limit, unit = experiment.axis.drive.limit, experiment.axis.drive.output_unit
         texts.append(
-            f"the current was at its limit of {limit:g} {unit} in {100 * worst['limited']:.2g} % of the samples: "
-            "the FRF includes the limit. Lower the level"
+            f"the current was at its limit of {limit:g} {unit} in {100 * worst['limited']:.2g} % of"
+            " the samples: the FRF includes the limit. Lower the level"
         )
     if worst["turned"] > _SELDOM:
         texts.append(
-            f"the axis turned back in {100 * worst['turned']:.2g} % of the samples: it does not slide all the time. "
-            f"Raise base_velocity above {abs(experiment.base_velocity):g}, or lower the level"
+            f"the axis turned back in {100 * worst['turned']:.2g} % of the samples: it does not"
+            f" slide all the time. Raise base_velocity above {abs(experiment.base_velocity):g}, or"
+            " lower the level"
         )
     if worst["change"] > _UNSETTLED:
         texts.append(
-            f"steady state was not reached: the last two periods differ by {worst['change']:.1e} of the rms. "
-            f"Raise n_discard above {experiment.n_discard}"
+            f"steady state was not reached: the last two periods differ by {worst['change']:.1e} of"
+            f" the rms. Raise n_discard above {experiment.n_discard}"
         )
     for text in texts:
         warnings.warn(text, DataWarning, stacklevel=3)
@@ -478,9 +565,13 @@ def _warn_of(experiment: _ServoExperiment, worst: dict[str, float]) -> None:
 
 
 def _sliders(K0: float, Fs: float, stiction: float, vs: float) -> VaryingSliders:
-    """Return three elements of equal strength that slip one after the other, at 0.56, 1.1 and 3.3 times Fs / K0."""
+    """Return three elements of equal strength that slip one after the other, at 0.56, 1.1 and 3.3
+    times Fs / K0.
+    """
     stiffness = K0 * np.array([0.6, 0.3, 0.1])
-    return VaryingSliders(stiffness=stiffness, strength=np.full(3, Fs / 3), stiction=stiction, vs=vs)
+    return VaryingSliders(
+        stiffness=stiffness, strength=np.full(3, Fs / 3), stiction=stiction, vs=vs
+    )
 
 
 def servo_axis(preset: str) -> ServoAxis:
@@ -489,9 +580,10 @@ def servo_axis(preset: str) -> ServoAxis:
     Parameters
     ----------
     preset : str
-        "linear motor": one mass of 12 kg on rails. "belt": 7 and 15 kg, antiresonance 47 Hz, resonance 83 Hz.
-        "ball screw": 233 and 150 kg, antiresonance 116 Hz, resonance 149 Hz. "joint": a robot joint with a harmonic
-        drive, 0.52 and 1.5 kg m^2, antiresonance 16 Hz, resonance 32 Hz.
+        "linear motor": one mass of 12 kg on rails. "belt": 7 and 15 kg, antiresonance 47 Hz,
+        resonance 83 Hz. "ball screw": 233 and 150 kg, antiresonance 116 Hz, resonance 149 Hz.
+        "joint": a robot joint with a harmonic drive, 0.52 and 1.5 kg m^2, antiresonance 16 Hz,
+        resonance 32 Hz.
 
     Returns
     -------
@@ -533,7 +625,8 @@ def servo_axis(preset: str) -> ServoAxis:
                 ),
             )
         case "belt":
-            # 32 teeth of 5 mm: 25.46 mm per radian; gear 5; ATL5 of 25 mm, branches of 0.7 and 1.5 m
+            # 32 teeth of 5 mm: 25.46 mm per radian; gear 5; ATL5 of 25 mm, branches of 0.7 and 1.5
+            # m
             r, gear = 32 * 5e-3 / (2 * np.pi), 5
             return ServoAxis(
                 motor_inertia=(gear**2 * 1.74e-4 + 3e-4) / r**2,

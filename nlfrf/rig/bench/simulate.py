@@ -1,7 +1,8 @@
-"""Experiments on a rig: every realisation of a multisine, run to steady state, in parallel and resumable.
+"""Experiments on a rig: every realisation of a multisine, run to steady state, in parallel and
+resumable.
 
-A task is a function from a value to a dictionary of arrays. Its result depends on its value alone. So it is the same
-for any worker and any order, and results kept in a folder can be reused.
+A task is a function from a value to a dictionary of arrays. Its result depends on its value alone.
+So it is the same for any worker and any order, and results kept in a folder can be reused.
 """
 
 from __future__ import annotations
@@ -59,7 +60,10 @@ def run_all(
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,
 ) -> list[Arrays]:
-    """Run a task on every value; return the results in the order of the values. Arguments as in `run_each`."""
+    """Run a task on every value; return the results in the order of the values.
+
+    Arguments as in `run_each`.
+    """
     results = dict(run_each(task, values, executor=executor, progress=progress, resume=resume))
     return [results[i] for i in range(len(values))]
 
@@ -72,12 +76,14 @@ def run_each(
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,
 ) -> Iterator[tuple[int, Arrays]]:
-    """Run a task on every value; yield index and result of each when it is done, so that few are kept in memory.
+    """Run a task on every value; yield index and result of each when it is done, so that few are
+    kept in memory.
 
     Parameters
     ----------
     task : callable
-        Function from one value to a dictionary of arrays; defined in a module if the executor uses processes.
+        Function from one value to a dictionary of arrays; defined in a module if the executor uses
+        processes.
     values : sequence
         Arguments of the task.
     executor : concurrent.futures.Executor, optional
@@ -85,7 +91,8 @@ def run_each(
     progress : callable, optional
         Called with the number done and the total, after each task.
     resume : path, optional
-        Folder that keeps finished results. They are not computed again unless the code or the value changed.
+        Folder that keeps finished results. They are not computed again unless the code or the value
+        changed.
 
     Returns
     -------
@@ -97,7 +104,9 @@ def run_each(
         The task refuses its value, or the executor dies; earlier results are in the folder.
     """
     folder = None if resume is None else _open_folder(resume)
-    files = [] if folder is None else [folder / f"{fingerprint(task, value)}.npz" for value in values]
+    files = (
+        [] if folder is None else [folder / f"{fingerprint(task, value)}.npz" for value in values]
+    )
     todo, total = list(range(len(values))), len(values)
     for i, file in enumerate(files):
         if (found := _load_result(file)) is not None:
@@ -129,9 +138,14 @@ def run_each(
     except ValueError:
         raise
     except Exception as error:
-        where = f"are kept in {files[0].parent}" if files else "are lost: give resume= a folder to keep them"
+        where = (
+            f"are kept in {files[0].parent}"
+            if files
+            else "are lost: give resume= a folder to keep them"
+        )
         raise ValueError(
-            f"executor must finish all {total} runs, got {type(error).__name__} ({error}) after {n_done}, which {where}"
+            f"executor must finish all {total} runs, got {type(error).__name__} ({error}) after"
+            f" {n_done}, which {where}"
         ) from error
     finally:
         for future in running:
@@ -176,7 +190,9 @@ def hash_integrator() -> bytes:
 
     digest = sha256()
     package = Path(__file__).parents[1]
-    for path in sorted(path for part in ("bench", "kernels", "laws") for path in (package / part).glob("*.py")):
+    for path in sorted(
+        path for part in ("bench", "kernels", "laws") for path in (package / part).glob("*.py")
+    ):
         digest.update(path.name.encode() + path.read_bytes())
     return digest.digest()
 
@@ -200,19 +216,25 @@ def _hash_value(digest: Hash, value: object) -> None:
         case numbers.Real():  # of numpy, or a fraction
             digest.update(repr(float(value)).encode())
         case _ if callable(value):
-            raise ValueError("resume must be left out with your own functions: a change in them cannot be detected")
+            raise ValueError(
+                "resume must be left out with your own functions: a change in them cannot be"
+                " detected"
+            )
         case _:
             raise TypeError(f"no fingerprint of {type(value).__name__}")
     digest.update(b";")
 
 
-#: Change from one period to the next, relative to the rms of the position, above which a record is called unsettled.
+# : Change from one period to the next, relative to the rms of the position, above which a record is
+# called unsettled.
 _MAX_PERIOD_CHANGE = 1e-4
 
 
 @value
 class _Experiment:
-    """One realisation of a multisine on a rig with its integration options: the argument of a worker."""
+    """One realisation of a multisine on a rig with its integration options: the argument of a
+    worker.
+    """
 
     rig: Rig
     ms: Multisine
@@ -234,9 +256,11 @@ def simulate(
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,
 ) -> Record:
-    """Run every realisation of a multisine through a rig, from rest to steady state: force in, position out.
+    """Run every realisation of a multisine through a rig, from rest to steady state: force in,
+    position out.
 
-    Use this to try a measurement before it is made on a machine; `simulate_servo` does so for an axis with a drive.
+    Use this to try a measurement before it is made on a machine; `simulate_servo` does so for an
+    axis with a drive.
 
     Parameters
     ----------
@@ -249,38 +273,41 @@ def simulate(
     n_discard : int
         Number of periods run before, for the transient to decay.
     oversampling : int
-        Integration steps per sample. An even number of steps per period keeps the point symmetry of the friction, so
-        that even lines contain rounding errors only.
+        Integration steps per sample. An even number of steps per period keeps the point symmetry of
+        the friction, so that even lines contain rounding errors only.
     hold : str
         Force between samples: "band-limited", the multisine itself; "zoh", each sample held.
     executor : concurrent.futures.Executor, optional
-        Executor of the realisations; by default one thread per core. The result does not depend on it.
+        Executor of the realisations; by default one thread per core. The result does not depend on
+        it.
     progress : callable, optional
         Called with the realisations done and the total, after each one.
     resume : path, optional
-        Folder that keeps every finished realisation. A repeated call with the same arguments, after an interruption,
-        computes only the others.
+        Folder that keeps every finished realisation. A repeated call with the same arguments, after
+        an interruption, computes only the others.
 
     Returns
     -------
     Record
-        u, y (M, P, N), or with an axis of channels in front, with the lines of the multisine and the names of the rig.
+        u, y (M, P, N), or with an axis of channels in front, with the lines of the multisine and
+        the names of the rig.
 
     Raises
     ------
     ValueError
-        A multisine with another number of inputs than the rig; a step too long to be stable, with a sufficient
-        oversampling in the message; an executor that dies; numbers out of range.
+        A multisine with another number of inputs than the rig; a step too long to be stable, with a
+        sufficient oversampling in the message; an executor that dies; numbers out of range.
 
     Warns
     -----
     DataWarning
-        The last two periods still differ by more than 1e-4 of the rms; the step is coarse for the resonance of the
-        stuck rig; or the memory of turning points was too short.
+        The last two periods still differ by more than 1e-4 of the rms; the step is coarse for the
+        resonance of the stuck rig; or the memory of turning points was too short.
 
     Examples
     --------
-    The rig of the paper, excited on odd lines, responds on odd lines only: even lines contain rounding errors.
+    The rig of the paper, excited on odd lines, responds on odd lines only: even lines contain
+    rounding errors.
 
     >>> from nlfrf.signals.multisine import multisine
     >>> from nlfrf.rig.bench.rig import paper_rig
@@ -303,33 +330,43 @@ def simulate(
     if rig.n_inputs != ms.n_inputs:
         raise ValueError(f"ms must have the inputs of the rig, {rig.n_inputs}, got {ms.n_inputs}")
     n_runs = ms.phase.shape[-2]
-    realizations = [replace(experiment, ms=replace(ms, phase=ms.phase[..., m : m + 1, :])) for m in range(n_runs)]
+    realizations = [
+        replace(experiment, ms=replace(ms, phase=ms.phase[..., m : m + 1, :]))
+        for m in range(n_runs)
+    ]
     require_stable_step(rig.stable_step, ms.fs, oversampling)
     warn_of_coarse_step(rig.poles(1.0), ms.fs, oversampling)
-    outcomes = run_all(_run_experiment, realizations, executor=executor, progress=progress, resume=resume)
+    outcomes = run_all(
+        _run_experiment, realizations, executor=executor, progress=progress, resume=resume
+    )
     change = np.array([float(outcome["change"]) for outcome in outcomes])
     if np.any(change > _MAX_PERIOD_CHANGE):
         warnings.warn(
-            f"steady state was not reached: the last two periods differ by {change.max():.1e} of the rms. "
-            f"Raise n_discard above {n_discard}",
+            f"steady state was not reached: the last two periods differ by {change.max():.1e} of"
+            f" the rms. Raise n_discard above {n_discard}",
             DataWarning,
             stacklevel=2,
         )
     warn_of_forgotten_loops(float(sum(outcome["lost"] for outcome in outcomes)))
-    return _make_record(rig, ms, y=np.stack([outcome["y"] for outcome in outcomes], axis=-3), hold=hold)
+    return _make_record(
+        rig, ms, y=np.stack([outcome["y"] for outcome in outcomes], axis=-3), hold=hold
+    )
 
 
 def _run_experiment(experiment: _Experiment) -> Arrays:
     """Integrate one realisation from rest, in a worker.
 
-    Returns y (P, N) or (n_y, P, N); the change from the last period but one to the last (rms over rms; nan for one
-    period only); and the number of turning points that did not fit into the memory.
+    Returns y (P, N) or (n_y, P, N); the change from the last period but one to the last (rms over
+    rms; nan for one period only); and the number of turning points that did not fit into the
+    memory.
     """
     outcome = _try_experiment(experiment)
     if outcome is None:
         fs, steps = experiment.ms.fs, experiment.oversampling
         raise unstable_step_error(
-            fs, steps, lambda finer: _try_experiment(replace(experiment, oversampling=finer)) is not None
+            fs,
+            steps,
+            lambda finer: _try_experiment(replace(experiment, oversampling=finer)) is not None,
         )
     return outcome
 
@@ -344,17 +381,26 @@ def _try_experiment(experiment: _Experiment) -> Arrays | None:
         out = integrate_rig(rig, memory, drive=drive, h=1 / (ms.fs * steps), substeps=steps)
         if out is None:
             return None
-        periods = [*periods[-max(experiment.n_periods - 1, 1) :], _sensor_positions(experiment, out[:, 0])]
+        periods = [
+            *periods[-max(experiment.n_periods - 1, 1) :],
+            _sensor_positions(experiment, out[:, 0]),
+        ]
     change = np.nan
     if len(periods) > 1:
         size = np.linalg.norm(periods[-1])  # zero for a mass that never moved
         change = float(np.linalg.norm(periods[-2] - periods[-1]) / max(size, np.finfo(float).tiny))
     y = np.stack(periods[-experiment.n_periods :], axis=-2)
-    return {"y": y, "change": np.array(change), "lost": np.array(memory.state[..., packing.LOST].sum())}
+    return {
+        "y": y,
+        "change": np.array(change),
+        "lost": np.array(memory.state[..., packing.LOST].sum()),
+    }
 
 
 def _sensor_positions(experiment: _Experiment, x: np.ndarray) -> np.ndarray:
-    """Return the (N,) position of a single axis or sensor, or (n_y, N), from the positions of the axes."""
+    """Return the (N,) position of a single axis or sensor, or (n_y, N), from the positions of the
+    axes.
+    """
     if not experiment.rig.several:
         return x.copy()
     y: np.ndarray = experiment.rig.sensors @ x.T
@@ -378,7 +424,9 @@ def _make_record(rig: Rig, ms: Multisine, *, y: np.ndarray, hold: str) -> Record
 
 
 def force_over_period(ms: Multisine, oversampling: int, hold: str) -> np.ndarray:
-    """Return the (n, 3) or (n, 3, n_u) force at start, middle and end of every integration step of one period."""
+    """Return the (n, 3) or (n, 3, n_u) force at start, middle and end of every integration step of
+    one period.
+    """
     if hold == "zoh":
         u = np.repeat(ms.u[..., 0, :].T, oversampling, axis=0)
         return np.stack([u, u, u], axis=1)

@@ -1,4 +1,6 @@
-"""`Trajectory`: the motion of a simulated machine, sample by sample, and the outcome of an undisturbed loop."""
+"""`Trajectory`: the motion of a simulated machine, sample by sample, and the outcome of an
+undisturbed loop.
+"""
 
 from __future__ import annotations
 
@@ -12,27 +14,30 @@ from nlfrf._base.values import value
 
 #: Peak-to-peak error over that while disturbed, below which a channel is at rest.
 _MIN_SWING = 1e-6
-#: Largest peak-to-peak error, and drift of the friction, of a settled loop, over the values while disturbed.
+# : Largest peak-to-peak error, and drift of the friction, of a settled loop, over the values while
+# disturbed.
 _MAX_SETTLED_SWING = 1e-2
 
 
 @value(copy=False)
 class Trajectory:
-    """Motion of a simulated machine, sample by sample: its signals by name, which are also attributes.
+    """Motion of a simulated machine, sample by sample: its signals by name, which are also
+    attributes.
 
     Fields
     ------
     t : (n,) ndarray
         Time [s].
     signals : dict of str to (n,) ndarray
-        Each (n,), or (channels, n) for several channels. For every machine `x`, `v` and `friction`: position, velocity
-        and friction force, of a rig or of a prescribed motion (which also has the deflection `z`), of the sensors of a
-        loop, of motor and load of a servo axis.
+        Each (n,), or (channels, n) for several channels. For every machine `x`, `v` and `friction`:
+        position, velocity and friction force, of a rig or of a prescribed motion (which also has
+        the deflection `z`), of the sensors of a loop, of motor and load of a servo axis.
 
-        In an open loop `drive`: the force, or the prescribed velocity. In a loop `r`, `u`, `y`: the reference, the
-        commanded and limited force of the controller, and the position that it reads. For a servo axis the trace of its
-        drive: `position_set`, `position`, `velocity_set`, `velocity`, `current_set`, `current`, `force_set`, `force`,
-        and `limited`, true while the current is limited.
+        In an open loop `drive`: the force, or the prescribed velocity. In a loop `r`, `u`, `y`: the
+        reference, the commanded and limited force of the controller, and the position that it
+        reads. For a servo axis the trace of its drive: `position_set`, `position`, `velocity_set`,
+        `velocity`, `current_set`, `current`, `force_set`, `force`, and `limited`, true while the
+        current is limited.
     units : dict of str to str
         Unit of each signal.
     diverged : bool
@@ -61,7 +66,9 @@ class Trajectory:
     def __getattr__(self, name: str) -> np.ndarray:
         signals: Mapping[str, np.ndarray] = self.__dict__.get("signals", {})
         if name not in signals:
-            raise AttributeError(f"a Trajectory has no signal {name!r}, this one has {', '.join(signals) or 'none'}")
+            raise AttributeError(
+                f"a Trajectory has no signal {name!r}, this one has {', '.join(signals) or 'none'}"
+            )
         return signals[name]
 
     def __dir__(self) -> list[str]:
@@ -74,23 +81,28 @@ class Trajectory:
         return self.r - self.x
 
     def residual(self, calm: float) -> float:
-        """Return the peak-to-peak error in the last quarter after `calm` [s] over that before; inf if it diverged.
+        """Return the peak-to-peak error in the last quarter after `calm` [s] over that before; inf
+        if it diverged.
 
-        For a loop that is disturbed until `calm` and undisturbed afterwards. It is zero for a loop at rest at any
-        position. For several channels the largest of these ratios counts.
+        For a loop that is disturbed until `calm` and undisturbed afterwards. It is zero for a loop
+        at rest at any position. For several channels the largest of these ratios counts.
         """
         before, after = self._split_error(calm)
         if self.diverged:
             return np.inf
-        return float(np.max(_peak_to_peak(after[..., -(after.shape[-1] // 4) :]) / _disturbed_swing(before)))
+        return float(
+            np.max(_peak_to_peak(after[..., -(after.shape[-1] // 4) :]) / _disturbed_swing(before))
+        )
 
     def outcome(self, calm: float) -> str:
-        """Classify a loop that is disturbed until `calm` [s] and undisturbed afterwards, by its peak-to-peak error.
+        """Classify a loop that is disturbed until `calm` [s] and undisturbed afterwards, by its
+        peak-to-peak error.
 
-        "limit cycle": in some channel the peak-to-peak error of the last quarter is within 5 % of, or above, that of
-        the quarter before it, down to a millionth of the error while disturbed. "settled": below a hundredth of it in
-        every channel, and the friction no longer drifts: a mass that sticks while an integrator winds up is not at
-        rest. "stable": still decaying, creeping, or about to slip. "ran away": the simulation diverged.
+        "limit cycle": in some channel the peak-to-peak error of the last quarter is within 5 % of,
+        or above, that of the quarter before it, down to a millionth of the error while disturbed.
+        "settled": below a hundredth of it in every channel, and the friction no longer drifts: a
+        mass that sticks while an integrator winds up is not at rest. "stable": still decaying,
+        creeping, or about to slip. "ran away": the simulation diverged.
         """
         if self.diverged:
             return "ran away"
@@ -101,7 +113,10 @@ class Trajectory:
             return "limit cycle"
         held = self.friction[..., -2 * n :]
         usual = np.median(np.abs(self.friction[..., self.t < calm]), axis=-1)
-        waits = np.any(np.abs(held[..., n:].mean(axis=-1) - held[..., :n].mean(axis=-1)) > _MAX_SETTLED_SWING * usual)
+        waits = np.any(
+            np.abs(held[..., n:].mean(axis=-1) - held[..., :n].mean(axis=-1))
+            > _MAX_SETTLED_SWING * usual
+        )
         return "settled" if self.residual(calm) < _MAX_SETTLED_SWING and not waits else "stable"
 
     def _split_error(self, calm: float) -> tuple[np.ndarray, np.ndarray]:
@@ -109,7 +124,10 @@ class Trajectory:
         require_positive("calm", calm)
         before, after = self.e[..., self.t < calm], self.e[..., self.t >= calm]
         if not self.diverged and after.shape[-1] < 8:
-            raise ValueError(f"calm must leave at least 8 samples before the end at {self.t[-1]:g} s, got {calm:g} s")
+            raise ValueError(
+                f"calm must leave at least 8 samples before the end at {self.t[-1]:g} s, got"
+                f" {calm:g} s"
+            )
         return before, after
 
 
@@ -119,13 +137,17 @@ def _peak_to_peak(x: np.ndarray) -> np.ndarray:
 
 
 def _disturbed_swing(before: np.ndarray) -> np.ndarray:
-    """Return the peak-to-peak error of each channel while disturbed, at least `_MIN_SWING` of the largest one."""
+    """Return the peak-to-peak error of each channel while disturbed, at least `_MIN_SWING` of the
+    largest one.
+    """
     found = _peak_to_peak(before)
     return np.maximum(found, max(_MIN_SWING * found.max(), np.finfo(float).tiny))
 
 
 def require_samples(name: str, signal: ArrayLike, *, channels: int | None = None) -> np.ndarray:
-    """Return the signal (n,), or (channels, n) if channels are given, as an array of at least one sample."""
+    """Return the signal (n,), or (channels, n) if channels are given, as an array of at least one
+    sample.
+    """
     samples = require_real_array(name, signal, ndim=1 if channels is None else 2)
     if channels is not None and len(samples) != channels:
         raise ValueError(f"{name} must have {channels} channels, like the rig, got {len(samples)}")

@@ -1,4 +1,5 @@
-"""Compiled steps of friction laws and of sampled loops; numba is imported only here, and installed by an extra.
+"""Compiled steps of friction laws and of sampled loops; numba is imported only here, and installed
+by an extra.
 
 compiled the compiler, an extra
 coupled  steps and runs for several coupled masses

@@ -2,12 +2,13 @@
 
     M x'' + C x' + K x + cubic springs + friction(x') = force
 
-Fourth-order Runge-Kutta steps of all axes together, with the states of their laws. Trial stages use the committed
-memories. These are committed at the end of a step, or of a part of it. A step is divided where a law turns: at the
-first of all axes that stops, breaks away, or turns its bristles round.
+Fourth-order Runge-Kutta steps of all axes together, with the states of their laws. Trial stages use
+the committed memories. These are committed at the end of a step, or of a part of it. A step is
+divided where a law turns: at the first of all axes that stops, breaks away, or turns its bristles
+round.
 
-This file calls kernels of other files, which the cache of compiled code on disk does not check. So a cached function
-that calls `advance_axes` carries a digest of the files, as explained in `loops`.
+This file calls kernels of other files, which the cache of compiled code on disk does not check. So
+a cached function that calls `advance_axes` carries a digest of the files, as explained in `loops`.
 """
 
 from __future__ import annotations
@@ -19,9 +20,20 @@ import numpy as np
 from nlfrf.rig.kernels import data as kernel_data
 from nlfrf.rig.kernels.compiled import njit
 from nlfrf.rig.kernels.data import DIRECTION, ERROR, Axes, Curve, F, Law, Step, V, X, Z
-from nlfrf.rig.kernels.leuven import commit_hysteresis, error_growth, friction_rates, hysteresis_on_trial
+from nlfrf.rig.kernels.leuven import (
+    commit_hysteresis,
+    error_growth,
+    friction_rates,
+    hysteresis_on_trial,
+)
 from nlfrf.rig.kernels.loops import CALLED_FILES, digest_files
-from nlfrf.rig.kernels.slip import commit_elements, commit_sliders, elements_force, sliders_force, stribeck_force
+from nlfrf.rig.kernels.slip import (
+    commit_elements,
+    commit_sliders,
+    elements_force,
+    sliders_force,
+    stribeck_force,
+)
 
 # mypy: disable-error-code="untyped-decorator"
 
@@ -32,9 +44,11 @@ compiled = njit(nogil=True, error_model="numpy", _nrt=False)  # cached with its 
 inlined = njit(nogil=True, error_model="numpy", forceinline=True, _nrt=False)
 #: Matrices of a machine; the last one exists only with cubic springs.
 _MASS, _INVERSE_MASS, _STIFFNESS, _DAMPING, _CUBIC = range(5)
-#: Rows of the work space, one number per axis. Four rows make a state: position, velocity, two states of the law.
+# : Rows of the work space, one number per axis. Four rows make a state: position, velocity, two
+# states of the law.
 _PLACE, _STAGE, _RATE, _END = 0, 4, 8, 12
-#: Force; friction at start and end of a step; turning indicators at both; direction of motion; mark of a turn.
+# : Force; friction at start and end of a step; turning indicators at both; direction of motion;
+# mark of a turn.
 _NET, _FRICTION_BEGIN, _FRICTION_END, _TURN_BEGIN, _TURN_END, _HEADING, _HAS_TURNED = range(16, 23)
 N_ROWS = 23
 _MAX_PARTS = 12
@@ -65,7 +79,9 @@ def _is_stuck(laws: Array, states: Array, i: int) -> bool:
 
 @njit(nogil=True, error_model="numpy")
 def invert_free_mass(machine: Array, laws: Array, states: Array) -> None:
-    """Invert the mass matrix over the axes that are not stuck, zero elsewhere (Gauss and Jordan)."""
+    """Invert the mass matrix over the axes that are not stuck, zero elsewhere (Gauss and
+    Jordan).
+    """
     n = machine.shape[1]
     A = machine[_MASS].copy()
     for i in range(n):
@@ -89,12 +105,22 @@ def invert_free_mass(machine: Array, laws: Array, states: Array) -> None:
 
 @compiled
 def _memory_friction(
-    law: Law, grid: Array, state: Array, stack: Array, d: float, move: float, x: float, v: float, p: float, q: float
+    law: Law,
+    grid: Array,
+    state: Array,
+    stack: Array,
+    d: float,
+    move: float,
+    x: float,
+    v: float,
+    p: float,
+    q: float,
 ) -> tuple[float, float, float]:
-    """Return the friction of a law with a memory on a trial step, and the rates of its two states p and q.
+    """Return the friction of a law with a memory on a trial step, and the rates of its two states p
+    and q.
 
-    p is z of the bristles; for generalised Maxwell slip p and q are the factor on, and the addition to, the force of
-    slipping elements since the start of the step.
+    p is z of the bristles; for generalised Maxwell slip p and q are the factor on, and the addition
+    to, the force of slipping elements since the start of the step.
     """
     if law.form == kernel_data.GMS:
         rate = law.n / stribeck_force(law, v)
@@ -107,7 +133,9 @@ def _memory_friction(
 
 @inlined
 def _spring_force(machine: Array, work: Array, at: int, i: int) -> float:
-    """Return the force of springs and dampers on axis i in the state at row `at` of the work space."""
+    """Return the force of springs and dampers on axis i in the state at row `at` of the work
+    space.
+    """
     force = 0.0
     for j in range(machine.shape[1]):
         force -= machine[_STIFFNESS, i, j] * work[at, j] + machine[_DAMPING, i, j] * work[at + 1, j]
@@ -128,21 +156,27 @@ def _axis_rates(
     friction_row: int,
     turn_row: int,
 ) -> None:
-    """Write the rates of the state at row `at` into RATE; friction and turning indicators go to the given rows.
+    """Write the rates of the state at row `at` into RATE; friction and turning indicators go to the
+    given rows.
 
-    The drive is the parabola through start, middle and end of the step; s is the place in the step, 0 to 1.
+    The drive is the parabola through start, middle and end of the step; s is the place in the step,
+    0 to 1.
     """
     machine, laws, grids, states, stacks, work = axes
     n = machine.shape[1]
     for i in range(n):
         u1, u2, u3 = drive[step, 0, i], drive[step, 1, i], drive[step, 2, i]
         net = (
-            u1 + s * ((4.0 * u2 - 3.0 * u1 - u3) + s * 2.0 * (u1 - 2.0 * u2 + u3)) + _spring_force(machine, work, at, i)
+            u1
+            + s * ((4.0 * u2 - 3.0 * u1 - u3) + s * 2.0 * (u1 - 2.0 * u2 + u3))
+            + _spring_force(machine, work, at, i)
         )
         x, v, p, q = work[at, i], work[at + 1, i], work[at + 2, i], work[at + 3, i]
         force, dp, dq, form = 0.0, 0.0, 0.0, int(laws[i, 0])
         if form == kernel_data.COULOMB:
-            d = states[i, DIRECTION]  # the force of a stuck mass follows from the accelerations of the others
+            d = states[
+                i, DIRECTION
+            ]  # the force of a stuck mass follows from the accelerations of the others
             law = _unpack_law(laws, i)
             force = d * stribeck_force(law, v) + law.sigma2 * v if d != 0.0 else 0.0
         elif form >= 0:
@@ -151,7 +185,9 @@ def _axis_rates(
                 dp, force = friction_rates(law, v, law.curve.K0 * p)
             else:
                 d, move = work[_HEADING, i], x - work[_PLACE, i]
-                force, dp, dq = _memory_friction(law, grids[i], states[i], stacks[i], d, move, x, v, p, q)
+                force, dp, dq = _memory_friction(
+                    law, grids[i], states[i], stacks[i], d, move, x, v, p, q
+                )
         work[_NET, i], work[friction_row, i] = net - force, force
         work[turn_row, i] = v if form == kernel_data.COULOMB or form == kernel_data.GMS else dp
         work[_RATE, i], work[_RATE + 2, i], work[_RATE + 3, i] = v, dp, dq
@@ -182,7 +218,11 @@ def _trial_step(
     n, span = machine.shape[1], (b - a) * h
     for stage in range(4):
         s = a if stage == 0 else (b if stage == 3 else 0.5 * (a + b))
-        at, held, turn = (_PLACE, _FRICTION_BEGIN, _TURN_BEGIN) if stage == 0 else (_STAGE, _FRICTION_END, _TURN_END)
+        at, held, turn = (
+            (_PLACE, _FRICTION_BEGIN, _TURN_BEGIN)
+            if stage == 0
+            else (_STAGE, _FRICTION_END, _TURN_END)
+        )
         _axis_rates(axes, drive, step, s, at, held, turn)
         share = span / 6.0 if stage == 0 or stage == 3 else span / 3.0
         reach = span if stage == 2 else 0.5 * span
@@ -195,7 +235,9 @@ def _trial_step(
 
 @inlined
 def _law_turns(laws: Array, states: Array, work: Array, i: int) -> bool:
-    """Return whether the law of an axis turns in the step tried: its mass stops or breaks away, its bristles turn."""
+    """Return whether the law of an axis turns in the step tried: its mass stops or breaks away, its
+    bristles turn.
+    """
     if laws[i, 0] == kernel_data.COULOMB:
         if states[i, DIRECTION] != 0.0:
             return work[_PLACE + 1, i] * work[_END + 1, i] < 0.0
@@ -204,8 +246,12 @@ def _law_turns(laws: Array, states: Array, work: Array, i: int) -> bool:
 
 
 @inlined
-def _turn_indicator(laws: Array, states: Array, work: Array, i: int, by_velocity: bool, row: int) -> float:
-    """Return the indicator that passes zero where the law of an axis turns, at start or end of the trial step."""
+def _turn_indicator(
+    laws: Array, states: Array, work: Array, i: int, by_velocity: bool, row: int
+) -> float:
+    """Return the indicator that passes zero where the law of an axis turns, at start or end of the
+    trial step.
+    """
     if by_velocity:
         return work[_PLACE + 1, i] if row == _TURN_BEGIN else work[_END + 1, i]
     return work[row, i]
@@ -221,7 +267,9 @@ def _locate_turn(
     b: float,
     i: int,
 ) -> float:
-    """Find the place between a and b of a step where the law of an axis turns; the last trial ends there."""
+    """Find the place between a and b of a step where the law of an axis turns; the last trial ends
+    there.
+    """
     laws, states, work = axes.laws, axes.states, axes.work
     by_velocity = work[_PLACE + 1, i] * work[_END + 1, i] < 0.0 and not _is_stuck(laws, states, i)
     e0 = _turn_indicator(laws, states, work, i, by_velocity, _TURN_BEGIN)
@@ -247,7 +295,9 @@ def _begin_part(
     step: int,
     s: float,
 ) -> None:
-    """Set the states of the laws at the start of a step or part; dry friction beyond its limit breaks away."""
+    """Set the states of the laws at the start of a step or part; dry friction beyond its limit
+    breaks away.
+    """
     machine, laws, states, work = axes.machine, axes.laws, axes.states, axes.work
     n, dry = machine.shape[1], False
     for i in range(n):
@@ -296,18 +346,24 @@ def _commit_part(axes: Axes, span: float) -> bool:
             if d == 0.0:
                 d = 1.0 if v1 > 0.0 else -1.0
             keep, gain = work[_END + 2, i], work[_END + 3, i]
-            commit_elements(law, grids[i], stacks[i], d, Step(x0, v0, (0.0, 0.0, 0.0), span), x1, v1, keep, gain)
+            commit_elements(
+                law, grids[i], stacks[i], d, Step(x0, v0, (0.0, 0.0, 0.0), span), x1, v1, keep, gain
+            )
         elif form == kernel_data.SLIDERS:
             commit_sliders(law, grids[i], stacks[i], x1 - x0, x1, v0, v1, span)
         else:
             slope = commit_hysteresis(law.curve, grids[i], states[i], stacks[i], work[_END + 2, i])
-            states[i, ERROR] = max(states[i, ERROR], 1.0) * error_growth(law, v1, states[i, F], slope, span)
+            states[i, ERROR] = max(states[i, ERROR], 1.0) * error_growth(
+                law, v1, states[i, F], slope, span
+            )
             stable = stable and states[i, ERROR] <= kernel_data.MAX_ERROR_GROWTH
     return stable
 
 
 @compiled
-def _turn_law(machine: Array, laws: Array, states: Array, stacks: Array, work: Array, i: int) -> None:
+def _turn_law(
+    machine: Array, laws: Array, states: Array, stacks: Array, work: Array, i: int
+) -> None:
     """Turn the law of an axis: elements stick, dry friction stops or breaks away."""
     work[_HAS_TURNED, i] = 1.0  # once per step
     if laws[i, 0] == kernel_data.GMS:
@@ -333,10 +389,11 @@ def advance_axes(
     h: float,
     out: Array,
 ) -> bool:
-    """Advance all axes over the steps of `drive` (n, 3, axes): start, middle, end of each; False if not stable.
+    """Advance all axes over the steps of `drive` (n, 3, axes): start, middle, end of each; False if
+    not stable.
 
-    `out` (rows, 4, axes) gets position, velocity, z and friction force at the start of every (n / rows)th step.
-    `machine` is overwritten in its inverse mass.
+    `out` (rows, 4, axes) gets position, velocity, z and friction force at the start of every (n /
+    rows)th step. `machine` is overwritten in its inverse mass.
     """
     axes = Axes(machine, laws, grids, states, stacks, work)
     n, substeps = machine.shape[1], drive.shape[0] // out.shape[0]
@@ -372,7 +429,9 @@ cached = njit(cache=True, nogil=True, error_model="numpy")
 
 
 def _build_run_kernel(stamp: str) -> Callable[..., bool]:
-    """Return the kernel that steps through given forces, cached under the digest of the files that it calls."""
+    """Return the kernel that steps through given forces, cached under the digest of the files that
+    it calls.
+    """
 
     @cached
     def run(
@@ -405,8 +464,12 @@ def _multiply_matrix(M: Array, x: Array, out: Array) -> None:
 
 
 @njit(nogil=True, error_model="numpy")
-def _step_controller(A: Array, B: Array, C: Array, D: Array, x: Array, new: Array, e: Array, u: Array) -> None:
-    """Write the output u of the controller for the error e, and step its state x by one sample; `new` is work space."""
+def _step_controller(
+    A: Array, B: Array, C: Array, D: Array, x: Array, new: Array, e: Array, u: Array
+) -> None:
+    """Write the output u of the controller for the error e, and step its state x by one sample;
+    `new` is work space.
+    """
     for row in range(u.size):
         total = 0.0
         for i in range(e.size):
@@ -454,14 +517,17 @@ def _build_loop_kernel(stamp: str) -> Callable[..., int]:
     ) -> int:
         """Return the number of samples until the end, or until the loop diverged.
 
-        r, noise, y (n, n_y); disturbance, u (n, n_u); rows (n, 4, axes): position, velocity, z, friction.
+        r, noise, y (n, n_y); disturbance, u (n, n_u); rows (n, 4, axes): position, velocity, z,
+        friction.
         """
         n, axes, samples = sensors.shape[0], sensors.shape[1], r.shape[0]
         if len(stamp) == 0:
             return 0
         work, x, new = np.zeros((N_ROWS, axes)), np.zeros(A.shape[0]), np.zeros(A.shape[0])
         invert_free_mass(machine, laws, states)
-        drive, out, force = np.empty((steps + 1, 3, axes)), np.empty((1, 4, axes)), np.empty(actuators.shape[1])
+        drive = np.empty((steps + 1, 3, axes))
+        out = np.empty((1, 4, axes))
+        force = np.empty(actuators.shape[1])
         e, whole = np.empty(n), int(delay)
         part = delay - whole
         for k in range(samples):
@@ -488,7 +554,9 @@ def _build_loop_kernel(stamp: str) -> Callable[..., int]:
                         total += actuators[i, column] * force[column]
                     drive[:count, :, i] = total
                 h = span / (count * fs)
-                if not advance_axes(machine, laws, grids, states, stacks, work, drive[:count], h, out):
+                if not advance_axes(
+                    machine, laws, grids, states, stacks, work, drive[:count], h, out
+                ):
                     return k
                 if piece == 0 or part == 0.0:
                     rows[k] = out[0]

@@ -2,17 +2,19 @@
 
     dz/dt = v (1 - sgn(Fh/s(v)) |Fh/s(v)|^n),  F = Fh(z) + sigma1 dz/dt + sigma2 v        (see `nlfrf.rig.laws.laws`)
 
-Compiled functions do not call other files, because the cache of compiled code on disk checks only the file of a
-function: a kernel that calls into another file would run old code after an update. This module is never imported at the
-head of another, so that numba is loaded by the first simulation and not by ``import nlfrf``. Arrays are passed one by
-one: each array taken from a tuple would be reference-counted, which costs more than the arithmetic. For the same reason
-kernels are compiled without reference counts (`_nrt=False`): they make no arrays, and the first caller keeps its
-arguments alive. That saves an eighth of a loop around the rig, and more than half for two masses with elements.
+Compiled functions do not call other files, because the cache of compiled code on disk checks only
+the file of a function: a kernel that calls into another file would run old code after an update.
+This module is never imported at the head of another, so that numba is loaded by the first
+simulation and not by ``import nlfrf``. Arrays are passed one by one: each array taken from a tuple
+would be reference-counted, which costs more than the arithmetic. For the same reason kernels are
+compiled without reference counts (`_nrt=False`): they make no arrays, and the first caller keeps
+its arguments alive. That saves an eighth of a loop around the rig, and more than half for two
+masses with elements.
 
-Fixed-step fourth-order Runge-Kutta. The trial stages use the committed memory of the hysteresis, which is committed
-once at the end of a step: a trial leaves no trace. The stiffness jumps where z turns and where a loop closes, so a step
-is divided there. Every formula is odd in (position, velocity, force), so the point symmetry of friction survives to
-rounding.
+Fixed-step fourth-order Runge-Kutta. The trial stages use the committed memory of the hysteresis,
+which is committed once at the end of a step: a trial leaves no trace. The stiffness jumps where z
+turns and where a loop closes, so a step is divided there. Every formula is odd in (position,
+velocity, force), so the point symmetry of friction survives to rounding.
 """
 
 # mypy: disable-error-code="untyped-decorator"
@@ -90,10 +92,11 @@ def _find_segment(grid: Array, a: float) -> int:
 
 @compiled
 def _depth_after_move(z: float, z0: float, direction: float, depth: int, stack: Array) -> int:
-    """Return the depth of the memory after a monotone move from z0 to z; depth + 1 if z0 becomes a turning point.
+    """Return the depth of the memory after a monotone move from z0 to z; depth + 1 if z0 becomes a
+    turning point.
 
-    Passing the turning point before last closes an inner loop and removes two points. The outermost branch meets the
-    virgin curve again at the mirror image of its turning point.
+    Passing the turning point before last closes an inner loop and removes two points. The outermost
+    branch meets the virgin curve again at the mirror image of its turning point.
     """
     d = 1.0 if z > z0 else -1.0
     n = depth + 1 if d * direction < 0.0 else depth
@@ -165,11 +168,15 @@ def commit_hysteresis(curve: Curve, grid: Array, state: Array, stack: Array, z: 
         state[DEPTH], state[Z], state[F] = depth, z, force
     if depth == 0:
         return _virgin_stiffness(curve, grid, z, state[F])
-    return _virgin_stiffness(curve, grid, 0.5 * (z - stack[0, depth - 1]), 0.5 * (state[F] - stack[1, depth - 1]))
+    return _virgin_stiffness(
+        curve, grid, 0.5 * (z - stack[0, depth - 1]), 0.5 * (state[F] - stack[1, depth - 1])
+    )
 
 
 @compiled
-def follow_path(curve: Curve, grid: Array, state: Array, stack: Array, path: Array, out: Array) -> None:
+def follow_path(
+    curve: Curve, grid: Array, state: Array, stack: Array, path: Array, out: Array
+) -> None:
     """Write the hysteresis force along a path of z, monotone between its points, into `out`."""
     for j in range(path.size):
         commit_hysteresis(curve, grid, state, stack, path[j])
@@ -204,7 +211,9 @@ def friction_rates(law: Law, v: float, fh: float) -> tuple[float, float]:
 
 @compiled
 def error_growth(law: Law, v: float, fh: float, stiffness: float, h: float) -> float:
-    """Return the factor of a step on an error of z in sliding; the step must resolve the relaxation rate of z."""
+    """Return the factor of a step on an error of z in sliding; the step must resolve the relaxation
+    rate of z.
+    """
     q = h * law.n * law.curve.K0 * abs(v) / law.Fc
     if q > 30.0:  # z would jump to the flat part of the curve, without a restoring force
         return np.inf
@@ -231,7 +240,9 @@ def _next_branch(law: Law, state: Array, stack: Array, v: float, has_turned: boo
 
 
 @inlined
-def _branch_force(curve: Curve, grid: Array, state: Array, stack: Array, branch: Branch, z: float) -> float:
+def _branch_force(
+    curve: Curve, grid: Array, state: Array, stack: Array, branch: Branch, z: float
+) -> float:
     """Return the hysteresis force at z on a branch."""
     if branch[0] == _LATER:
         return branch[2] + 2.0 * _virgin_curve(curve, grid, 0.5 * (z - branch[1]))
@@ -242,9 +253,19 @@ def _branch_force(curve: Curve, grid: Array, state: Array, stack: Array, branch:
 
 @compiled
 def _trial_step(
-    body: Body, law: Law, grid: Array, state: Array, stack: Array, branch: Branch, step: Step, a: float, b: float
+    body: Body,
+    law: Law,
+    grid: Array,
+    state: Array,
+    stack: Array,
+    branch: Branch,
+    step: Step,
+    a: float,
+    b: float,
 ) -> tuple[float, float, float, float, float]:
-    """Try the part a..b of a Runge-Kutta step with the committed memory; return x, v, z at its end, dz/dt at both."""
+    """Try the part a..b of a Runge-Kutta step with the committed memory; return x, v, z at its end,
+    dz/dt at both.
+    """
     curve, z, h = law.curve, state[Z], (b - a) * step.h
     w, k, c, driven = 1.0 / body.mass, body.stiffness, body.damping, body.driven
     u1, u2, u3 = _drive_at(step.u, a), _drive_at(step.u, 0.5 * (a + b)), _drive_at(step.u, b)
@@ -252,10 +273,14 @@ def _trial_step(
     z1, f1 = friction_rates(law, v, state[F])
     a1 = w * (u1 - k * x - c * v - f1)
     v2 = u2 if driven else v + 0.5 * h * a1
-    z2, f2 = friction_rates(law, v2, _branch_force(curve, grid, state, stack, branch, z + 0.5 * h * z1))
+    z2, f2 = friction_rates(
+        law, v2, _branch_force(curve, grid, state, stack, branch, z + 0.5 * h * z1)
+    )
     a2 = w * (u2 - k * (x + 0.5 * h * v) - c * v2 - f2)
     v3 = u2 if driven else v + 0.5 * h * a2
-    z3, f3 = friction_rates(law, v3, _branch_force(curve, grid, state, stack, branch, z + 0.5 * h * z2))
+    z3, f3 = friction_rates(
+        law, v3, _branch_force(curve, grid, state, stack, branch, z + 0.5 * h * z2)
+    )
     a3 = w * (u2 - k * (x + 0.5 * h * v2) - c * v3 - f3)
     v4 = u3 if driven else v + h * a3
     z4, f4 = friction_rates(law, v4, _branch_force(curve, grid, state, stack, branch, z + h * z3))
@@ -286,7 +311,9 @@ def _locate_event(
     event: int,
     z: float,
 ) -> float:
-    """Find the place between a and b of a step where velocity or dz/dt is zero, or z is reached, by false position."""
+    """Find the place between a and b of a step where velocity or dz/dt is zero, or z is reached, by
+    false position.
+    """
     low, high, e0, e1, enough = a, b, 0.0, 0.0, 0.0
     for i in range(12):
         if i > 0:
@@ -294,7 +321,8 @@ def _locate_event(
         _, v1, z1, d0, d1 = _trial_step(body, law, grid, state, stack, branch, step, a, b)
         e = v1 if event == _VELOCITY else (d1 if event == _RATE_OF_Z else z1 - z)
         if i == 0:
-            e0, e1 = (step.v if event == _VELOCITY else (d0 if event == _RATE_OF_Z else state[Z] - z)), e
+            e0 = step.v if event == _VELOCITY else (d0 if event == _RATE_OF_Z else state[Z] - z)
+            e1 = e
             enough = 1e-12 * max(abs(e0), abs(e1))
         elif abs(e) <= enough:
             break
@@ -329,18 +357,22 @@ def _step_to_event(
     a: float,
     has_turned: bool,
 ) -> tuple[float, float, float, float, bool]:
-    """Step from a until z turns or a loop closes, else to 1; return the end, x, v, z there, and whether z turned."""
+    """Step from a until z turns or a loop closes, else to 1; return the end, x, v, z there, and
+    whether z turned.
+    """
     b = 1.0
     x1, v1, z1, d0, d1 = _trial_step(body, law, grid, state, stack, branch, step, a, b)
     if not has_turned and d0 * d1 < 0.0:
         what = _VELOCITY if step.v * v1 < 0.0 else _RATE_OF_Z
-        b, has_turned = _locate_event(body, law, grid, state, stack, branch, step, a, b, what, 0.0), True
+        b = _locate_event(body, law, grid, state, stack, branch, step, a, b, what, 0.0)
+        has_turned = True
         x1, v1, z1, _, _ = _trial_step(body, law, grid, state, stack, branch, step, a, b)
     if branch[0] != _FROM_MEMORY:
         closes, z = _find_loop_closure(state, stack, z1)
         # a loop that closes where z turns needs no second division
         if closes and not (has_turned and abs(z1 - z) < 1e-4 * abs(z1 - state[Z])):
-            b, has_turned = _locate_event(body, law, grid, state, stack, branch, step, a, b, _PLACE, z), False
+            b = _locate_event(body, law, grid, state, stack, branch, step, a, b, _PLACE, z)
+            has_turned = False
             x1, v1, _, _, _ = _trial_step(body, law, grid, state, stack, branch, step, a, b)
             z1 = z
     return b, x1, v1, z1, has_turned
@@ -348,13 +380,22 @@ def _step_to_event(
 
 @compiled
 def advance_hysteretic(
-    body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, substeps: int, out: Array
+    body: Body,
+    law: Law,
+    grid: Array,
+    state: Array,
+    stack: Array,
+    drive: Array,
+    h: float,
+    substeps: int,
+    out: Array,
 ) -> bool:
-    """Advance the Leuven family over the steps of `drive` (start, middle, end of each); False if it is not stable.
+    """Advance the Leuven family over the steps of `drive` (start, middle, end of each); False if it
+    is not stable.
 
-    `drive` is the force on the mass, or the velocity of a driven body. `out` gets position, velocity, z and friction
-    force at the start of every step that is a multiple of `substeps`. Steps are divided at turning points, and at
-    closing loops if the curve itself is smooth.
+    `drive` is the force on the mass, or the velocity of a driven body. `out` gets position,
+    velocity, z and friction force at the start of every step that is a multiple of `substeps`.
+    Steps are divided at turning points, and at closing loops if the curve itself is smooth.
     """
     x, v = state[X], state[V]
     for j in range(drive.shape[0]):
@@ -373,7 +414,9 @@ def advance_hysteretic(
         if d0 * d1 < 0.0 or (way[0] != _FROM_MEMORY and _find_loop_closure(state, stack, z1)[0]):
             a, turned, parts = 0.0, False, 0
             while a < 1.0 and parts < 6:
-                a, x1, v1, z1, turned = _step_to_event(body, law, grid, state, stack, way, step, a, turned)
+                a, x1, v1, z1, turned = _step_to_event(
+                    body, law, grid, state, stack, way, step, a, turned
+                )
                 parts += 1
                 if a < 1.0:
                     step = Step(x1, v1, u, h)

@@ -1,8 +1,10 @@
-"""Compiled sampled loops: a controller, hold and delay around a body with friction, a whole stack in one call.
+"""Compiled sampled loops: a controller, hold and delay around a body with friction, a whole stack
+in one call.
 
-This kernel calls those of other files, which the cache of compiled code on disk does not check. So a digest of these
-files is part of it: if one of them changes, the code is compiled anew. The kernel must close over nothing but the
-digest, because the cache treats a compiled function in the closure as a new one in every process.
+This kernel calls those of other files, which the cache of compiled code on disk does not check. So
+a digest of these files is part of it: if one of them changes, the code is compiled anew. The kernel
+must close over nothing but the digest, because the cache treats a compiled function in the closure
+as a new one in every process.
 """
 
 from __future__ import annotations
@@ -35,8 +37,12 @@ def digest_files(*files: Path) -> str:
 
 
 @njit(nogil=True, error_model="numpy")
-def _control_step(i: int, A: Array, B: Array, C: Array, D: Array, x: Array, new: Array, e: float) -> float:
-    """Return the output of the i-th controller for the error e, and step its state x, with `new` as work space."""
+def _control_step(
+    i: int, A: Array, B: Array, C: Array, D: Array, x: Array, new: Array, e: float
+) -> float:
+    """Return the output of the i-th controller for the error e, and step its state x, with `new` as
+    work space.
+    """
     u = D[i] * e
     for row in range(x.size):
         u += C[i, row] * x[row]
@@ -51,7 +57,15 @@ def _control_step(i: int, A: Array, B: Array, C: Array, D: Array, x: Array, new:
 
 @njit(nogil=True, error_model="numpy")  # compiled and cached with its caller
 def _advance_law(
-    body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, n: int, out: Array
+    body: Body,
+    law: Law,
+    grid: Array,
+    state: Array,
+    stack: Array,
+    drive: Array,
+    h: float,
+    n: int,
+    out: Array,
 ) -> bool:
     """Advance n steps with the kernel of the law."""
     if law.form == kernel_data.SLIDERS:
@@ -124,7 +138,11 @@ def _build_loops_kernel(stamp: str) -> Callable[..., None]:
                         lengths[i] = k
                         break
                     if piece == 0 or part == 0.0:
-                        rows[i, k, 0], rows[i, k, 1], rows[i, k, 4] = out[0, 0], out[0, 1], out[0, 3]
+                        rows[i, k, 0], rows[i, k, 1], rows[i, k, 4] = (
+                            out[0, 0],
+                            out[0, 1],
+                            out[0, 3],
+                        )
                 if lengths[i] < samples:
                     break
                 rows[i, k, 2], rows[i, k, 3] = y, u
@@ -150,22 +168,39 @@ def compile_user_law(
     """Return the code that steps a law of user functions, and whether numba compiled it."""
     plain = _build_user_stepper(_return_array(derivative), force)
     try:
-        quick = [njit(error_model="numpy")(getattr(function, "py_func", function)) for function in (derivative, force)]
+        quick = [
+            njit(error_model="numpy")(getattr(function, "py_func", function))
+            for function in (derivative, force)
+        ]
         compiled = njit(error_model="numpy")(_build_user_stepper(*quick))
         trial = Body(False, 1.0, 0.0, 0.0)
         compiled(trial, np.zeros(2), np.zeros(size), np.zeros((1, 3)), 1e-9, 1, np.zeros((1, 4)))
-    except Exception:  # numba raises many types; an error in the functions appears when they run uncompiled
+    except (
+        Exception
+    ):  # numba raises many types; an error in the functions appears when they run uncompiled
         return plain, False
     return compiled, True
 
 
 @lru_cache(maxsize=64)
-def user_law_loops(derivative: Callable[..., ArrayLike], force: Callable[..., float], size: int) -> Callable[..., None]:
-    """Return `run_loops` for a law of user functions, with its state in the place of turning points."""
+def user_law_loops(
+    derivative: Callable[..., ArrayLike], force: Callable[..., float], size: int
+) -> Callable[..., None]:
+    """Return `run_loops` for a law of user functions, with its state in the place of turning
+    points.
+    """
     kernel, compiled = compile_user_law(derivative, force, size)
 
     def advance(
-        body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, n: int, out: Array
+        body: Body,
+        law: Law,
+        grid: Array,
+        state: Array,
+        stack: Array,
+        drive: Array,
+        h: float,
+        n: int,
+        out: Array,
     ) -> bool:
         return kernel(body, state[:2], stack[0, :size], drive, h, n, out)  # X and V come first
 
@@ -181,10 +216,14 @@ def _return_array(derivative: Callable[..., ArrayLike]) -> Callable[..., Array]:
     return wrapped
 
 
-def _build_user_stepper(derivative: Callable[..., Array], force: Callable[..., float]) -> Callable[..., bool]:
+def _build_user_stepper(
+    derivative: Callable[..., Array], force: Callable[..., float]
+) -> Callable[..., bool]:
     """Return a fourth-order Runge-Kutta stepper over position, velocity and state."""
 
-    def advance(body: Body, place: Array, z: Array, drive: Array, h: float, substeps: int, out: Array) -> bool:
+    def advance(
+        body: Body, place: Array, z: Array, drive: Array, h: float, substeps: int, out: Array
+    ) -> bool:
         x, v = place[0], place[1]
         for j in range(drive.shape[0]):
             if body.driven:
@@ -203,7 +242,9 @@ def _build_user_stepper(derivative: Callable[..., Array], force: Callable[..., f
                 kx = vs
                 kz = derivative(xs, vs, zs)
                 if not body.driven:
-                    kv = (u - body.damping * vs - body.stiffness * xs - force(xs, vs, zs)) / body.mass
+                    kv = (
+                        u - body.damping * vs - body.stiffness * xs - force(xs, vs, zs)
+                    ) / body.mass
                 share = h / 6 if stage in (0, 3) else h / 3
                 sx, sv, sz = sx + share * kx, sv + share * kv, sz + share * kz
             x += sx

@@ -1,9 +1,12 @@
-"""Compiled drive: a P-PI cascade with a current loop around a machine with one or two masses, sample by sample.
+"""Compiled drive: a P-PI cascade with a current loop around a machine with one or two masses,
+sample by sample.
 
-`coupled.advance_axes` steps the masses; it is the only integrator of coupled masses. The current is exact: between two
-changes of its set point a first-order lag is an exponential, which the integrator takes as its drive.
+`coupled.advance_axes` steps the masses; it is the only integrator of coupled masses. The current is
+exact: between two changes of its set point a first-order lag is an exponential, which the
+integrator takes as its drive.
 
-The kernel calls kernels of other files and carries a digest of them, for the reason given in `loops`.
+The kernel calls kernels of other files and carries a digest of them, for the reason given in
+`loops`.
 """
 
 # mypy: disable-error-code="untyped-decorator"
@@ -22,7 +25,17 @@ from nlfrf.rig.kernels.loops import CALLED_FILES, digest_files
 
 Array = np.ndarray
 #: Numbers of the drive, in the order of the kernel.
-GAINS = ("kv", "feedforward", "kp", "integral", "smoothing", "current_limit", "lag", "delay", "resolution")
+GAINS = (
+    "kv",
+    "feedforward",
+    "kp",
+    "integral",
+    "smoothing",
+    "current_limit",
+    "lag",
+    "delay",
+    "resolution",
+)
 _KV, _FEEDFORWARD, _KP, _INTEGRAL, _SMOOTHING, _LIMIT, _LAG, _DELAY, _RESOLUTION = range(len(GAINS))
 #: Columns of the output of the drive.
 SIGNALS = ("position", "velocity", "velocity_set", "current_set", "current", "unlimited")
@@ -56,8 +69,8 @@ def _build_servo_kernel(stamp: str) -> Callable[..., int]:
     ) -> int:
         """Return the number of samples until the end, or until the machine diverged.
 
-        position, velocity, current, noise (n,); rows (n, 4, axes): position, velocity, z, friction; signals (n, 6);
-        filters (S, 6), second-order sections.
+        position, velocity, current, noise (n,); rows (n, 4, axes): position, velocity, z, friction;
+        signals (n, 6); filters (S, 6), second-order sections.
         """
         samples, axes = position.size, states.shape[0]
         if len(stamp) == 0:
@@ -88,7 +101,9 @@ def _build_servo_kernel(stamp: str) -> Callable[..., int]:
                 current_set_point = gains[_KP] * error + sum_of_errors
                 for s in range(filters.shape[0]):  # direct form II, transposed
                     new = filters[s, 0] * current_set_point + sections[s, 0]
-                    sections[s, 0] = filters[s, 1] * current_set_point - filters[s, 4] * new + sections[s, 1]
+                    sections[s, 0] = (
+                        filters[s, 1] * current_set_point - filters[s, 4] * new + sections[s, 1]
+                    )
                     sections[s, 1] = filters[s, 2] * current_set_point - filters[s, 5] * new
                     current_set_point = new
             unlimited = current_set_point + current[k]
@@ -97,7 +112,11 @@ def _build_servo_kernel(stamp: str) -> Callable[..., int]:
                 sum_of_errors += gains[_INTEGRAL] * error
             signals[k, _POSITION], signals[k, _VELOCITY] = y, speed
             signals[k, _VELOCITY_SET] = by_position + velocity[k] if closed else 0.0
-            signals[k, _CURRENT_SET], signals[k, _CURRENT], signals[k, _UNLIMITED] = limited, i, unlimited
+            signals[k, _CURRENT_SET], signals[k, _CURRENT], signals[k, _UNLIMITED] = (
+                limited,
+                i,
+                unlimited,
+            )
             for piece in range(2):
                 span = part if piece == 0 else 1.0 - part
                 if span <= 0.0:
@@ -114,7 +133,9 @@ def _build_servo_kernel(stamp: str) -> Callable[..., int]:
                         if s > 0:
                             i = target + (i - target) * keep
                         drive[j, s, 0] = force_constant * i
-                if not advance_axes(machine, laws, grids, states, stacks, work, drive[:count], h, out):
+                if not advance_axes(
+                    machine, laws, grids, states, stacks, work, drive[:count], h, out
+                ):
                     return k
                 if piece == 0 or part == 0.0:
                     for row in range(4):
@@ -125,5 +146,8 @@ def _build_servo_kernel(stamp: str) -> Callable[..., int]:
     return servo
 
 
-_HASHED_FILES = (*CALLED_FILES, *(Path(__file__).parent / f"{name}.py" for name in ("coupled", "loops")))
+_HASHED_FILES = (
+    *CALLED_FILES,
+    *(Path(__file__).parent / f"{name}.py" for name in ("coupled", "loops")),
+)
 step_servo: Callable[..., int] = _build_servo_kernel(digest_files(*_HASHED_FILES))

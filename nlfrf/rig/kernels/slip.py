@@ -1,7 +1,7 @@
 """Compiled time stepping of Coulomb friction and of the generalised Maxwell-slip model.
 
-The file stands alone for the reason given in `leuven`. Both laws switch between sticking and slipping where the
-velocity turns: steps are divided there.
+The file stands alone for the reason given in `leuven`. Both laws switch between sticking and
+slipping where the velocity turns: steps are divided there.
 """
 
 from __future__ import annotations
@@ -38,7 +38,9 @@ def _drive_at(u: tuple[float, float, float], s: float) -> float:
 
 
 @compiled
-def _sliding_step(body: Body, law: Law, d: float, step: Step, a: float, b: float) -> tuple[float, float]:
+def _sliding_step(
+    body: Body, law: Law, d: float, step: Step, a: float, b: float
+) -> tuple[float, float]:
     """Return position and velocity after the part a..b of a step that slides in the direction d."""
     h, w, k, c = (b - a) * step.h, 1.0 / body.mass, body.stiffness, body.damping + law.sigma2
     u1, u2, u3 = _drive_at(step.u, a), _drive_at(step.u, 0.5 * (a + b)), _drive_at(step.u, b)
@@ -50,12 +52,16 @@ def _sliding_step(body: Body, law: Law, d: float, step: Step, a: float, b: float
     a3 = w * (u2 - k * (x + 0.5 * h * v2) - c * v3 - d * stribeck_force(law, v3))
     v4 = v + h * a3
     a4 = w * (u3 - k * (x + h * v3) - c * v4 - d * stribeck_force(law, v4))
-    return x + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4), v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+    return x + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4), v + h / 6.0 * (
+        a1 + 2.0 * a2 + 2.0 * a3 + a4
+    )
 
 
 @compiled
 def _locate_break_away(body: Body, law: Law, step: Step, a: float) -> tuple[float, float]:
-    """Find where after a the force on a stuck mass passes the static friction, and its direction; else (1, 0)."""
+    """Find where after a the force on a stuck mass passes the static friction, and its direction;
+    else (1, 0).
+    """
     spring = body.stiffness * step.x
     end = _drive_at(step.u, 1.0) - spring
     if abs(end) <= law.Fs:
@@ -90,9 +96,19 @@ def _locate_stop(body: Body, law: Law, d: float, step: Step, a: float, v1: float
 
 @compiled
 def advance_coulomb(
-    body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, substeps: int, out: Array
+    body: Body,
+    law: Law,
+    grid: Array,
+    state: Array,
+    stack: Array,
+    drive: Array,
+    h: float,
+    substeps: int,
+    out: Array,
 ) -> bool:
-    """Advance Coulomb friction over the steps of `drive`: the mass sticks until the force passes Fs, then slides."""
+    """Advance Coulomb friction over the steps of `drive`: the mass sticks until the force passes
+    Fs, then slides.
+    """
     x, v = state[X], state[V]
     for j in range(drive.shape[0]):
         u = (drive[j, 0], drive[j, 1], drive[j, 2])
@@ -125,7 +141,9 @@ def advance_coulomb(
                     x, _ = _sliding_step(body, law, d, step, a, b)
                     v, a = 0.0, b
                     force = _drive_at(u, b) - body.stiffness * x
-                    state[DIRECTION] = 0.0 if abs(force) <= law.Fs else (1.0 if force > 0.0 else -1.0)
+                    state[DIRECTION] = (
+                        0.0 if abs(force) <= law.Fs else (1.0 if force > 0.0 else -1.0)
+                    )
             if a >= 1.0:
                 break
         if a < 1.0:  # it starts and stops within the step: it rests
@@ -138,10 +156,12 @@ def advance_coulomb(
 def elements_force(
     law: Law, grid: Array, stack: Array, d: float, move: float, v: float, keep: float, gain: float
 ) -> float:
-    """Return the force of the elements after a move: stuck ones follow it up to their limit, slipping ones relax.
+    """Return the force of the elements after a move: stuck ones follow it up to their limit,
+    slipping ones relax.
 
-    The limit holds in the direction d of the motion: a force beyond the other limit may return freely. A slipping
-    element is keep times its force at the start of the step plus gain times its share of the strength.
+    The limit holds in the direction d of the motion: a force beyond the other limit may return
+    freely. A slipping element is keep times its force at the start of the step plus gain times its
+    share of the strength.
     """
     g, total = stribeck_force(law, v), law.sigma2 * v
     for i in range(grid.shape[1]):
@@ -163,8 +183,8 @@ def _trial_step(
 ) -> tuple[float, float, float, float]:
     """Try the part a..b of a Runge-Kutta step: return x, v, and keep and gain of slipping elements.
 
-    In slipping, dF/dt = d C (alpha - F / s(v)) is linear in F: keep' = -C/|s| keep and gain' = C (1 - gain/|s|)
-    hold for all elements at once.
+    In slipping, dF/dt = d C (alpha - F / s(v)) is linear in F: keep' = -C/|s| keep and gain' = C (1
+    - gain/|s|) hold for all elements at once.
     """
     h, w, k, c, n = (b - a) * step.h, 1.0 / body.mass, body.stiffness, body.damping, law.n
     u1, u2, u3 = _drive_at(step.u, a), _drive_at(step.u, 0.5 * (a + b)), _drive_at(step.u, b)
@@ -175,15 +195,27 @@ def _trial_step(
     v2 = u2 if driven else v + 0.5 * h * a1
     keep, gain, r = 1.0 + 0.5 * h * k1, 0.5 * h * g1, n / stribeck_force(law, v2)
     k2, g2 = -r * keep, n - r * gain
-    a2 = w * (u2 - k * (x + 0.5 * h * v) - c * v2 - elements_force(law, grid, stack, d, 0.5 * h * v, v2, keep, gain))
+    a2 = w * (
+        u2
+        - k * (x + 0.5 * h * v)
+        - c * v2
+        - elements_force(law, grid, stack, d, 0.5 * h * v, v2, keep, gain)
+    )
     v3 = u2 if driven else v + 0.5 * h * a2
     keep, gain, r = 1.0 + 0.5 * h * k2, 0.5 * h * g2, n / stribeck_force(law, v3)
     k3, g3 = -r * keep, n - r * gain
-    a3 = w * (u2 - k * (x + 0.5 * h * v2) - c * v3 - elements_force(law, grid, stack, d, 0.5 * h * v2, v3, keep, gain))
+    a3 = w * (
+        u2
+        - k * (x + 0.5 * h * v2)
+        - c * v3
+        - elements_force(law, grid, stack, d, 0.5 * h * v2, v3, keep, gain)
+    )
     v4 = u3 if driven else v + h * a3
     keep, gain, r = 1.0 + h * k3, h * g3, n / stribeck_force(law, v4)
     k4, g4 = -r * keep, n - r * gain
-    a4 = w * (u3 - k * (x + h * v3) - c * v4 - elements_force(law, grid, stack, d, h * v3, v4, keep, gain))
+    a4 = w * (
+        u3 - k * (x + h * v3) - c * v4 - elements_force(law, grid, stack, d, h * v3, v4, keep, gain)
+    )
     x += h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
     v = u3 if driven else v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
     keep = 1.0 + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
@@ -211,11 +243,20 @@ def _locate_reversal(
 
 @compiled
 def commit_elements(
-    law: Law, grid: Array, stack: Array, d: float, step: Step, x1: float, v1: float, keep: float, gain: float
+    law: Law,
+    grid: Array,
+    stack: Array,
+    d: float,
+    step: Step,
+    x1: float,
+    v1: float,
+    keep: float,
+    gain: float,
 ) -> None:
     """Commit the elements at the end of a step: those beyond their limit have begun to slip.
 
-    The place in the step where an element passed its limit counts: behind it the element lags the Stribeck curve.
+    The place in the step where an element passed its limit counts: behind it the element lags the
+    Stribeck curve.
     """
     g0, g1 = stribeck_force(law, step.v), stribeck_force(law, v1)
     for i in range(grid.shape[1]):
@@ -227,7 +268,10 @@ def commit_elements(
                 if begin < share * g0:
                     s = (share * g0 - begin) / (share * g0 - begin + end - share * g1)
                 # its relaxation in the rest of this step is of second order
-                end = min(begin + s * (end - begin), share * stribeck_force(law, step.v + s * (v1 - step.v)))
+                end = min(
+                    begin + s * (end - begin),
+                    share * stribeck_force(law, step.v + s * (v1 - step.v)),
+                )
                 stack[1, i] = d
             stack[0, i] = d * end
         else:
@@ -236,9 +280,19 @@ def commit_elements(
 
 @compiled
 def advance_gms(
-    body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, substeps: int, out: Array
+    body: Body,
+    law: Law,
+    grid: Array,
+    state: Array,
+    stack: Array,
+    drive: Array,
+    h: float,
+    substeps: int,
+    out: Array,
 ) -> bool:
-    """Advance generalised Maxwell slip; grid: stiffness and share of strength; stack: force and slip direction."""
+    """Advance generalised Maxwell slip; grid: stiffness and share of strength; stack: force and
+    slip direction.
+    """
     x, v = state[X], state[V]
     for j in range(drive.shape[0]):
         u = (drive[j, 0], drive[j, 1], drive[j, 2])
@@ -270,8 +324,8 @@ def advance_gms(
 
 # ---- Compiled time stepping of Maxwell slip with varying sliders.
 #
-# Fourth-order Runge-Kutta steps of the mass. An element follows the motion until its slider gives way, and then has the
-# force that the slider holds. The trial stages leave no trace.
+# Fourth-order Runge-Kutta steps of the mass. An element follows the motion until its slider gives
+# way, and then has the force that the slider holds. The trial stages leave no trace.
 
 
 #: Rows of the memory of the elements: force, direction of slip, time of rest, number drawn.
@@ -279,7 +333,9 @@ _ELEMENT_FORCE, _SLIP, _REST, _DRAWN = range(4)
 
 
 @compiled
-def _slider_force(law: Law, grid: Array, stack: Array, i: int, d: float, x: float, v: float) -> float:
+def _slider_force(
+    law: Law, grid: Array, stack: Array, i: int, d: float, x: float, v: float
+) -> float:
     """Return the force at which the slider of an element holds, or slips, in the direction d."""
     m = 1.0
     if stack[_SLIP, i] == d:
@@ -298,7 +354,9 @@ def _slider_force(law: Law, grid: Array, stack: Array, i: int, d: float, x: floa
 
 
 @compiled
-def _element_force_on_trial(law: Law, grid: Array, stack: Array, i: int, move: float, x: float, v: float) -> float:
+def _element_force_on_trial(
+    law: Law, grid: Array, stack: Array, i: int, move: float, x: float, v: float
+) -> float:
     """Return the force of an element after a move, without committing it."""
     force = stack[_ELEMENT_FORCE, i] + grid[0, i] * move
     if abs(force) * law.n <= grid[1, i]:  # below the slip force of any slider
@@ -318,18 +376,25 @@ def sliders_force(law: Law, grid: Array, stack: Array, move: float, x: float, v:
 
 
 @compiled
-def _give_way(law: Law, grid: Array, stack: Array, i: int, move: float, x: float, v0: float, v: float) -> float:
-    """Return the force of an element that gives way within a step, while the velocity goes from v0 to v.
+def _give_way(
+    law: Law, grid: Array, stack: Array, i: int, move: float, x: float, v0: float, v: float
+) -> float:
+    """Return the force of an element that gives way within a step, while the velocity goes from v0
+    to v.
 
-    The force drops at the velocity at which it gives way. An element that sticks again, as in a motion that slows down,
-    keeps this drop. With the velocity at the end of the step the force would jump when a strength moves over a step.
+    The force drops at the velocity at which it gives way. An element that sticks again, as in a
+    motion that slows down, keeps this drop. With the velocity at the end of the step the force
+    would jump when a strength moves over a step.
     """
     d = 1.0 if stack[_ELEMENT_FORCE, i] + grid[0, i] * move > 0.0 else -1.0
     held, stretch = d * stack[_ELEMENT_FORCE, i], d * grid[0, i] * move
     most = _slider_force(law, grid, stack, i, d, x, v)
     part = min(max(0.0, (most - held) / stretch), 1.0) if stretch > 0.0 else 1.0
     stack[_SLIP, i] = d
-    after = min(most, _slider_force(law, grid, stack, i, d, x, v0 + part * (v - v0))) + (1.0 - part) * stretch
+    after = (
+        min(most, _slider_force(law, grid, stack, i, d, x, v0 + part * (v - v0)))
+        + (1.0 - part) * stretch
+    )
     least = _slider_force(law, grid, stack, i, d, x, v)
     if after < least:
         stack[_SLIP, i], stack[_REST, i] = 0.0, 0.0
@@ -337,8 +402,12 @@ def _give_way(law: Law, grid: Array, stack: Array, i: int, move: float, x: float
 
 
 @compiled
-def commit_sliders(law: Law, grid: Array, stack: Array, move: float, x: float, v0: float, v: float, h: float) -> None:
-    """Commit the elements at the end of a step: mark slipping ones, and count the time of rest of the others."""
+def commit_sliders(
+    law: Law, grid: Array, stack: Array, move: float, x: float, v0: float, v: float, h: float
+) -> None:
+    """Commit the elements at the end of a step: mark slipping ones, and count the time of rest of
+    the others.
+    """
     for i in range(grid.shape[1]):
         stuck = stack[_ELEMENT_FORCE, i] + grid[0, i] * move
         force = _element_force_on_trial(law, grid, stack, i, move, x, v)
@@ -359,8 +428,12 @@ def commit_sliders(law: Law, grid: Array, stack: Array, move: float, x: float, v
 
 
 @compiled
-def follow_sliders(law: Law, grid: Array, stack: Array, x: Array, v: Array, h: float, out: Array) -> None:
-    """Write the force of each element along a motion x (n,), v (n,), from rest at x[0], into `out` (E, n)."""
+def follow_sliders(
+    law: Law, grid: Array, stack: Array, x: Array, v: Array, h: float, out: Array
+) -> None:
+    """Write the force of each element along a motion x (n,), v (n,), from rest at x[0], into `out`
+    (E, n).
+    """
     for j in range(x.size):
         last = max(0, j - 1)
         commit_sliders(law, grid, stack, x[j] - x[last], x[j], v[last], v[j], h)
@@ -370,9 +443,19 @@ def follow_sliders(law: Law, grid: Array, stack: Array, x: Array, v: Array, h: f
 
 @compiled
 def advance_sliders(
-    body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, substeps: int, out: Array
+    body: Body,
+    law: Law,
+    grid: Array,
+    state: Array,
+    stack: Array,
+    drive: Array,
+    h: float,
+    substeps: int,
+    out: Array,
 ) -> bool:
-    """Advance elements with varying sliders over the steps of `drive`; arguments as in the other kernels."""
+    """Advance elements with varying sliders over the steps of `drive`; arguments as in the other
+    kernels.
+    """
     x, v, w, k, c = state[X], state[V], 1.0 / body.mass, body.stiffness, body.damping
     for j in range(drive.shape[0]):
         u1, u2, u3 = drive[j, 0], drive[j, 1], drive[j, 2]
@@ -405,15 +488,16 @@ def advance_sliders(
 
 # ---- A load on a spring and a damper behind a periodic motion, with derivatives.
 #
-# With all elements stuck the load is linear, and a step of it is exact; the slip of the sliders acts as a force that
-# changes linearly within a step. Along the motion every element sticks or slips, so all derivatives solve one linear
-# equation, each with its own force.
+# With all elements stuck the load is linear, and a step of it is exact; the slip of the sliders
+# acts as a force that changes linearly within a step. Along the motion every element sticks or
+# slips, so all derivatives solve one linear equation, each with its own force.
 
-#: Largest share of the response to a step that friction falling with speed may take away; more is not resolved.
+# : Largest share of the response to a step that friction falling with speed may take away; more is
+# not resolved.
 _MOST_FALL = 0.5
-#: Rows of the memory of an element: deflection, direction of slip; then after a step: deflection; by direction, 1 if it
-#: slips and 2 if it slipped and stuck again; jump of its slider when it gives way; place of this in the step; and
-#: weakening of the slider with speed.
+# : Rows of the memory of an element: deflection, direction of slip; then after a step: deflection;
+# by direction, 1 if it : slips and 2 if it slipped and stuck again; jump of its slider when it
+# gives way; place of this in the step; and : weakening of the slider with speed.
 _HELD, _SLIPS, _AFTER, _MOVED, _JUMP, _PART, _WEAKER = range(7)
 
 
@@ -421,7 +505,9 @@ _HELD, _SLIPS, _AFTER, _MOVED, _JUMP, _PART, _WEAKER = range(7)
 def _move_element(
     D: float, rho: float, vs: float, before: tuple[float, float], trial: float, v0: float, v: float
 ) -> tuple[float, float, float, float]:
-    """Return AFTER, MOVED, JUMP and PART of an element that goes to `trial` if it sticks; before: HELD and SLIPS.
+    """Return AFTER, MOVED, JUMP and PART of an element that goes to `trial` if it sticks; before:
+
+    HELD and SLIPS.
 
     It gives way as in `_give_way`.
     """
@@ -438,23 +524,33 @@ def _move_element(
     q = (v0 + part * (v - v0)) / vs
     jump = (D - least) * (1.0 - math.exp(-q * q))
     after = d * trial - jump
-    return (d * slips, d, d * jump, part) if slips <= after else (d * after, 2.0 * d, d * jump, part)
+    return (
+        (d * slips, d, d * jump, part) if slips <= after else (d * after, 2.0 * d, d * jump, part)
+    )
 
 
 @compiled
 def follow_load(
-    numbers: Array, elements: Array, step: Array, motor: Array, h: float, memory: Array, tangents: Array, out: Array
+    numbers: Array,
+    elements: Array,
+    step: Array,
+    motor: Array,
+    h: float,
+    memory: Array,
+    tangents: Array,
+    out: Array,
 ) -> None:
-    """Write the force with which a load reacts on the motion of a motor, from rest; the second of two periods counts.
+    """Write the force with which a load reacts on the motion of a motor, from rest; the second of
+    two periods counts.
 
-    numbers : (6,) mass, spring, damper, viscous friction, stiction, Stribeck velocity.
-    elements : (2, E) stiffness and break-away displacement.
-    step : (2, 4) position and velocity after a step h with all elements stuck: factors of position and velocity before
+    numbers : (6,) mass, spring, damper, viscous friction, stiction, Stribeck velocity. elements :
+    (2, E) stiffness and break-away displacement. step : (2, 4) position and velocity after a step h
+    with all elements stuck: factors of position and velocity before
         it, and of the force at its start and end.
-    motor : (3, n) position, velocity, and force of spring and damper on a load at rest.
-    memory : (7, E) zeros, the rows above.
-    tangents : (P, 3 + E) zeros, P = 6 + 2 E or 0: position, velocity, force, and slip of each slider.
-    out : (1 + P, n) force and its derivatives by the logarithms of all numbers, then of the elements; by the viscous
+    motor : (3, n) position, velocity, and force of spring and damper on a load at rest. memory :
+    (7, E) zeros, the rows above. tangents : (P, 3 + E) zeros, P = 6 + 2 E or 0: position, velocity,
+    force, and slip of each slider. out : (1 + P, n) force and its derivatives by the logarithms of
+    all numbers, then of the elements; by the viscous
         friction itself, and by the logarithm of stiction minus one.
     """
     k, c, rho, vs = numbers[1], numbers[2], numbers[4], numbers[5]

@@ -13,7 +13,9 @@ from nlfrf._base.values import ArrayField, freeze_array, value
 
 @value(kw_only=False)
 class _YieldingCurve:
-    """A virgin curve with two parameters: stiffness at the origin K0 [N/m] and largest force Fy [N]."""
+    """A virgin curve with two parameters: stiffness at the origin K0 [N/m] and largest force Fy
+    [N].
+    """
 
     K0: float
     Fy: float
@@ -25,7 +27,9 @@ class _YieldingCurve:
 
 @value(kw_only=False)
 class Linear:
-    """A spring that never yields, y = K0 z, without hysteresis. With n = 1 the Leuven model is then LuGre.
+    """A spring that never yields, y = K0 z, without hysteresis.
+
+    With n = 1 the Leuven model is then LuGre.
 
     Parameters
     ----------
@@ -69,7 +73,8 @@ class Tanh(_YieldingCurve):
 
     References
     ----------
-    G. Masing 1926 (rule for a loop from a virgin curve); the curve is our choice, fitted to the paper's resonances.
+    G. Masing 1926 (rule for a loop from a virgin curve); the curve is our choice, fitted to the
+    paper's resonances.
 
     Examples
     --------
@@ -83,7 +88,8 @@ class Tanh(_YieldingCurve):
 
 @value(kw_only=False)
 class Exponential(_YieldingCurve):
-    """y = Fy (1 - exp(-K0 |z| / Fy)) sgn z: curved from the origin on, so small motions already lose energy.
+    """y = Fy (1 - exp(-K0 |z| / Fy)) sgn z: curved from the origin on, so small motions already
+    lose energy.
 
     Parameters
     ----------
@@ -99,7 +105,8 @@ class Exponential(_YieldingCurve):
 
     References
     ----------
-    P. Dahl, *A solid friction model*, Aerospace Corporation, 1968: the curve of its model of exponent one.
+    P. Dahl, *A solid friction model*, Aerospace Corporation, 1968: the curve of its model of
+    exponent one.
 
     Examples
     --------
@@ -111,7 +118,8 @@ class Exponential(_YieldingCurve):
 
 @value(kw_only=False)
 class Parabola(_YieldingCurve):
-    """y = K0 z - (K0 z)^2 / (4 Fy) up to Fy at z = 2 Fy / K0, flat beyond: a uniform density of yielding elements.
+    """y = K0 z - (K0 z)^2 / (4 Fy) up to Fy at z = 2 Fy / K0, flat beyond: a uniform density of
+    yielding elements.
 
     Parameters
     ----------
@@ -155,7 +163,8 @@ class ElasticPlastic(_YieldingCurve):
 
     References
     ----------
-    W. D. Iwan, *A distributed-element model for hysteresis*, J. Applied Mechanics 33 (1966): one Jenkin element.
+    W. D. Iwan, *A distributed-element model for hysteresis*, J. Applied Mechanics 33 (1966): one
+    Jenkin element.
 
     Examples
     --------
@@ -194,10 +203,15 @@ class Table:
     def __post_init__(self) -> None:
         z, force = require_real_array("z", self.z, ndim=1), require_real_array("F", self.F, ndim=1)
         if z.size < 1 or force.shape != z.shape:
-            raise ValueError(f"F must have one force for each of the {z.size} displacements z, got {force.size}")
+            raise ValueError(
+                f"F must have one force for each of the {z.size} displacements z, got {force.size}"
+            )
         steps = np.diff(z, prepend=0.0)
         if np.any(back := steps <= 0):
-            raise ValueError(f"z must be positive and increasing, got {z[back][0]:g} after {(z - steps)[back][0]:g}")
+            raise ValueError(
+                f"z must be positive and increasing, got {z[back][0]:g} after"
+                f" {(z - steps)[back][0]:g}"
+            )
         slope = np.diff(force, prepend=0.0) / steps
         if slope[0] <= 0 or np.any(slope < 0):
             raise ValueError(f"F must be increasing for z > 0, got a slope of {slope.min():g} N/m")
@@ -205,7 +219,7 @@ class Table:
         if kinks.size:
             i = int(kinks[0]) + 1
             raise ValueError(
-                f"F must be concave for z > 0 (slopes that do not grow), "
+                "F must be concave for z > 0 (slopes that do not grow), "
                 f"got {slope[i]:g} after {slope[i - 1]:g} N/m at z = {z[i - 1]:g} m"
             )
         object.__setattr__(self, "z", freeze_array(z))
@@ -259,7 +273,8 @@ class MaxwellSlip:
         strength = require_real_array("strength", self.strength, ndim=1)
         if strength.shape != stiffness.shape or stiffness.size < 1:
             raise ValueError(
-                f"strength must have one value for each of the {stiffness.size} stiffnesses, got shape {strength.shape}"
+                f"strength must have one value for each of the {stiffness.size} stiffnesses, got"
+                f" shape {strength.shape}"
             )
         for name, array in (("stiffness", stiffness), ("strength", strength)):
             if not np.all(array > 0):

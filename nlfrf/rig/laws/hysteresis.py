@@ -1,11 +1,12 @@
 """Hysteresis with non-local memory: virgin curves, and the force they give along a path.
 
-A virgin curve y(z) is odd, and concave and increasing for z > 0. After a turning point (zm, Fm) the force follows the
-branch Fm + 2 y((z - zm) / 2) (Masing). An inner loop that closes is removed from the memory, and the force continues
-along the older branch as if the inner loop had not occurred.
+A virgin curve y(z) is odd, and concave and increasing for z > 0. After a turning point (zm, Fm) the
+force follows the branch Fm + 2 y((z - zm) / 2) (Masing). An inner loop that closes is removed from
+the memory, and the force continues along the older branch as if the inner loop had not occurred.
 
-There are two kinds of memory. A virgin curve has a stack of turning points. `MaxwellSlip` has the forces of parallel
-elements, each a spring that slips at its strength. For a piecewise-linear curve the two are the same operator.
+There are two kinds of memory. A virgin curve has a stack of turning points. `MaxwellSlip` has the
+forces of parallel elements, each a spring that slips at its strength. For a piecewise-linear curve
+the two are the same operator.
 """
 
 from __future__ import annotations
@@ -17,7 +18,16 @@ from numpy.typing import ArrayLike
 
 from nlfrf._base.arguments import DataWarning, require_real_array
 from nlfrf.rig.kernels import data as kernel_data
-from nlfrf.rig.laws.curves import Curve, ElasticPlastic, Exponential, Linear, MaxwellSlip, Parabola, Table, Tanh
+from nlfrf.rig.laws.curves import (
+    Curve,
+    ElasticPlastic,
+    Exponential,
+    Linear,
+    MaxwellSlip,
+    Parabola,
+    Table,
+    Tanh,
+)
 
 NO_GRID = np.zeros((3, 1))
 _CURVE_CODES: dict[type, int] = {
@@ -77,14 +87,20 @@ def hysteresis_force(curve: Curve, z: ArrayLike) -> np.ndarray:
 def warn_of_forgotten_loops(lost: float) -> None:
     """Warn if the memory of turning points was too short."""
     if lost:
-        text = f"the hysteresis memory of {kernel_data.STACK_DEPTH} turning points overflowed {lost:g} times"
+        text = (
+            f"the hysteresis memory of {kernel_data.STACK_DEPTH} turning points overflowed {lost:g}"
+            " times"
+        )
         warnings.warn(f"{text}; the innermost loops were forgotten", DataWarning, stacklevel=3)
 
 
 def pack_curve(curve: Curve) -> tuple[kernel_data.Curve, kernel_data.Grid]:
     """Return the parameters of a curve and its grid for compiled code."""
     if type(curve) not in _CURVE_CODES:
-        raise ValueError(f"curve must be one of {', '.join(kind.__name__ for kind in _CURVE_CODES)}, got {curve!r}")
+        raise ValueError(
+            f"curve must be one of {', '.join(kind.__name__ for kind in _CURVE_CODES)}, got"
+            f" {curve!r}"
+        )
     grid = NO_GRID
     if isinstance(curve, Table):
         z, force = np.append(0.0, curve.z), np.append(0.0, curve.F)

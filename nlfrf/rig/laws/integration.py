@@ -22,11 +22,13 @@ def integrate(
 ) -> np.ndarray | None:
     """Integrate over `drive` (n, 3), with steps h [s] and the kernel of the law.
 
-    Returns (n / substeps, 4): position, velocity, z and friction force at the start of every `substeps`-th step; None
-    if the step was too long to be stable.
+    Returns (n / substeps, 4): position, velocity, z and friction force at the start of every
+    `substeps`-th step; None if the step was too long to be stable.
     """
     if isinstance(law, UserLawData):
-        return _integrate_user_law(body, law.functions, memory=memory, drive=drive, h=h, substeps=substeps)
+        return _integrate_user_law(
+            body, law.functions, memory=memory, drive=drive, h=h, substeps=substeps
+        )
     from nlfrf.rig.kernels import leuven, slip
 
     kernels: dict[float, Callable[..., bool]] = {
@@ -49,7 +51,9 @@ def _integrate_user_law(
     h: float,
     substeps: int,
 ) -> np.ndarray | None:
-    """Integrate a law of user functions; its state takes the place of the turning points of other laws."""
+    """Integrate a law of user functions; its state takes the place of the turning points of other
+    laws.
+    """
     from nlfrf.rig.kernels.loops import compile_user_law
 
     kernel, _ = compile_user_law(law.derivative, law.force, law.rest.size)
@@ -57,7 +61,9 @@ def _integrate_user_law(
     if not state[kernel_data.DEPTH]:  # a machine at rest
         z[:] = law.rest
         state[kernel_data.DEPTH] = 1.0
-    out, place, own = np.empty((drive.shape[0] // substeps, 4)), state[[kernel_data.X, kernel_data.V]], z.copy()
+    out = np.empty((drive.shape[0] // substeps, 4))
+    place = state[[kernel_data.X, kernel_data.V]]
+    own = z.copy()
     stable = kernel(body, place, own, np.ascontiguousarray(drive), float(h), int(substeps), out)
     state[[kernel_data.X, kernel_data.V]], z[:] = place, own
     return out if stable else None

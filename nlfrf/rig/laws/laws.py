@@ -1,7 +1,7 @@
 """Friction laws as plain values; `nlfrf.rig.Rig` puts one under a mass.
 
-All are point symmetric (`VaryingSliders` need not be): the reversed motion gives the reversed force. s(v) is the
-Stribeck curve,
+All are point symmetric (`VaryingSliders` need not be): the reversed motion gives the reversed
+force. s(v) is the Stribeck curve,
 
     s(v) = sgn(v) [Fc + (Fs - Fc) exp(-|v / vs|^delta)].
 """
@@ -29,17 +29,19 @@ from nlfrf.rig.laws.hysteresis import NO_GRID, pack_curve
 
 @value
 class OwnFriction:
-    """Friction by your own functions: dz/dt = derivative(x, v, z), F = force(x, v, z), with z = rest at the start.
+    """Friction by your own functions: dz/dt = derivative(x, v, z), F = force(x, v, z), with z =
+    rest at the start.
 
-    Use this for a law that is not built in. Both functions are compiled if numba can (plain numbers, arrays and loops
-    of Python and NumPy); otherwise they run uncompiled, some hundred times slower. Steps are fourth-order Runge-Kutta
-    with fixed length: a law with a jump (sgn v) needs short ones. `run`, `drive`, `simulate` and loops around one axis
-    take it; proofs do not.
+    Use this for a law that is not built in. Both functions are compiled if numba can (plain
+    numbers, arrays and loops of Python and NumPy); otherwise they run uncompiled, some hundred
+    times slower. Steps are fourth-order Runge-Kutta with fixed length: a law with a jump (sgn v)
+    needs short ones. `run`, `drive`, `simulate` and loops around one axis take it; proofs do not.
 
     Fields
     ------
     derivative : callable
-        (x, v, z) -> (s,) array: time derivative of the state, at a position [m], a velocity [m/s] and a state.
+        (x, v, z) -> (s,) array: time derivative of the state, at a position [m], a velocity [m/s]
+        and a state.
     force : callable
         (x, v, z) -> float: friction force [N], opposite to the motion if it has the sign of v.
     rest : (s,) ndarray
@@ -56,8 +58,8 @@ class OwnFriction:
 
     References
     ----------
-    C. Canudas de Wit, H. Olsson, K. J. Åström, P. Lischinsky, *A new model for control of systems with friction*, IEEE
-    Transactions on Automatic Control 40 (1995): the law of the example.
+    C. Canudas de Wit, H. Olsson, K. J. Åström, P. Lischinsky, *A new model for control of systems
+    with friction*, IEEE Transactions on Automatic Control 40 (1995): the law of the example.
 
     Examples
     --------
@@ -82,13 +84,17 @@ class OwnFriction:
         rest = require_real_array("rest", np.atleast_1d(np.asarray(self.rest, dtype=float)), ndim=1)
         object.__setattr__(self, "rest", rest)
         if rest.size > kernel_data.STACK_DEPTH or not np.isfinite(rest).all():
-            raise ValueError(f"rest must hold at most {kernel_data.STACK_DEPTH} finite numbers, got {rest.size}")
+            raise ValueError(
+                f"rest must hold at most {kernel_data.STACK_DEPTH} finite numbers, got {rest.size}"
+            )
         require_nonnegative("stiffness", self.stiffness)
         require_nonnegative("damping", self.damping)
         for name, wanted in (("derivative", rest.shape), ("force", ())):
             function = getattr(self, name)
             if not callable(function):
-                raise ValueError(f"{name} must be a function of (x, v, z), got {type(function).__name__}")
+                raise ValueError(
+                    f"{name} must be a function of (x, v, z), got {type(function).__name__}"
+                )
             try:
                 found = np.asarray(function(0.0, 0.0, rest.copy()), dtype=float)
             except Exception as error:  # a function of the user may raise anything
@@ -116,7 +122,9 @@ class UserLawData(kernel_data.Law):
 def _pack_user_law(law: OwnFriction) -> tuple[UserLawData, kernel_data.Grid]:
     """Return the parameters of a law of user functions for the integration."""
     spring = kernel_data.Curve(kernel_data.SPRING, float(law.stiffness), np.inf)
-    numbers = UserLawData(kernel_data.OWN, np.inf, np.inf, 1.0, 2.0, float(law.damping), 0.0, 1.0, spring)
+    numbers = UserLawData(
+        kernel_data.OWN, np.inf, np.inf, 1.0, 2.0, float(law.damping), 0.0, 1.0, spring
+    )
     numbers.functions = law
     return numbers, NO_GRID
 
@@ -129,9 +137,10 @@ class VaryingSliders:
 
         W [1/stiction + (1 - 1/stiction) m],   0 <= m <= 1,
 
-    with m the product of these factors, if used: exp(-(v/vs)^2) in slip; 1 - exp(-rest/dwell) after a time of rest;
-    (1 + cos(2 pi x / wavelength)) / 2 along the path; 1 - asymmetry in negative direction; with a seed, a number drawn
-    anew whenever it sticks. Each such law lies in `robust.friction.MaxwellSlip(sum of stiffness, stiction)`.
+    with m the product of these factors, if used: exp(-(v/vs)^2) in slip; 1 - exp(-rest/dwell) after
+    a time of rest; (1 + cos(2 pi x / wavelength)) / 2 along the path; 1 - asymmetry in negative
+    direction; with a seed, a number drawn anew whenever it sticks. Each such law lies in
+    `robust.friction.MaxwellSlip(sum of stiffness, stiction)`.
 
     Parameters
     ----------
@@ -155,12 +164,14 @@ class VaryingSliders:
     Raises
     ------
     ValueError
-        The numbers of the elements do not fit each other, stiction is below one, or a number is out of range.
+        The numbers of the elements do not fit each other, stiction is below one, or a number is out
+        of range.
 
     References
     ----------
-    F. Al-Bender, V. Lampaert, J. Swevers, IEEE Trans. Automatic Control 50, 2005 (elements); B. Armstrong-Hélouvry,
-    *Control of Machines with Friction*, 1991 (rising static friction, position dependence).
+    F. Al-Bender, V. Lampaert, J. Swevers, IEEE Trans. Automatic Control 50, 2005 (elements); B.
+    Armstrong-Hélouvry, *Control of Machines with Friction*, 1991 (rising static friction, position
+    dependence).
 
     Examples
     --------
@@ -195,7 +206,9 @@ class VaryingSliders:
 
 
 def _pack_sliders(law: VaryingSliders) -> tuple[kernel_data.Law, kernel_data.Grid]:
-    """Return parameters and grid for compiled code: stiffness, strength, phase, four parameters common to elements."""
+    """Return parameters and grid for compiled code: stiffness, strength, phase, four parameters
+    common to elements.
+    """
     total, strength = float(np.sum(law.stiffness)), float(np.sum(law.strength))
     n = law.stiffness.size
     grid = np.zeros((7, n))
@@ -205,9 +218,20 @@ def _pack_sliders(law: VaryingSliders) -> tuple[kernel_data.Law, kernel_data.Gri
     grid[4], grid[5], grid[6] = law.dwell, law.asymmetry, law.seed
     vs = 1e300 if np.isinf(law.vs) else float(law.vs)
     curve = kernel_data.Curve(kernel_data.VARYING, total, strength)
-    return kernel_data.Law(
-        kernel_data.SLIDERS, strength, strength / law.stiction, vs, 2.0, 0.0, 0.0, float(law.stiction), curve
-    ), grid
+    return (
+        kernel_data.Law(
+            kernel_data.SLIDERS,
+            strength,
+            strength / law.stiction,
+            vs,
+            2.0,
+            0.0,
+            0.0,
+            float(law.stiction),
+            curve,
+        ),
+        grid,
+    )
 
 
 def element_forces(sliders: VaryingSliders, x: ArrayLike, v: ArrayLike, *, fs: float) -> np.ndarray:
@@ -248,9 +272,15 @@ def element_forces(sliders: VaryingSliders, x: ArrayLike, v: ArrayLike, *, fs: f
     """
     from nlfrf.rig.kernels.slip import follow_sliders
 
-    path, speed = (np.ascontiguousarray(require_real_array(name, one, ndim=1)) for name, one in (("x", x), ("v", v)))
+    path, speed = (
+        np.ascontiguousarray(require_real_array(name, one, ndim=1))
+        for name, one in (("x", x), ("v", v))
+    )
     if path.size != speed.size or not path.size:
-        raise ValueError(f"x and v must have the same number of samples, at least one, got {path.size}, {speed.size}")
+        raise ValueError(
+            f"x and v must have the same number of samples, at least one, got {path.size},"
+            f" {speed.size}"
+        )
     law, grid = _pack_sliders(sliders)
     memory = kernel_data.initial_memory(law.curve, grid)
     forces = np.empty((grid.shape[1], path.size))
@@ -270,24 +300,28 @@ def load_forces(
     fs: float,
     slopes: bool = False,
 ) -> np.ndarray:
-    """Return the force with which a load with friction, on a spring and a damper, reacts on a periodic motion.
+    """Return the force with which a load with friction, on a spring and a damper, reacts on a
+    periodic motion.
 
-    The load starts from rest and the second period is returned. While friction sticks, few samples are enough: with 14
-    per cycle the force had an error of 0.03 %. In slip the error falls with the square of the step.
+    The load starts from rest and the second period is returned. While friction sticks, few samples
+    are enough: with 14 per cycle the force had an error of 0.03 %. In slip the error falls with the
+    square of the step.
 
     Parameters
     ----------
     sliders : VaryingSliders
         E elements of the load, with one strength at all positions and in both directions.
     x, v : (n,) ndarray
-        One period of the motion at the other end of the spring: displacement [m] and velocity [m/s].
+        One period of the motion at the other end of the spring: displacement [m] and velocity
+        [m/s].
     mass, stiffness, damping, viscous : float
         Load [kg], spring [N/m] and damper [Ns/m] in front of it, and its viscous friction [Ns/m].
     fs : float
         Sampling frequency [Hz].
     slopes : bool
-        True: also return the derivatives, by the logarithms of mass, stiffness and damping, by `viscous`, by the
-        logarithms of stiction - 1, vs, and of stiffness and break-away displacement of each element.
+        True: also return the derivatives, by the logarithms of mass, stiffness and damping, by
+        `viscous`, by the logarithms of stiction - 1, vs, and of stiffness and break-away
+        displacement of each element.
 
     Returns
     -------
@@ -297,13 +331,14 @@ def load_forces(
     Raises
     ------
     ValueError
-        Displacements and velocities are not two finite arrays of equal length; numbers are not positive; sliders
-        depend on rest, position, direction or chance.
+        Displacements and velocities are not two finite arrays of equal length; numbers are not
+        positive; sliders depend on rest, position, direction or chance.
 
     References
     ----------
-    F. Al-Bender, V. Lampaert, J. Swevers, IEEE Trans. Automatic Control 50, 2005 (elements); G. F. Franklin, J. D.
-    Powell, M. L. Workman, *Digital Control of Dynamic Systems*, 3rd ed., 1998, 6.3 (triangle hold).
+    F. Al-Bender, V. Lampaert, J. Swevers, IEEE Trans. Automatic Control 50, 2005 (elements); G. F.
+    Franklin, J. D. Powell, M. L. Workman, *Digital Control of Dynamic Systems*, 3rd ed., 1998, 6.3
+    (triangle hold).
 
     Examples
     --------
@@ -319,28 +354,51 @@ def load_forces(
 
     x, v = (require_real_array(name, one, ndim=1) for name, one in (("x", x), ("v", v)))
     if x.size != v.size or not x.size:
-        raise ValueError(f"x and v must have the same number of samples, at least one, got {x.size}, {v.size}")
+        raise ValueError(
+            f"x and v must have the same number of samples, at least one, got {x.size}, {v.size}"
+        )
     if sliders.dwell or sliders.asymmetry or sliders.seed or np.isfinite(sliders.wavelength):
-        raise ValueError("sliders must vary with velocity only, got a dwell, wavelength, asymmetry or seed")
-    m, k, c = (require_positive(*one) for one in (("mass", mass), ("stiffness", stiffness), ("damping", damping)))
+        raise ValueError(
+            "sliders must vary with velocity only, got a dwell, wavelength, asymmetry or seed"
+        )
+    m, k, c = (
+        require_positive(*one)
+        for one in (("mass", mass), ("stiffness", stiffness), ("damping", damping))
+    )
     elements = np.stack([sliders.stiffness, sliders.strength / sliders.stiffness])
     n, E, h = x.size, elements.shape[1], 1 / require_positive("fs", fs)
-    numbers = np.array([m, k, c, require_nonnegative("viscous", viscous), sliders.stiction, min(sliders.vs, 1e300)])
+    numbers = np.array(
+        [m, k, c, require_nonnegative("viscous", viscous), sliders.stiction, min(sliders.vs, 1e300)]
+    )
     rates = np.zeros((4, 4))  # position, velocity, force and its rise over a step
-    rates[0, 1], rates[1, :3], rates[2, 3] = 1.0, [-(k + elements[0].sum()) / m, -(c + viscous) / m, 1 / m], 1 / h
+    rates[0, 1], rates[1, :3], rates[2, 3] = (
+        1.0,
+        [-(k + elements[0].sum()) / m, -(c + viscous) / m, 1 / m],
+        1 / h,
+    )
     ahead = expm(rates * h)[:2]
     step = np.column_stack([ahead[:, :2], ahead[:, 2] - ahead[:, 3], ahead[:, 3]])
     # linear interpolation between samples reduces the force at every frequency
     drive = np.fft.irfft(np.fft.rfft(k * x + c * v) / np.sinc(np.fft.rfftfreq(n)) ** 2, n)
     P = 6 + 2 * E if slopes else 0
     out = np.empty((1 + P, n))
-    follow_load(numbers, elements, step, np.stack([x, v, drive]), h, np.zeros((7, E)), np.zeros((P, 3 + E)), out)
+    follow_load(
+        numbers,
+        elements,
+        step,
+        np.stack([x, v, drive]),
+        h,
+        np.zeros((7, E)),
+        np.zeros((P, 3 + E)),
+        out,
+    )
     return out
 
 
 @value
 class Coulomb:
-    """Dry friction: the mass sticks until the force passes Fs, and slides on the Stribeck curve until it stops.
+    """Dry friction: the mass sticks until the force passes Fs, and slides on the Stribeck curve
+    until it stops.
 
     F = s(v) + sigma2 v in sliding. There is no motion before break-away.
 
@@ -384,7 +442,9 @@ class Coulomb:
             object.__setattr__(self, "Fs", self.Fc)
         if not _is_given(self.vs):
             if require_positive("Fs", self.Fs) > self.Fc:
-                raise ValueError(f"vs must be given if Fs = {self.Fs:g} N exceeds Fc = {self.Fc:g} N, got none")
+                raise ValueError(
+                    f"vs must be given if Fs = {self.Fs:g} N exceeds Fc = {self.Fc:g} N, got none"
+                )
             object.__setattr__(self, "vs", 1.0)
         _check_stribeck(self)
 
@@ -454,8 +514,8 @@ class LuGre:
 
     References
     ----------
-    C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, *A new model for control of systems with
-    friction*, IEEE Trans. Automatic Control 40, 1995.
+    C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, *A new model for control of systems
+    with friction*, IEEE Trans. Automatic Control 40, 1995.
 
     Examples
     --------
@@ -478,12 +538,13 @@ class LuGre:
 
 @value
 class Leuven:
-    """The Leuven model: hysteresis with non-local memory in presliding, the Stribeck curve in sliding.
+    """The Leuven model: hysteresis with non-local memory in presliding, the Stribeck curve in
+    sliding.
 
     F = Fh(z) + sigma1 dz/dt + sigma2 v,  dz/dt = v (1 - sgn(Fh/s(v)) |Fh/s(v)|^n),
 
-    with Fh the hysteresis force of `curve`. The default is the friction of the paper. The paper does not print n and
-    the curve; they are chosen to give its resonances.
+    with Fh the hysteresis force of `curve`. The default is the friction of the paper. The paper
+    does not print n and the curve; they are chosen to give its resonances.
 
     Parameters
     ----------
@@ -507,10 +568,10 @@ class Leuven:
 
     References
     ----------
-    J. Swevers, F. Al-Bender, C. Ganseman, T. Prajogo, *An integrated friction model structure with improved
-    presliding behavior for accurate friction compensation*, IEEE Trans. Automatic Control 45, 2000;
-    V. Lampaert, J. Swevers, F. Al-Bender, *Modification of the Leuven integrated friction model structure*,
-    IEEE Trans. Automatic Control 47, 2002.
+    J. Swevers, F. Al-Bender, C. Ganseman, T. Prajogo, *An integrated friction model structure with
+    improved presliding behavior for accurate friction compensation*, IEEE Trans. Automatic Control
+    45, 2000; V. Lampaert, J. Swevers, F. Al-Bender, *Modification of the Leuven integrated friction
+    model structure*, IEEE Trans. Automatic Control 47, 2002.
 
     Examples
     --------
@@ -535,16 +596,19 @@ class Leuven:
         packed, _ = pack_curve(self.curve)
         if packed.Fy < self.Fs * (1 - 1e-2):
             raise ValueError(
-                f"curve must reach the static friction Fs = {self.Fs:g} N, got one that ends at {packed.Fy:g} N"
+                f"curve must reach the static friction Fs = {self.Fs:g} N, got one that ends at"
+                f" {packed.Fy:g} N"
             )
 
 
 @value
 class GeneralizedMaxwellSlip:
-    """The generalised Maxwell-slip model: parallel elements stick, or slip with a lag behind the Stribeck curve.
+    """The generalised Maxwell-slip model: parallel elements stick, or slip with a lag behind the
+    Stribeck curve.
 
-    An element sticks, dF_i/dt = k_i v, until its force reaches alpha_i s(v) in the direction of the motion;
-    then it slips, dF_i/dt = sgn(v) C (alpha_i - F_i / s(v)), until the velocity turns. F = sum F_i + sigma2 v.
+    An element sticks, dF_i/dt = k_i v, until its force reaches alpha_i s(v) in the direction of the
+    motion; then it slips, dF_i/dt = sgn(v) C (alpha_i - F_i / s(v)), until the velocity turns. F =
+    sum F_i + sigma2 v.
 
     Parameters
     ----------
@@ -570,8 +634,8 @@ class GeneralizedMaxwellSlip:
 
     References
     ----------
-    F. Al-Bender, V. Lampaert, J. Swevers, *The generalized Maxwell-slip model: a novel model for friction
-    simulation and compensation*, IEEE Trans. Automatic Control 50, 2005.
+    F. Al-Bender, V. Lampaert, J. Swevers, *The generalized Maxwell-slip model: a novel model for
+    friction simulation and compensation*, IEEE Trans. Automatic Control 50, 2005.
 
     Examples
     --------
@@ -624,7 +688,12 @@ def pack_law(law: Friction) -> tuple[kernel_data.Law, kernel_data.Grid]:
         case Dahl():
             force = float(law.Fc)
             spring, grid = pack_curve(Linear(K0=law.sigma0))
-            return kernel_data.Law(kernel_data.DAHL, force, force, 1.0, 2.0, 0.0, 0.0, float(law.n), spring), grid
+            return (
+                kernel_data.Law(
+                    kernel_data.DAHL, force, force, 1.0, 2.0, 0.0, 0.0, float(law.n), spring
+                ),
+                grid,
+            )
         case LuGre():
             spring, grid = pack_curve(Linear(K0=law.sigma0))
             return _pack_stribeck_law(law, kernel_data.LEUVEN, n=1.0, curve=spring), grid
@@ -644,8 +713,12 @@ def pack_law(law: Friction) -> tuple[kernel_data.Law, kernel_data.Grid]:
     raise ValueError(f"friction must be one of the laws of nlfrf.friction, got {law!r}")
 
 
-def _pack_stribeck_law(law: StribeckLaw, form: int, *, n: float, curve: kernel_data.Curve) -> kernel_data.Law:
-    """Return the parameters of a law with a Stribeck curve for the kernel `form`; n: exponent, or C of a GMS model."""
+def _pack_stribeck_law(
+    law: StribeckLaw, form: int, *, n: float, curve: kernel_data.Curve
+) -> kernel_data.Law:
+    """Return the parameters of a law with a Stribeck curve for the kernel `form`; n: exponent, or C
+    of a GMS model.
+    """
     return kernel_data.Law(
         form=form,
         Fs=float(law.Fs),

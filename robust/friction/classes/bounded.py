@@ -21,12 +21,14 @@ _ROUNDING = 1e-9
 
 @value(kw_only=False)
 class Bounded(FrictionClass):
-    """The class of every friction up to a largest force, whatever it depends on, with or without bristles.
+    """The class of every friction up to a largest force, whatever it depends on, with or without
+    bristles.
 
-    f = s + tau s', with |s| <= Fs and a constant tau of 0 to `bristle_time`. It contains LuGre (s = sigma0 z, tau =
-    sigma1/sigma0), Dahl, Maxwell slip of any kind, and rigid stiction.
+    f = s + tau s', with |s| <= Fs and a constant tau of 0 to `bristle_time`. It contains LuGre (s =
+    sigma0 z, tau = sigma1/sigma0), Dahl, Maxwell slip of any kind, and rigid stiction.
 
-    Use this class if only the largest force is known. It gives a distance from rest, but no proof of rest.
+    Use this class if only the largest force is known. It gives a distance from rest, but no proof
+    of rest.
 
     Fields
     ------
@@ -60,18 +62,28 @@ class Bounded(FrictionClass):
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "Fs", require_positive("Fs", self.Fs))
-        object.__setattr__(self, "bristle_time", require_nonnegative("bristle_time", self.bristle_time))
+        object.__setattr__(
+            self, "bristle_time", require_nonnegative("bristle_time", self.bristle_time)
+        )
 
     @property
     def description(self) -> str:
         """Noun phrase for the laws of the class, for texts."""
-        damped = f" on bristles with a damping of up to {1e3 * self.bristle_time:.3g} ms times their stiffness"
-        return f"friction of at most {self.Fs:g} {self.units.force}" + damped * (self.bristle_time > 0)
+        damped = (
+            f" on bristles with a damping of up to {1e3 * self.bristle_time:.3g} ms times their"
+            " stiffness"
+        )
+        return f"friction of at most {self.Fs:g} {self.units.force}" + damped * (
+            self.bristle_time > 0
+        )
 
     def largest_force(self, Fs: float) -> float:
         """Return the largest force of the class [N]; refuse another one."""
         if np.isfinite(Fs) and Fs != self.Fs:
-            raise ValueError(f"Fs must be that of the class, {self.Fs:g} {self.units.force}, or left out, got {Fs:g}")
+            raise ValueError(
+                f"Fs must be that of the class, {self.Fs:g} {self.units.force}, or left out, got"
+                f" {Fs:g}"
+            )
         return self.Fs
 
     def error_bound(self, loop: FrictionLoop, forces: np.ndarray) -> float:
@@ -82,15 +94,29 @@ class Bounded(FrictionClass):
         """Return the distance from rest, in words."""
         return f"Eventually stays within {proof.error_bound:.3g} {proof.units.position} of rest"
 
-    def decide(self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()) -> FrictionProof:
-        """Return "proved" if the bound is finite: not on the stability boundary, nor if it takes too long."""
+    def decide(
+        self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()
+    ) -> FrictionProof:
+        """Return "proved" if the bound is finite: not on the stability boundary, nor if it takes
+        too long.
+        """
         if np.isfinite(undecided.error_bound):
             return replace(undecided, verdict=FrictionVerdict.PROVED)
         growth = task.loop.growth() + 0.0
-        size = f"|z| = {format_pole_modulus(1 + growth)}" if task.loop.T else f"real part {growth:.4g} rad/s"
-        what = "is on the stability boundary" if growth >= -_ROUNDING else "has modes too far apart for the computation"
+        size = (
+            f"|z| = {format_pole_modulus(1 + growth)}"
+            if task.loop.T
+            else f"real part {growth:.4g} rad/s"
+        )
+        what = (
+            "is on the stability boundary"
+            if growth >= -_ROUNDING
+            else "has modes too far apart for the computation"
+        )
         return replace(
             undecided,
-            reason=f"no bound was found: the sliding loop, with all states of its controller, {what} (without friction "
-            f"it has a pole of {size})",
+            reason=(
+                f"no bound was found: the sliding loop, with all states of its controller, {what}"
+                f" (without friction it has a pole of {size})"
+            ),
         )

@@ -1,4 +1,6 @@
-"""Bristles that bend and creep: weights of their multipliers by a cone program, and their dissipation inequality."""
+"""Bristles that bend and creep: weights of their multipliers by a cone program, and their
+dissipation inequality.
+"""
 
 from __future__ import annotations
 
@@ -32,13 +34,15 @@ _N_POINTS = 300  # of the frequencies of the cone program
 
 @value(kw_only=False)
 class Bristle(FrictionClass):
-    """The class of every friction of bristles that bend and creep: f = F + microdamping z', F a hysteresis of z.
+    """The class of every friction of bristles that bend and creep: f = F + microdamping z', F a
+    hysteresis of z.
 
-    z' = v - p with F p >= 0 and |p| <= stiction |v|; F is a Masing hysteresis of z with a slope of at most K0.
+    z' = v - p with F p >= 0 and |p| <= stiction |v|; F is a Masing hysteresis of z with a slope of
+    at most K0.
 
-    Use this class for friction that creeps below break-away. It contains LuGre (K0 = sigma0, stiction = Fs/Fc,
-    microdamping = sigma1), the modified Leuven model (the slope of its curve at zero, (Fs/Fc)^n, sigma1), and Dahl's
-    model with n = 1 (stiction 1).
+    Use this class for friction that creeps below break-away. It contains LuGre (K0 = sigma0,
+    stiction = Fs/Fc, microdamping = sigma1), the modified Leuven model (the slope of its curve at
+    zero, (Fs/Fc)^n, sigma1), and Dahl's model with n = 1 (stiction 1).
 
     Fields
     ------
@@ -58,7 +62,8 @@ class Bristle(FrictionClass):
 
     References
     ----------
-    C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, IEEE Trans. Automatic Control 40, 1995 (bristles).
+    C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, IEEE Trans. Automatic Control 40,
+    1995 (bristles).
 
     Examples
     --------
@@ -78,32 +83,42 @@ class Bristle(FrictionClass):
         super().__post_init__()
         object.__setattr__(self, "K0", require_positive("K0", self.K0))
         object.__setattr__(self, "stiction", require_stiction(self.stiction))
-        object.__setattr__(self, "microdamping", require_nonnegative("microdamping", self.microdamping))
+        object.__setattr__(
+            self, "microdamping", require_nonnegative("microdamping", self.microdamping)
+        )
 
     @property
     def description(self) -> str:
         """Noun phrase for the laws of the class, for texts."""
         return (
-            f"bristle friction with a stiffness up to {self.K0 / 1e3:.4g} {self.units.stiffness} and a damping of "
-            f"{self.microdamping:g} {self.units.damping}, whose bristles creep against their force (at most "
-            f"{self.stiction:.4g} times as fast as the machine moves)"
+            f"bristle friction with a stiffness up to {self.K0 / 1e3:.4g} {self.units.stiffness}"
+            f" and a damping of {self.microdamping:g} {self.units.damping}, whose bristles creep"
+            f" against their force (at most {self.stiction:.4g} times as fast as the machine moves)"
         )
 
     def stuck(self) -> tuple[float, float]:
         """Return stiffness [N/m] and damping [Ns/m] of the stiffest bristle that never creeps."""
         return self.K0, self.microdamping
 
-    def decide(self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()) -> FrictionProof:
-        """Return "proved" if an energy is found that falls, else the bound for any friction, if there is one."""
+    def decide(
+        self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()
+    ) -> FrictionProof:
+        """Return "proved" if an energy is found that falls, else the bound for any friction, if
+        there is one.
+        """
         return settled_by_bound(certified_verdict(undecided, task, self.certify))
 
-    def certify(self, loop: FrictionLoop, reference: float, others: Sequence[Self] = ()) -> FrictionCertificate:
+    def certify(
+        self, loop: FrictionLoop, reference: float, others: Sequence[Self] = ()
+    ) -> FrictionCertificate:
         """Search multipliers for creeping bristles, and certify them."""
         omega = loop_frequencies(loop, _N_POINTS)
         response = mobility(loop, omega)
         reason = "no multiplier weights make the loop dissipate at every frequency"
         for rates in filter_rates(reference)[:2]:
-            table = bristle_terms(response, omega, rates=rates, K0=self.K0, microdamping=self.microdamping)
+            table = bristle_terms(
+                response, omega, rates=rates, K0=self.K0, microdamping=self.microdamping
+            )
             port = bristle_multipliers(table, rates, self)
             if port is None:
                 continue
@@ -115,25 +130,36 @@ class Bristle(FrictionClass):
 
 # ---- Weights for the friction of bristles that creep, by one cone program over the frequencies.
 #
-# The bristle z bends with the velocity v minus a creep p: z' = q = v - p, F p >= 0, |p| <= rho |v|; F is a hysteresis
-# of z with slopes up to K0, f = F + sigma q. These forms in gamma = F'/K0 and q have integrals bounded from below:
+# The bristle z bends with the velocity v minus a creep p: z' = q = v - p, F p >= 0, |p| <= rho |v|;
+# F is a hysteresis of z with slopes up to K0, f = F + sigma q. These forms in gamma = F'/K0 and q
+# have integrals bounded from below:
 #
 #     F v                                      with weight mu
-#     -e_j q - (a_j/K0) e_j^2                  with weights nu_j; e_j = Fh_j - F, Fh_j' = a_j (F - Fh_j)
-#     (v, q, gamma) M (v, q, gamma)'           q between (1 - rho) v and (1 + rho) v, gamma between 0 and q
+#     -e_j q - (a_j/K0) e_j^2                  with weights nu_j; e_j = Fh_j - F, Fh_j' = a_j (F -
+#     Fh_j)
+#     (v, q, gamma) M (v, q, gamma)'           q between (1 - rho) v and (1 + rho) v, gamma between
+#     0 and q
 #
 # The loop turns them into one hermitian matrix a frequency. Nothing here is a proof.
 
 BLOCK_ENTRIES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # entries of M
 _MIN_SHARE = 1e-7  # share of a row that the solver must leave
-_SOLVER_TOLERANCE = 1e-9  # of M, added in the direction that makes the form larger: the tolerance of the solver
-_NEGLIGIBLE_WEIGHTS = (1e-2, 1e-4, 1e-6)  # relative to the largest weight; filters below are left out
+_SOLVER_TOLERANCE = (
+    1e-9  # of M, added in the direction that makes the form larger: the tolerance of the solver
+)
+_NEGLIGIBLE_WEIGHTS = (
+    1e-2,
+    1e-4,
+    1e-6,
+)  # relative to the largest weight; filters below are left out
 
 
 def bristle_terms(
     mobility: np.ndarray, omega: np.ndarray, *, rates: np.ndarray, K0: float, microdamping: float
 ) -> np.ndarray:
-    """Return (W, 1 + J + 6, 2, 2) hermitian forms in (gamma, q): of F v, of each filter and of each entry of M."""
+    """Return (W, 1 + J + 6, 2, 2) hermitian forms in (gamma, q): of F v, of each filter and of each
+    entry of M.
+    """
     s = 1j * omega
     zero, one = np.zeros_like(s), np.ones_like(s)
     F, q, gamma = (np.stack(pair, axis=1) for pair in ((K0 / s, zero), (zero, one), (one, zero)))
@@ -147,11 +173,14 @@ def bristle_terms(
     return np.stack(columns, axis=1)
 
 
-def bristle_multipliers(table: np.ndarray, rates: np.ndarray, friction: Bristle) -> BristlePort | None:
-    """Return multipliers that make every matrix most negative relative to its entries; None if there are none.
+def bristle_multipliers(
+    table: np.ndarray, rates: np.ndarray, friction: Bristle
+) -> BristlePort | None:
+    """Return multipliers that make every matrix most negative relative to its entries; None if
+    there are none.
 
-    The program is solved twice, the second time with the filters of large weight only: an interior-point solver leaves
-    none at zero.
+    The program is solved twice, the second time with the filters of large weight only: an
+    interior-point solver leaves none at zero.
     """
     rho = friction.stiction
     theta = _solve_multipliers(table, rho)
@@ -183,13 +212,17 @@ def bristle_multipliers(table: np.ndarray, rates: np.ndarray, friction: Bristle)
 
 
 def _term_sizes(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (W, 2) units of gamma and q at each frequency, and (C,) the largest size of each form in these units."""
+    """Return (W, 2) units of gamma and q at each frequency, and (C,) the largest size of each form
+    in these units.
+    """
     unit = 1 / np.sqrt(np.abs(np.diagonal(table, axis1=2, axis2=3)).max(axis=1))
     return unit, np.abs(table * unit[:, None, :, None] * unit[:, None, None, :]).max(axis=(0, 2, 3))
 
 
 def _solve_multipliers(table: np.ndarray, rho: float) -> np.ndarray | None:
-    """Return (C,) the multipliers of the cone solver, relative to the sizes of the forms; None if they fail."""
+    """Return (C,) the multipliers of the cone solver, relative to the sizes of the forms; None if
+    they fail.
+    """
     import cvxpy as cp
 
     unit, scale = _term_sizes(table)
@@ -199,7 +232,10 @@ def _solve_multipliers(table: np.ndarray, rho: float) -> np.ndarray | None:
     theta, share, bounds = cp.Variable(n), cp.Variable(), cp.Variable(2, nonneg=True)
     M = [theta[n - 6 + k] / scale[n - 6 + k] for k in range(6)]
     constraints = [
-        cp.SOC(-(a + d) @ theta - 2 * share, cp.vstack([2 * b.real @ theta, 2 * b.imag @ theta, (a - d) @ theta])),
+        cp.SOC(
+            -(a + d) @ theta - 2 * share,
+            cp.vstack([2 * b.real @ theta, 2 * b.imag @ theta, (a - d) @ theta]),
+        ),
         M[5] <= 0,
         cp.norm(theta, 1) <= 1,
         *([theta[: n - 6] >= 0] if n > 6 else []),
@@ -214,11 +250,15 @@ def _solve_multipliers(table: np.ndarray, rho: float) -> np.ndarray | None:
 
 
 #: Entries (v, v), (v, q), (q, q) of a form: numbers, or expressions of a convex program.
-Entries: TypeAlias = "tuple[float | cvxpy.Expression, float | cvxpy.Expression, float | cvxpy.Expression]"
+Entries: TypeAlias = (
+    "tuple[float | cvxpy.Expression, float | cvxpy.Expression, float | cvxpy.Expression]"
+)
 
 
 def _block_at_ends(M: np.ndarray | cvxpy.Variable) -> tuple[Entries, Entries]:
-    """Return the form of M in (v, q) at gamma = 0 and at gamma = q: entries (v, v), (v, q), (q, q)."""
+    """Return the form of M in (v, q) at gamma = 0 and at gamma = q: entries (v, v), (v, q),
+    (q, q).
+    """
     return (M[0], M[1], M[3]), (M[0], M[1] + M[2], M[3] + 2 * M[4] + M[5])
 
 
@@ -228,7 +268,9 @@ def _sector_form(rho: float) -> tuple[float, float, float]:
 
 
 def enlarge_block(entries: np.ndarray, rho: float) -> tuple[np.ndarray, np.ndarray]:
-    """Enlarge M by the tolerance of the solver, so that its form is nonnegative for all possible q and gamma."""
+    """Enlarge M by the tolerance of the solver, so that its form is nonnegative for all possible q
+    and gamma.
+    """
     M = np.array(entries)
     M[5] = min(M[5], 0.0)
     bounds, left = np.zeros(2), 0.0
@@ -243,22 +285,29 @@ def enlarge_block(entries: np.ndarray, rho: float) -> tuple[np.ndarray, np.ndarr
 
 
 def _sector_multiple(form: tuple[float, float, float], rho: float) -> tuple[float, float]:
-    """Return the largest multiple of the sector form below a form in (v, q), and the deficit that remains."""
+    """Return the largest multiple of the sector form below a form in (v, q), and the deficit that
+    remains.
+    """
 
     def below(multiple: float) -> float:
         p, cross, r = (x - multiple * y for x, y in zip(form, _sector_form(rho), strict=True))
-        return float(np.hypot((p - r) / 2, cross) - (p + r) / 2)  # minus the least eigenvalue, a convex function
+        return float(
+            np.hypot((p - r) / 2, cross) - (p + r) / 2
+        )  # minus the least eigenvalue, a convex function
 
     top = 1.0 + 8 * np.abs(form).max()
-    found = minimize_scalar(below, bounds=(0.0, top), method="bounded", options={"xatol": 1e-12 * top})
+    found = minimize_scalar(
+        below, bounds=(0.0, top), method="bounded", options={"xatol": 1e-12 * top}
+    )
     multiple = min((0.0, float(found.x)), key=below)
     return multiple, max(below(multiple), 0.0)
 
 
-# ---- The dissipation inequality of creeping bristles, in states that come to rest where the machine does.
+# ---- The dissipation inequality of creeping bristles, in states that come to rest where the
+# machine does.
 #
-# With y = xi - F xi_e, F the elastic force and xi_e the rest under f = 1, with e_j = Fh_j - F, and inputs
-# gamma = F'/K0 and q = z',
+# With y = xi - F xi_e, F the elastic force and xi_e the rest under f = 1, with e_j = Fh_j - F, and
+# inputs gamma = F'/K0 and q = z',
 #
 #     y' = F_loop y - K0 xi_e gamma + sigma B q,   e_j' = -a_j e_j - K0 gamma,   jump: J on y
 #
@@ -266,8 +315,9 @@ def _sector_multiple(form: tuple[float, float, float], rho: float) -> tuple[floa
 #
 #     Supply = -mu K0 gamma y_x - sum nu_j (e_j q + (a_j/K0) e_j^2) + (v, q, gamma) M (v, q, gamma)'
 #
-# and S >= mu F^2/(2 K0) + sum nu_j e_j^2/(2 K0). With mu = 0 (a circle criterion for the slopes) the energy is a form
-# in z alone: z and the inputs decay exponentially, so F = F(0) + int K0 gamma converges too.
+# and S >= mu F^2/(2 K0) + sum nu_j e_j^2/(2 K0). With mu = 0 (a circle criterion for the slopes)
+# the energy is a form in z alone: z and the inputs decay exponentially, so F = F(0) + int K0 gamma
+# converges too.
 
 
 def bristle_dissipation(loop: FrictionLoop, port: BristlePort) -> Dissipation:
@@ -293,7 +343,9 @@ def bristle_dissipation(loop: FrictionLoop, port: BristlePort) -> Dissipation:
     stored[size, size] = mu / (2 * K0) - mu / 2 * float(loop.x @ rest)
     stored_error = np.zeros_like(stored)
     stored_error[size, size] = mu / 2 * float(np.abs(loop.x) @ offset)
-    kept = size + (mu > 0)  # for mu = 0 no energy of F is stored: z decays exponentially, and F converges with it
+    kept = size + (
+        mu > 0
+    )  # for mu = 0 no energy of F is stored: z decays exponentially, and F converges with it
     B_error = np.zeros_like(B)
     B_error[:n, 0] = K0 * offset
     return Dissipation(

@@ -47,21 +47,23 @@ _SETTLING_ROUNDED_UP = 1 + 1e-9
 class MaxwellSlip(FrictionClass):
     """The class of every friction made of elements, each a spring in series with a slider.
 
-    f = sum f_i over any number of elements. Each element is a spring k_i, with a damper k_i tau_i across it, in series
-    with a slider that holds |f_i| <= W_i and slips at no less than W_i/stiction; sum k_i <= K0.
+    f = sum f_i over any number of elements. Each element is a spring k_i, with a damper k_i tau_i
+    across it, in series with a slider that holds |f_i| <= W_i and slips at no less than
+    W_i/stiction; sum k_i <= K0.
 
-    Use this class for friction that sticks fully below break-away. It contains Maxwell slip and Prandtl-Ishlinskii of
-    any curve, Stribeck friction, stiction that grows with rest, and sliders that depend on position, load, direction or
-    time. It does not contain LuGre, Dahl and Leuven (they creep below break-away), the generalised Maxwell-slip model
-    with a finite attraction, or rigid stiction.
+    Use this class for friction that sticks fully below break-away. It contains Maxwell slip and
+    Prandtl-Ishlinskii of any curve, Stribeck friction, stiction that grows with rest, and sliders
+    that depend on position, load, direction or time. It does not contain LuGre, Dahl and Leuven
+    (they creep below break-away), the generalised Maxwell-slip model with a finite attraction, or
+    rigid stiction.
 
     Fields
     ------
     K0 : float
         Largest presliding stiffness of all elements together [N/m].
     stiction : float
-        Largest force of a slider over the smallest at which it slips; at least 1. No frequency response shows it: it is
-        an assumption.
+        Largest force of a slider over the smallest at which it slips; at least 1. No frequency
+        response shows it: it is an assumption.
     bristle_time : float
         Largest damping over stiffness of an element [s].
     position_unit : str
@@ -74,7 +76,8 @@ class MaxwellSlip(FrictionClass):
 
     References
     ----------
-    F. Al-Bender, V. Lampaert, J. Swevers, IEEE Trans. Automatic Control 50, 2005 (elements and sliders).
+    F. Al-Bender, V. Lampaert, J. Swevers, IEEE Trans. Automatic Control 50, 2005 (elements and
+    sliders).
 
     Examples
     --------
@@ -86,7 +89,9 @@ class MaxwellSlip(FrictionClass):
     stiction: float = 1.5
     bristle_time: float = 0.0
 
-    excluded: ClassVar[str] = "a law that creeps below break-away (LuGre, Dahl, Leuven), rigid stiction, "
+    excluded: ClassVar[str] = (
+        "a law that creeps below break-away (LuGre, Dahl, Leuven), rigid stiction, "
+    )
     joins_ports: ClassVar[bool] = True
     takes_actuator: ClassVar[bool] = True
 
@@ -94,16 +99,21 @@ class MaxwellSlip(FrictionClass):
         super().__post_init__()
         object.__setattr__(self, "K0", require_positive("K0", self.K0))
         object.__setattr__(self, "stiction", require_stiction(self.stiction))
-        object.__setattr__(self, "bristle_time", require_nonnegative("bristle_time", self.bristle_time))
+        object.__setattr__(
+            self, "bristle_time", require_nonnegative("bristle_time", self.bristle_time)
+        )
 
     @property
     def description(self) -> str:
         """Noun phrase for the laws of the class, for texts."""
-        damped = f" and damping up to {1e3 * self.bristle_time:g} ms of it" if self.bristle_time else ""
+        damped = (
+            f" and damping up to {1e3 * self.bristle_time:g} ms of it" if self.bristle_time else ""
+        )
         return (
-            f"Maxwell-slip friction with a presliding stiffness of up to {format_plain(self.K0 / 1e3)} "
-            f"{self.units.stiffness}{damped}, in which each slider holds at most {self.stiction:.4g} times its "
-            "smallest slip force (anywhere, in any direction, at any speed or time)"
+            "Maxwell-slip friction with a presliding stiffness of up to"
+            f" {format_plain(self.K0 / 1e3)} {self.units.stiffness}{damped}, in which each slider"
+            f" holds at most {self.stiction:.4g} times its smallest slip force (anywhere, in any"
+            " direction, at any speed or time)"
         )
 
     @property
@@ -111,24 +121,39 @@ class MaxwellSlip(FrictionClass):
         """Limits of the class, without weights of a proof."""
         none = np.zeros(0)
         return MaxwellSlipPort(
-            K0=self.K0, stiction=self.stiction, bristle_time=self.bristle_time, free=0.0, rates=none, weights=none
+            K0=self.K0,
+            stiction=self.stiction,
+            bristle_time=self.bristle_time,
+            free=0.0,
+            rates=none,
+            weights=none,
         )
 
     def stuck(self) -> tuple[float, float]:
         """Return stiffness [N/m] and damping [Ns/m] of the stiffest element that never slips."""
         return self.K0, 0.0
 
-    def decide(self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()) -> FrictionProof:
-        """Return "proved" if an energy is found that falls, else a bound of the position if one is found."""
+    def decide(
+        self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()
+    ) -> FrictionProof:
+        """Return "proved" if an energy is found that falls, else a bound of the position if one is
+        found.
+        """
         found = certified_verdict(undecided, task, partial(self.certify, others=others))
         if found.verdict is FrictionVerdict.NOT_DECIDED and np.isfinite(task.forces).all():
             return self.settle(found, task, others)
         return found
 
-    def certify(self, loop: FrictionLoop, reference: float, others: Sequence[Self] = ()) -> FrictionCertificate:
-        """Prove that the energy of the loop falls with every friction of the classes; else give the last failure."""
+    def certify(
+        self, loop: FrictionLoop, reference: float, others: Sequence[Self] = ()
+    ) -> FrictionCertificate:
+        """Prove that the energy of the loop falls with every friction of the classes; else give the
+        last failure.
+        """
         ports = (self, *others)
-        K0, rho, n_ports = np.array([one.K0 for one in ports]), np.array([one.stiction for one in ports]), len(ports)
+        K0 = np.array([one.K0 for one in ports])
+        rho = np.array([one.stiction for one in ports])
+        n_ports = len(ports)
         omega = loop_frequencies(loop, _N_POINTS if n_ports > 1 else 900)
         response = mobility(loop, omega).reshape(omega.size, n_ports, n_ports)
         wrong, balanced = coupling_of_rests(loop) if n_ports > 1 else ("", False)
@@ -139,9 +164,13 @@ class MaxwellSlip(FrictionClass):
             mu = weights_of_ports(response, omega, rates=rates, K0=K0, rho=rho, balanced=balanced)
             if mu is None:
                 continue
-            reason, energy = certified_dissipation(maxwell_slip_dissipation(loop, rates, mu=mu, K0=K0, rho=rho))
+            reason, energy = certified_dissipation(
+                maxwell_slip_dissipation(loop, rates, mu=mu, K0=K0, rho=rho)
+            )
             if not reason:
-                weighed = tuple(weighed_port(rates, one.limits, own) for one, own in zip(ports, mu, strict=True))
+                weighed = tuple(
+                    weighed_port(rates, one.limits, own) for one, own in zip(ports, mu, strict=True)
+                )
                 return FrictionCertificate("", weighed, energy)
         return FrictionCertificate(reason)
 
@@ -149,14 +178,21 @@ class MaxwellSlip(FrictionClass):
         """Prove the largest region of rest that is found, with an actuator that saturates."""
         return largest_region(task, self.limits, known, left)
 
-    def settle(self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()) -> FrictionProof:
-        """Return a proof of a bound on the position: over the rationals, or else `error_bound` for any friction."""
+    def settle(
+        self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()
+    ) -> FrictionProof:
+        """Return a proof of a bound on the position: over the rationals, or else `error_bound` for
+        any friction.
+        """
         loop, forces, error_bound = task.loop, task.forces, undecided.error_bound
         classes, any_friction = (self, *others), settled_by_bound(undecided)
         if any(one.bristle_time for one in classes) or not loop.growth() < 0:
             return any_friction
-        stiffest, ratios = np.array([one.K0 for one in classes]), np.array([one.stiction for one in classes])
-        rests = np.array([largest_rest(Fs, ratio) for Fs, ratio in zip(forces, ratios, strict=True)])
+        stiffest = np.array([one.K0 for one in classes])
+        ratios = np.array([one.stiction for one in classes])
+        rests = np.array(
+            [largest_rest(Fs, ratio) for Fs, ratio in zip(forces, ratios, strict=True)]
+        )
         most = rests.max()
         try:
             shares = rests / most if most else np.ones(rests.size)
@@ -170,12 +206,22 @@ class MaxwellSlip(FrictionClass):
             # a bound of zero, for a rest of zero and a stiction of one, could not be claimed
             error = max(float((one.reach * most + held).max()) * _SETTLING_ROUNDED_UP, 1e-300)
             ports = tuple(
-                replace(its.limits, stiction=max(its.stiction, ROUNDED_UP), rates=one.rates, weights=own)
+                replace(
+                    its.limits, stiction=max(its.stiction, ROUNDED_UP), rates=one.rates, weights=own
+                )
                 for its, own in zip(classes, one.weights, strict=True)
             )
-            own_settling = Settling(decay=one.decay, Fs=forces, error=error, rest_weights=one.rest_weights)
+            own_settling = Settling(
+                decay=one.decay, Fs=forces, error=error, rest_weights=one.rest_weights
+            )
             exact = replace(build_claim(task, ports, one), settling=own_settling)
             if verify_friction(exact).verified:
-                smaller, proved = error_bound if error_bound < error else error, certificate_of(exact)
-                return replace(undecided, verdict=FrictionVerdict.SETTLES, settling_error=smaller, certificate=proved)
+                smaller = error_bound if error_bound < error else error
+                proved = certificate_of(exact)
+                return replace(
+                    undecided,
+                    verdict=FrictionVerdict.SETTLES,
+                    settling_error=smaller,
+                    certificate=proved,
+                )
         return any_friction

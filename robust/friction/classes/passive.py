@@ -1,8 +1,10 @@
-"""Every passive friction at once: the damping that a loop leaves at the friction port, over all frequencies.
+"""Every passive friction at once: the damping that a loop leaves at the friction port, over all
+frequencies.
 
-The damping is a quotient of polynomials in y = x^2, with x = omega in a continuous loop and tan(omega T/2) in a sampled
-one, computed from the numbers as given. Its smallest value is searched at its stationary points. Its positivity is
-proved over the rationals, so no resonance is too narrow to be found.
+The damping is a quotient of polynomials in y = x^2, with x = omega in a continuous loop and
+tan(omega T/2) in a sampled one, computed from the numbers as given. Its smallest value is searched
+at its stationary points. Its positivity is proved over the rationals, so no resonance is too narrow
+to be found.
 """
 
 from __future__ import annotations
@@ -46,7 +48,9 @@ _MAX_STATES = 40
 
 @value
 class _Damping:
-    """Remaining damping [Ns/m]: top/bottom over y >= 0, both of formal degree `degree`; `end` is its limit."""
+    """Remaining damping [Ns/m]: top/bottom over y >= 0, both of formal degree `degree`; `end` is
+    its limit.
+    """
 
     top: Polynomial
     bottom: Polynomial
@@ -58,12 +62,17 @@ class _Damping:
         return _quotient_as_float(self.top[self.degree], self.bottom[self.degree])
 
     def at(self, y: float) -> float:
-        return _quotient_as_float(self.top(to_rational(y)), self.bottom(to_rational(y))) if np.isfinite(y) else self.end
+        return (
+            _quotient_as_float(self.top(to_rational(y)), self.bottom(to_rational(y)))
+            if np.isfinite(y)
+            else self.end
+        )
 
 
 @value(kw_only=False)
 class Passive(FrictionClass):
-    """The class of every friction that never returns more energy than it received: int f v dt >= -E0.
+    """The class of every friction that never returns more energy than it received: int f v dt >=
+    -E0.
 
     Not all friction is passive: LuGre is passive only if sigma2 >= sigma1 (Fs - Fc)/Fc.
 
@@ -90,8 +99,12 @@ class Passive(FrictionClass):
     excluded: ClassVar[str] = "LuGre with less damping than sigma1 (Fs - Fc)/Fc, "
     description: ClassVar[str] = "passive friction"
 
-    def decide(self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()) -> FrictionProof:
-        """Return "proved" if the loop is stable and leaves damping at the port at every frequency."""
+    def decide(
+        self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()
+    ) -> FrictionProof:
+        """Return "proved" if the loop is stable and leaves damping at the port at every
+        frequency.
+        """
         verdict, reason = _decide_passivity(task)
         return replace(undecided, verdict=verdict, reason=reason)
 
@@ -101,13 +114,21 @@ def _decide_passivity(task: ProofTask) -> tuple[FrictionVerdict, str]:
     if loop.F.shape[0] > _MAX_STATES:
         return (
             FrictionVerdict.NOT_DECIDED,
-            f"the loop has {loop.F.shape[0]} states; the exact decision takes at most {_MAX_STATES}",
+            (
+                f"the loop has {loop.F.shape[0]} states; the exact decision takes at most"
+                f" {_MAX_STATES}"
+            ),
         )
-    matrices = Matrices(A=machine.A, B=machine.B_force[:, None], C=machine.C_measured[None], D=np.zeros((1, 1)))
+    matrices = Matrices(
+        A=machine.A, B=machine.B_force[:, None], C=machine.C_measured[None], D=np.zeros((1, 1))
+    )
     if not decide_loop_stability(matrices, to_matrices(K), delay=delay).holds:
         return (
             FrictionVerdict.NOT_DECIDED,
-            "the sliding loop, with all states of its controller, is not strictly stable: a state may drift at rest",
+            (
+                "the sliding loop, with all states of its controller, is not strictly stable: a"
+                " state may drift at rest"
+            ),
         )
     if loop.T:
         why = _not_single_mass(machine, delay / loop.T)
@@ -121,11 +142,16 @@ def _decide_passivity(task: ProofTask) -> tuple[FrictionVerdict, str]:
 
 
 def _not_single_mass(machine: FrictionPlant, samples: float) -> str:
-    """Return the reason why the criterion of Colgate and Schenkel does not apply to this loop; empty if it does."""
+    """Return the reason why the criterion of Colgate and Schenkel does not apply to this loop;
+    empty if it does.
+    """
     collocated = np.array_equal(machine.B_force, machine.B_port)
     collocated &= np.array_equal(machine.C_measured, machine.C_port)
     if not collocated or machine.A.shape[0] != 2 or not _mass_and_damping(machine)[1] > 0:
-        return "a sampled loop is decided only for one mass with force, friction and sensor at one place"
+        return (
+            "a sampled loop is decided only for one mass with force, friction and sensor at one"
+            " place"
+        )
     if np.abs(samples - np.round(samples)) > 1e-9:
         return "the criterion takes a delay of whole samples only"
     return ""
@@ -149,16 +175,23 @@ def _even_and_odd_part(num: Polynomial, den: Polynomial) -> tuple[Polynomial, Po
 
 
 def _continuous_damping(loop: FrictionLoop) -> _Damping:
-    """Return the real part of the impedance 1/(s X) at the port, with X = num/den from force to displacement there."""
+    """Return the real part of the impedance 1/(s X) at the port, with X = num/den from force to
+    displacement there.
+    """
     n = loop.F.shape[0]
-    X = transfer_quotient(Matrices(A=loop.F, B=-loop.B[:, None], C=loop.x[None], D=np.zeros((1, 1))))
-    num = type(X.num)(X.num.coeffs()[: n - 1])  # a mass does not move at once under a force: the rest is rounding
+    X = transfer_quotient(
+        Matrices(A=loop.F, B=-loop.B[:, None], C=loop.x[None], D=np.zeros((1, 1)))
+    )
+    num = type(X.num)(
+        X.num.coeffs()[: n - 1]
+    )  # a mass does not move at once under a force: the rest is rounding
     _, odd = _even_and_odd_part(num, X.den)
     return _Damping(top=-odd, bottom=squared_magnitude(num), degree=n - 2)
 
 
 def _sampled_damping(c: float, K: control.StateSpace, delay: float) -> _Damping:
-    """Return c minus (T/2)/(1 - cos wT) Re[(1 - exp(-jwT)) K(exp(jwT))] (Colgate & Schenkel 1997), the delay in K.
+    """Return c minus (T/2)/(1 - cos wT) Re[(1 - exp(-jwT)) K(exp(jwT))] (Colgate & Schenkel 1997),
+    the delay in K.
 
     With x = tan(wT/2) the damping needed is (T/2)(Re K - Im K/x).
     """
@@ -167,38 +200,56 @@ def _sampled_damping(c: float, K: control.StateSpace, delay: float) -> _Damping:
     even, odd = _even_and_odd_part(late.num, late.den)
     size = squared_magnitude(late.den)
     return _Damping(
-        top=size * to_rational(c) - (even - odd) * (to_rational(T) / to_rational(2.0)), bottom=size, degree=late.degree
+        top=size * to_rational(c) - (even - odd) * (to_rational(T) / to_rational(2.0)),
+        bottom=size,
+        degree=late.degree,
     )
 
 
-def _decide_damping(left: _Damping, c: float, T: float, *, unit: str) -> tuple[FrictionVerdict, str]:
-    """Return the verdict on the remaining damping: positive at every frequency, proved over the rationals."""
+def _decide_damping(
+    left: _Damping, c: float, T: float, *, unit: str
+) -> tuple[FrictionVerdict, str]:
+    """Return the verdict on the remaining damping: positive at every frequency, proved over the
+    rationals.
+    """
     y, least = _least_damping(left)
     where = _frequency_of(y, T)
     size = np.abs(c) if T else np.abs(left.end)
     if not least > _ROUNDING * size:
         words = (
-            f"c = {c:.4g} {unit}, and {c - least:.4g} {unit} are needed" if T else f"{-least:.4g} {unit} are missing"
+            f"c = {c:.4g} {unit}, and {c - least:.4g} {unit} are needed"
+            if T
+            else f"{-least:.4g} {unit} are missing"
         )
         if -least > _INFINITE_DAMPING * size:
             words = "no damping is enough"
         return FrictionVerdict.NOT_DECIDED, f"not passive {where}: {words}"
-    claimed = least - _MIN_DAMPING_SHARE * max(least, size) if least > 2 * _MIN_DAMPING_SHARE * size else least / 2
+    claimed = (
+        least - _MIN_DAMPING_SHARE * max(least, size)
+        if least > 2 * _MIN_DAMPING_SHARE * size
+        else least / 2
+    )
     rest = left.top - left.bottom * to_rational(claimed)
     found = positive_on_half_line(rest)
     if not (found.holds and rest[left.degree] > 0):
         return (
             FrictionVerdict.NOT_DECIDED,
-            "damping at every frequency is not proved: "
-            f"{found.reason or 'the limit at high frequencies is not positive'}",
+            (
+                "damping at every frequency is not proved: "
+                f"{found.reason or 'the limit at high frequencies is not positive'}"
+            ),
         )
     needed = f"c = {c:.4g} {unit}, and at most {c - claimed:.4g} {unit} are needed"
-    words = needed if T else f"at least {claimed:.4g} {unit} of damping is left at the friction port"
+    words = (
+        needed if T else f"at least {claimed:.4g} {unit} of damping is left at the friction port"
+    )
     return FrictionVerdict.PROVED, f"{words} (most critical {where}; proved for all frequencies)"
 
 
 def _least_damping(left: _Damping) -> tuple[float, float]:
-    """Return the smallest damping and its y approximately, for the report; the proof does not use it."""
+    """Return the smallest damping and its y approximately, for the report; the proof does not use
+    it.
+    """
     slope = left.top.derivative() * left.bottom - left.top * left.bottom.derivative()
     roots = complex_roots(slope) if slope.degree() > 0 else []
     places = [0.0, np.inf, *(float(root.real.mid()) for root, _ in roots)]

@@ -1,7 +1,9 @@
-"""Classes of friction in a claim: limits at a port, weights of a proof, and what they guarantee over the rationals.
+"""Classes of friction in a claim: limits at a port, weights of a proof, and what they guarantee
+over the rationals.
 
-It is derived on the page on the theory of these proofs (T1, T2, T3). Nothing here is taken from the code that found
-the weights. A file tells the classes by their entries, so each class has other entries.
+It is derived on the page on the theory of these proofs (T1, T2, T3). Nothing here is taken from the
+code that found the weights. A file tells the classes by their entries, so each class has other
+entries.
 """
 
 from __future__ import annotations
@@ -41,12 +43,16 @@ class MaxwellSlipPort:
     @property
     def fault(self) -> str:
         """Return an empty string if the weights are admissible for the class, else the fault."""
-        if not self.rates.size or any(to_rational(a) * to_rational(self.bristle_time) >= 1 for a in self.rates):
+        if not self.rates.size or any(
+            to_rational(a) * to_rational(self.bristle_time) >= 1 for a in self.rates
+        ):
             return "a filter is faster than the bristles, or there is none"
         return _fault_of_weights(self)
 
     def supply(self, others: Sequence[PortClaim], loop: ExactLoop) -> ExactSupply:
-        """Return the supply of Maxwell-slip friction (T1, T2): states (y, e_j), inputs d = f - fh_1 of each port."""
+        """Return the supply of Maxwell-slip friction (T1, T2): states (y, e_j), inputs d = f - fh_1
+        of each port.
+        """
         zero, ports, n = to_rational(0.0), (self, *others), loop.F.nrows()
         # at a stiction of one the energy is not positive
         ratios = [to_rational(port.stiction if port.stiction > 1 else 1.001) for port in ports]
@@ -56,15 +62,15 @@ class MaxwellSlipPort:
         scales = _port_scales(ports, ratios, moved)
         A, jumps = with_force_filters(loop, [a for own in filters for a in own[1:]])
         size, P, first = len(A), len(ports), n
-        B, Q, N = fmpq_mat(size, P).tolist(), fmpq_mat(size, size).tolist(), fmpq_mat(size, P).tolist()
+        B = fmpq_mat(size, P).tolist()
+        Q = fmpq_mat(size, size).tolist()
+        N = fmpq_mat(size, P).tolist()
         R, stored = fmpq_mat(P, P).tolist(), fmpq_mat(size + 2 * P, size + 2 * P).tolist()
         shares = []  # s of each port
         for p, (port, a, rho, scale) in enumerate(zip(ports, filters, ratios, scales, strict=True)):
-            mu, free, K0 = (
-                [scale * to_rational(x) for x in port.weights],
-                scale * to_rational(port.free),
-                to_rational(port.K0),
-            )
+            mu = [scale * to_rational(x) for x in port.weights]
+            free = scale * to_rational(port.free)
+            K0 = to_rational(port.K0)
             x, v = (rows.tolist()[p] + [zero] * (size - n) for rows in (loop.x, loop.v))
             total = sum(mu, start=zero)
             s = free + (1 - 1 / rho) * total
@@ -109,14 +115,19 @@ class MaxwellSlipPort:
         )
 
 
-def _port_scales(ports: Sequence[PortClaim], ratios: list[fmpq], moved: list[list[fmpq]]) -> list[fmpq]:
-    """Return factors near one on the weights of each port that make s_p X_pq symmetric in spite of rounding.
+def _port_scales(
+    ports: Sequence[PortClaim], ratios: list[fmpq], moved: list[list[fmpq]]
+) -> list[fmpq]:
+    """Return factors near one on the weights of each port that make s_p X_pq symmetric in spite of
+    rounding.
 
-    moved : X, the displacement at port p at rest under f_q = 1. A claim may have any nonnegative weights.
+    moved : X, the displacement at port p at rest under f_q = 1. A claim may have any nonnegative
+    weights.
     """
     scales = [to_rational(1.0)]
     shares = [
-        to_rational(port.free) + (1 - 1 / rho) * sum(map(to_rational, port.weights), start=to_rational(0.0))
+        to_rational(port.free)
+        + (1 - 1 / rho) * sum(map(to_rational, port.weights), start=to_rational(0.0))
         for port, rho in zip(ports, ratios, strict=True)
     ]
     for p in range(1, len(shares)):
@@ -149,7 +160,10 @@ class BristlePort:
         M, rho = [[to_rational(x) for x in row] for row in self.block], to_rational(self.stiction)
         if M[2][2] > 0 or min(self.bounds) < 0:
             return "the block is not concave in the slope, or a bound is negative"
-        ends = [(M[0][0], M[0][1], M[1][1]), (M[0][0], M[0][1] + M[0][2], M[1][1] + 2 * M[1][2] + M[2][2])]
+        ends = [
+            (M[0][0], M[0][1], M[1][1]),
+            (M[0][0], M[0][1] + M[0][2], M[1][1] + 2 * M[1][2] + M[2][2]),
+        ]
         for (p, cross, r), bound in zip(ends, self.bounds, strict=True):
             m = to_rational(bound)
             left = fmpq_mat([[p - m * (rho * rho - 1), cross - m], [cross - m, r + m]])
@@ -159,7 +173,9 @@ class BristlePort:
 
     def supply(self, _: Sequence[PortClaim], loop: ExactLoop) -> ExactSupply:
         """Return the supply of bristles (T3): states (y, e_j), inputs gamma = F'/K0 and q = z'."""
-        a, nu, mu = [to_rational(x) for x in self.rates], [to_rational(x) for x in self.weights], to_rational(self.free)
+        a = [to_rational(x) for x in self.rates]
+        nu = [to_rational(x) for x in self.weights]
+        mu = to_rational(self.free)
         K0, sigma = to_rational(self.K0), to_rational(self.microdamping)
         M = [[to_rational(x) for x in row] for row in self.block]
         rest, n = [row[0] for row in equilibrium(loop).tolist()], loop.F.nrows()
@@ -196,7 +212,11 @@ class BristlePort:
 def _fault_of_weights(port: PortClaim) -> str:
     if min([port.free, *port.weights]) < 0 or min([1.0, *port.rates]) <= 0:
         return "a weight is negative, or a rate is not positive"
-    return "" if port.K0 > 0 and port.stiction >= 1 else "K0 is not positive, or the stiction is below one"
+    return (
+        ""
+        if port.K0 > 0 and port.stiction >= 1
+        else "K0 is not positive, or the stiction is below one"
+    )
 
 
 #: The classes that a claim can be about.

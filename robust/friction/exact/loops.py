@@ -1,11 +1,20 @@
-"""The sliding loop of a claim over the rationals: flows between samples, jumps at samples, and its actuator."""
+"""The sliding loop of a claim over the rationals: flows between samples, jumps at samples, and its
+actuator.
+"""
 
 from __future__ import annotations
 
 from flint import fmpq, fmpq_mat
 
 from robust.friction.exact.claim import FrictionClaim
-from robust.friction.exact.supply import ExactBlock, ExactLoop, Row, Rows, block_diagonal, equilibrium
+from robust.friction.exact.supply import (
+    ExactBlock,
+    ExactLoop,
+    Row,
+    Rows,
+    block_diagonal,
+    equilibrium,
+)
 from robust.proofs.exact.matrices import identity
 from robust.proofs.exact.polynomials import to_rational, to_rational_matrix
 
@@ -16,13 +25,18 @@ def _continuous_flow(
     """Return the dynamics of a machine and a continuous controller, with the state (machine, K)."""
     n, D = len(A), K["D"][0][0]
     machine: Rows = [
-        [A[i][j] - D * B[i][0] * C[0][j] for j in range(n)] + [B[i][0] * c for c in K["C"][0]] for i in range(n)
+        [A[i][j] - D * B[i][0] * C[0][j] for j in range(n)] + [B[i][0] * c for c in K["C"][0]]
+        for i in range(n)
     ]
-    return machine + [[-b[0] * C[0][j] for j in range(n)] + list(a) for a, b in zip(K["A"], K["B"], strict=True)]
+    return machine + [
+        [-b[0] * C[0][j] for j in range(n)] + list(a) for a, b in zip(K["A"], K["B"], strict=True)
+    ]
 
 
 def exact_loop(claim: FrictionClaim) -> ExactLoop:
-    """Return the loop of machine, hold, delay and controller; its state is (machine, held force, waiting forces, K)."""
+    """Return the loop of machine, hold, delay and controller; its state is (machine, held force,
+    waiting forces, K).
+    """
     A, B, C = (to_rational_matrix(getattr(claim.machine, name)).tolist() for name in "ABC")
     K = {name: to_rational_matrix(getattr(claim.controller, name)).tolist() for name in "ABCD"}
     n, s = claim.machine.order, claim.controller.order
@@ -37,12 +51,19 @@ def exact_loop(claim: FrictionClaim) -> ExactLoop:
         size, own = n + 1 + waiting + s, n + 1 + waiting
         F = [[*A[i], B[i][0], *[0] * (size - n - 1)] for i in range(n)]
         F += [[0] * size for _ in range(size - n)]
-        command_row: Row = [-D * c for c in C[0]] + [0] * (1 + waiting) + [c for row in K["C"] for c in row]
+        command_row: Row = (
+            [-D * c for c in C[0]] + [0] * (1 + waiting) + [c for row in K["C"] for c in row]
+        )
         rows: Rows = [*identity(size).tolist()]
-        forces: Rows = [command_row, *rows[n + 1 : own]]  # the new force, then the waiting ones, the oldest last
+        forces: Rows = [
+            command_row,
+            *rows[n + 1 : own],
+        ]  # the new force, then the waiting ones, the oldest last
         rows[n + 1 : own] = forces[:waiting]
         for i in range(s):
-            rows[own + i] = [-K["B"][i][0] * c for c in C[0]] + [0] * (1 + waiting) + list(K["A"][i])
+            rows[own + i] = (
+                [-K["B"][i][0] * c for c in C[0]] + [0] * (1 + waiting) + list(K["A"][i])
+            )
         spans, jumps = [T], [rows]
         if part > 0:
             late: Rows = [*identity(size).tolist()]
@@ -51,7 +72,10 @@ def exact_loop(claim: FrictionClaim) -> ExactLoop:
         else:
             rows[n] = forces[waiting]
     ports, more = C[1:], [to_rational(0.0)] * (size - n)
-    velocity = [[sum((c[i] * A[i][j] for i in range(n)), start=to_rational(0.0)) for j in range(n)] for c in ports]
+    velocity = [
+        [sum((c[i] * A[i][j] for i in range(n)), start=to_rational(0.0)) for j in range(n)]
+        for c in ports
+    ]
     return ExactLoop(
         F=fmpq_mat(F),
         B=fmpq_mat([[-b for b in B[i][1:]] for i in range(n)] + [[0] * len(ports)] * (size - n)),
@@ -70,11 +94,14 @@ def _split_delay(delay: fmpq, T: fmpq) -> tuple[int, fmpq]:
     return whole, left if left > near * T else fmpq(0)
 
 
-# ---- An actuator that saturates, over the rationals: the loop with filters of its force, its supply, its region.
+# ---- An actuator that saturates, over the rationals: the loop with filters of its force, its
+# supply, its region.
 
 
 def check_actuator(claim: FrictionClaim) -> str:
-    """Return an empty string if the weights of the actuator are admissible for any saturation, else the fault."""
+    """Return an empty string if the weights of the actuator are admissible for any saturation, else
+    the fault.
+    """
     own = claim.actuator
     if own is None:
         return ""
@@ -90,7 +117,8 @@ def check_actuator(claim: FrictionClaim) -> str:
 
 def _commanded_force_row(claim: FrictionClaim, size: int) -> list[fmpq]:
     """Return the commanded force as a row (size,) on the states."""
-    C, D = to_rational_matrix(claim.controller.C).tolist(), to_rational_matrix(claim.controller.D).tolist()[0][0]
+    C = to_rational_matrix(claim.controller.C).tolist()
+    D = to_rational_matrix(claim.controller.D).tolist()[0][0]
     measured = to_rational_matrix(claim.machine.C).tolist()[0]
     n, s = claim.machine.order, claim.controller.order
     row = [-D * c for c in measured] + [to_rational(0.0)] * (size - n)
@@ -101,7 +129,9 @@ def _commanded_force_row(claim: FrictionClaim, size: int) -> list[fmpq]:
 
 
 def with_actuator_filters(claim: FrictionClaim, loop: ExactLoop) -> ExactLoop:
-    """Append the filters u_j+ = u_j + phi (u_commanded - u_j) of the actuator to the loop, as its last states."""
+    """Append the filters u_j+ = u_j + phi (u_commanded - u_j) of the actuator to the loop, as its
+    last states.
+    """
     assert claim.actuator is not None
     forgets = [to_rational(phi) for phi in claim.actuator.forgets]
     n, size, extra = loop.F.nrows(), loop.F.nrows() + len(forgets), len(forgets)
@@ -124,16 +154,20 @@ def with_actuator_filters(claim: FrictionClaim, loop: ExactLoop) -> ExactLoop:
 
 
 def dead_zone_block(claim: FrictionClaim, loop: ExactLoop, size: int) -> ExactBlock:
-    """Return theta_0 w (share c'y - w) + sum theta_j w (c'y - w - u_j) for a loop with filters, in `size` states."""
+    """Return theta_0 w (share c'y - w) + sum theta_j w (c'y - w - u_j) for a loop with filters, in
+    `size` states.
+    """
     own = claim.actuator
     assert own is not None
-    theta, sector, share = [to_rational(x) for x in own.weights], to_rational(own.sector), to_rational(own.share)
+    theta = [to_rational(x) for x in own.weights]
+    sector = to_rational(own.sector)
+    share = to_rational(own.share)
     n, m = claim.machine.order, loop.F.nrows()
     first = m - len(theta)
     total = sum(theta, start=to_rational(0.0))
-    output_row = [(share * sector + total) / 2 * a for a in _commanded_force_row(claim, m)] + [to_rational(0.0)] * (
-        size - m
-    )
+    output_row = [(share * sector + total) / 2 * a for a in _commanded_force_row(claim, m)] + [
+        to_rational(0.0)
+    ] * (size - m)
     input_column = [to_rational(0.0)] * size
     for j, (weight, phi) in enumerate(zip(theta, own.forgets, strict=True)):
         output_row[first + j] -= weight / 2
@@ -150,11 +184,14 @@ def dead_zone_block(claim: FrictionClaim, loop: ExactLoop, size: int) -> ExactBl
     )
 
 
-def check_reach(claim: FrictionClaim, loop: ExactLoop, *, energy: list[list[fmpq_mat]], stored: fmpq_mat) -> str:
-    """Return an empty string if the claimed initial velocity keeps the command in the sector, else the fault.
+def check_reach(
+    claim: FrictionClaim, loop: ExactLoop, *, energy: list[list[fmpq_mat]], stored: fmpq_mat
+) -> str:
+    """Return an empty string if the claimed initial velocity keeps the command in the sector, else
+    the fault.
 
-    The test is (1 - share)^2 kick^2 (e'Pe) (c'E^-1 c) <= (limit - Fs |c'rest|)^2, in the coordinates of the energy.
-    stored : the whole energy E just before a sample.
+    The test is (1 - share)^2 kick^2 (e'Pe) (c'E^-1 c) <= (limit - Fs |c'rest|)^2, in the
+    coordinates of the energy. stored : the whole energy E just before a sample.
     """
     own = claim.actuator
     assert own is not None
@@ -173,9 +210,24 @@ def check_reach(claim: FrictionClaim, loop: ExactLoop, *, energy: list[list[fmpq
     B, v = to_rational_matrix(claim.machine.B).tolist(), loop.v.tolist()[0]
     through = sum((v[i] * B[i][1] for i in range(claim.machine.order)), start=to_rational(0.0))
     if through <= 0:
-        return "" if own.share == 1 else "a force at the friction port does not change the velocity at once"
-    hit = fmpq_mat([[B[i][1] / through] if i < claim.machine.order else [to_rational(0.0)] for i in range(size)])
+        return (
+            ""
+            if own.share == 1
+            else "a force at the friction port does not change the velocity at once"
+        )
+    hit = fmpq_mat(
+        [
+            [B[i][1] / through] if i < claim.machine.order else [to_rational(0.0)]
+            for i in range(size)
+        ]
+    )
     start = V.solve(hit)
-    put_in = max((start.transpose() * P * start).tolist()[0][0] for interval in energy for P in interval)
+    put_in = max(
+        (start.transpose() * P * start).tolist()[0][0] for interval in energy for P in interval
+    )
     over = (1 - to_rational(own.share)) * to_rational(own.kick)
-    return "" if over * over * put_in * peak_command <= left * left else "a kick of that size may leave the sector"
+    return (
+        ""
+        if over * over * put_in * peak_command <= left * left
+        else "a kick of that size may leave the sector"
+    )

@@ -1,4 +1,6 @@
-"""A bound of the distance from rest for Maxwell slip with stiction (T7 of the theory), over the rationals."""
+"""A bound of the distance from rest for Maxwell slip with stiction (T7 of the theory), over the
+rationals.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ from robust.proofs.exact.polynomials import to_rational
 
 @value
 class Settling:
-    """A bound of the distance from rest under friction with stiction, and the rate of decay that proves it."""
+    """A bound of the distance from rest under friction with stiction, and the rate of decay that
+    proves it.
+    """
 
     decay: float  # lambda [1/s] in V' + 2 lambda V <= r^2
     Fs: np.ndarray  # (P,) largest friction force at each port [N]
@@ -45,15 +49,20 @@ class Settling:
         return "a filter is slower than the decay" if slow else ""
 
     def _rests(self, ports: Sequence[PortClaim]) -> list[fmpq]:
-        """Return the largest difference of each friction from that of the same elements with constant sliders [N]."""
-        return [(1 - 1 / to_rational(port.stiction)) * Fs / 2 for port, Fs in zip(ports, self._forces, strict=True)]
+        """Return the largest difference of each friction from that of the same elements with
+        constant sliders [N].
+        """
+        return [
+            (1 - 1 / to_rational(port.stiction)) * Fs / 2
+            for port, Fs in zip(ports, self._forces, strict=True)
+        ]
 
     def supply(self, ports: Sequence[PortClaim], loop: ExactLoop) -> ExactSupply:
         """Return the supply for friction without stiction plus a rest force (T7).
 
-        States (y, e_j), inputs g - gh_1 and r. The decay is in the flow, A + decay I, and in the losses of the filters.
-        stored : a form in (y, e_j, d), with d = g - gh_1. For several ports all d come before all r, and each r is
-        relative to the largest rest of all ports.
+        States (y, e_j), inputs g - gh_1 and r. The decay is in the flow, A + decay I, and in the
+        losses of the filters. stored : a form in (y, e_j, d), with d = g - gh_1. For several ports
+        all d come before all r, and each r is relative to the largest rest of all ports.
         """
         zero, decay = to_rational(0.0), to_rational(self.decay)
         filters = [[to_rational(x) for x in port.rates] for port in ports]
@@ -64,7 +73,9 @@ class Settling:
         size, first = len(A), n
         for i in range(size):
             A[i][i] += decay
-        B, Q, N = fmpq_mat(size, 2 * P).tolist(), fmpq_mat(size, size).tolist(), fmpq_mat(size, 2 * P).tolist()
+        B = fmpq_mat(size, 2 * P).tolist()
+        Q = fmpq_mat(size, size).tolist()
+        N = fmpq_mat(size, 2 * P).tolist()
         stored, R = fmpq_mat(size + P, size + P).tolist(), fmpq_mat(2 * P, 2 * P).tolist()
         for p, (port, a) in enumerate(zip(ports, filters, strict=True)):
             mu, K0, d = [to_rational(x) for x in port.weights], to_rational(port.K0), size + p
@@ -88,7 +99,10 @@ class Settling:
                 stored[e][e] += held
                 stored[e][d] -= held
                 stored[d][e] -= held
-            R[p][p], R[P + p][P + p] = -sum(lost, start=zero), -to_rational(float(self.rest_weights[p]))
+            R[p][p], R[P + p][P + p] = (
+                -sum(lost, start=zero),
+                -to_rational(float(self.rest_weights[p])),
+            )
             first += len(a) - 1
         return ExactSupply(
             A=fmpq_mat(A),
@@ -100,17 +114,25 @@ class Settling:
             jumps=jumps,
         )
 
-    def holds(self, ports: Sequence[PortClaim], loop: ExactLoop, *, V: fmpq_mat, energies: list[fmpq_mat]) -> bool:
-        """Return whether the displacement at every port is within the bound for every V up to its final value.
+    def holds(
+        self, ports: Sequence[PortClaim], loop: ExactLoop, *, V: fmpq_mat, energies: list[fmpq_mat]
+    ) -> bool:
+        """Return whether the displacement at every port is within the bound for every V up to its
+        final value.
 
         |x| <= |x_y| + sum |x_e| |gh_1|: the sliders without stiction hold at most (1 + 1/rho)/2 of Fs.
         """
         decay, most, size = to_rational(self.decay), max(self._rests(ports)), V.nrows()
-        held = [(1 + 1 / to_rational(port.stiction)) / 2 * Fs for port, Fs in zip(ports, self._forces, strict=True)]
+        held = [
+            (1 + 1 / to_rational(port.stiction)) / 2 * Fs
+            for port, Fs in zip(ports, self._forces, strict=True)
+        ]
         at_rest = (loop.x * equilibrium(loop)).tolist()
         turned, zero = V.transpose(), to_rational(0.0)
         for x, moved in zip(loop.x.tolist(), at_rest, strict=True):
-            left = to_rational(self.error) - sum((abs(a) * f for a, f in zip(moved, held, strict=True)), start=zero)
+            left = to_rational(self.error) - sum(
+                (abs(a) * f for a, f in zip(moved, held, strict=True)), start=zero
+            )
             if left <= 0:
                 return False
             read = (turned * fmpq_mat([[a] for a in [*x, *[zero] * (size - len(x))]])).tolist()

@@ -1,4 +1,6 @@
-"""A sliding loop over the rationals, its rest under 1 N, and the supply of a class of friction in it."""
+"""A sliding loop over the rationals, its rest under 1 N, and the supply of a class of friction in
+it.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ Rows: TypeAlias = list[Sequence[fmpq | int]]
 
 @value(copy=False)
 class ExactLoop:
-    """Flow xi' = F xi + B f over each span after its jump, as matrices of rationals; x, v rows at each port."""
+    """Flow xi' = F xi + B f over each span after its jump, as matrices of rationals; x, v rows at
+    each port.
+    """
 
     F: fmpq_mat
     B: fmpq_mat
@@ -33,7 +37,9 @@ def block_diagonal(first: fmpq_mat, second: fmpq_mat) -> fmpq_mat:
 
 
 def equilibrium(loop: ExactLoop) -> fmpq_mat:
-    """Return the exact equilibrium under f = 1 at each port, one column each; raise a ValueError if there is none."""
+    """Return the exact equilibrium under f = 1 at each port, one column each; raise a ValueError if
+    there is none.
+    """
     n = loop.F.nrows()
     rows, wanted = loop.F.tolist(), (-loop.B).tolist()
     unit = identity(n)
@@ -51,7 +57,9 @@ def equilibrium(loop: ExactLoop) -> fmpq_mat:
 
 @value(copy=False)
 class ExactBlock:
-    """A dead zone: its output w enters the jump or the flow by `input_column`, and 2 w output_row y >= weight w^2."""
+    """A dead zone: its output w enters the jump or the flow by `input_column`, and 2 w output_row y
+    >= weight w^2.
+    """
 
     # input_column, output_row: both as columns
     input_column: fmpq_mat
@@ -59,12 +67,15 @@ class ExactBlock:
     weight: fmpq
 
 
-# ---- The dissipation inequality of a class of friction over the rationals: supply z'Qz + 2 z'N d + d'R d, and storage.
+# ---- The dissipation inequality of a class of friction over the rationals: supply z'Qz + 2 z'N d +
+# d'R d, and storage.
 
 
 @value(copy=False)
 class ExactSupply:
-    """A flow z' = A z + B d with jumps, its supply, and the rest of the stored energy, as matrices of rationals."""
+    """A flow z' = A z + B d with jumps, its supply, and the rest of the stored energy, as matrices
+    of rationals.
+    """
 
     A: fmpq_mat
     B: fmpq_mat
@@ -76,8 +87,14 @@ class ExactSupply:
     block: ExactBlock | None = None  # nonlinearity at the first jump
 
 
-def with_force_filters(loop: ExactLoop, rates: list[fmpq]) -> tuple[list[list[fmpq]], list[fmpq_mat]]:
+def with_force_filters(
+    loop: ExactLoop, rates: list[fmpq]
+) -> tuple[list[list[fmpq]], list[fmpq_mat]]:
     """Append the filters of the friction force to the flow and to the jumps."""
     extra = len(rates)
-    fall = fmpq_mat(extra, extra, [-a if i == j else 0 for i, a in enumerate(rates) for j in range(extra)])
-    return block_diagonal(loop.F, fall).tolist(), [block_diagonal(jump, identity(extra)) for jump in loop.jumps]
+    fall = fmpq_mat(
+        extra, extra, [-a if i == j else 0 for i, a in enumerate(rates) for j in range(extra)]
+    )
+    return block_diagonal(loop.F, fall).tolist(), [
+        block_diagonal(jump, identity(extra)) for jump in loop.jumps
+    ]

@@ -1,7 +1,9 @@
-"""Verification over the rationals: the stored energy of a claim falls with every friction of its class.
+"""Verification over the rationals: the stored energy of a claim falls with every friction of its
+class.
 
-Between nodes the energy z'P(t)z is a cubic. The inequality [P' + A'P + PA + Q, PB + N; ., R] < 0 is then a convex
-combination of its four Bernstein coefficients. Coordinates are changed exactly, which changes no sign.
+Between nodes the energy z'P(t)z is a cubic. The inequality [P' + A'P + PA + Q, PB + N; ., R] < 0 is
+then a convex combination of its four Bernstein coefficients. Coordinates are changed exactly, which
+changes no sign.
 """
 
 from __future__ import annotations
@@ -14,7 +16,13 @@ from itertools import pairwise
 from flint import fmpq, fmpq_mat
 
 from robust.friction.exact.claim import FrictionClaim
-from robust.friction.exact.loops import check_actuator, check_reach, dead_zone_block, exact_loop, with_actuator_filters
+from robust.friction.exact.loops import (
+    check_actuator,
+    check_reach,
+    dead_zone_block,
+    exact_loop,
+    with_actuator_filters,
+)
 from robust.friction.exact.supply import ExactBlock, ExactLoop, ExactSupply, block_diagonal
 from robust.proofs.exact.matrices import identity, positive_definite
 from robust.proofs.exact.polynomials import to_rational, to_rational_matrix
@@ -26,11 +34,17 @@ def _exact_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
     if claim.settling is not None:
         return claim.settling.supply(claim.ports, loop)
     form = first.supply(others, loop)
-    return form if claim.actuator is None else _with_dead_zone(form, dead_zone_block(claim, loop, form.A.nrows()), loop)
+    return (
+        form
+        if claim.actuator is None
+        else _with_dead_zone(form, dead_zone_block(claim, loop, form.A.nrows()), loop)
+    )
 
 
 def _with_dead_zone(form: ExactSupply, block: ExactBlock, loop: ExactLoop) -> ExactSupply:
-    """Add the dead zone at the first jump, or to the flow of a continuous loop, where it is one more input."""
+    """Add the dead zone at the first jump, or to the flow of a continuous loop, where it is one
+    more input.
+    """
     if loop.spans:
         return replace(form, block=block)
 
@@ -40,7 +54,8 @@ def _with_dead_zone(form: ExactSupply, block: ExactBlock, loop: ExactLoop) -> Ex
     m = form.R.nrows()
     R = append_column(form.R, [[to_rational(0.0)]] * m).tolist()
     R.append([*[to_rational(0.0)] * m, -block.weight])
-    B, N = append_column(form.B, (-block.input_column).tolist()), append_column(form.N, block.output_row.tolist())
+    B = append_column(form.B, (-block.input_column).tolist())
+    N = append_column(form.N, block.output_row.tolist())
     return replace(form, B=B, N=N, R=fmpq_mat(R))
 
 
@@ -57,7 +72,8 @@ _ACTUATOR_CLAIM = "the actuator stays within reach"
 def verify_friction(claim: FrictionClaim, *, time_cap: float = math.inf) -> Verification:
     """Prove a claim on a machine with friction again, from its numbers as rationals.
 
-    A claim that is not verified is a result and not an error: `failed` has each part with its reason.
+    A claim that is not verified is a result and not an error: `failed` has each part with its
+    reason.
     """
     deadline, own = time.monotonic() + time_cap, claim.settling
     wrong = next(filter(None, (port.fault for port in claim.ports)), "") or check_actuator(claim)
@@ -69,19 +85,29 @@ def verify_friction(claim: FrictionClaim, *, time_cap: float = math.inf) -> Veri
         form = _in_coordinates(_exact_supply(claim, loop), claim)
         energy = [[to_rational_matrix(P) for P in interval] for interval in claim.P]
         failed |= _check_decrease(claim, loop, form=form, energy=energy, deadline=deadline)
-        looked_at = [energy[0][0], energy[-1][-1]] if own is None else [P for interval in energy for P in interval]
+        looked_at = (
+            [energy[0][0], energy[-1][-1]]
+            if own is None
+            else [P for interval in energy for P in interval]
+        )
         whole = [_full_storage(form.stored, P) for P in looked_at]
         if not all(map(positive_definite, whole)):
             failed[_PARTS[3]] = "it is not positive definite"
         elif claim.actuator is not None:
             beyond = check_reach(claim, loop, energy=energy, stored=whole[-1])
             failed |= {_ACTUATOR_CLAIM: beyond} if beyond else {}
-        elif own is not None and not own.holds(claim.ports, loop, V=to_rational_matrix(claim.V), energies=whole):
+        elif own is not None and not own.holds(
+            claim.ports, loop, V=to_rational_matrix(claim.V), energies=whole
+        ):
             failed[_SETTLING_CLAIM] = "the energy allows more"
     except (ValueError, ZeroDivisionError) as error:
         failed |= {"the claim": str(error)}
     more = [_SETTLING_CLAIM] * (own is not None) + [_ACTUATOR_CLAIM] * (claim.actuator is not None)
-    proved = tuple(part for part in (*_PARTS, *more) if part not in failed) if "the claim" not in failed else ()
+    proved = (
+        tuple(part for part in (*_PARTS, *more) if part not in failed)
+        if "the claim" not in failed
+        else ()
+    )
     return Verification(proved=proved, failed=tuple(failed.items()))
 
 
@@ -95,7 +121,9 @@ def _in_coordinates(form: ExactSupply, claim: FrictionClaim) -> ExactSupply:
     W = block_diagonal(V, identity(size - n))
     block = form.block
     if block is not None:
-        block = replace(block, input_column=back * block.input_column, output_row=turned * block.output_row)
+        block = replace(
+            block, input_column=back * block.input_column, output_row=turned * block.output_row
+        )
     return ExactSupply(
         block=block,
         A=back * form.A * V,
@@ -109,7 +137,12 @@ def _in_coordinates(form: ExactSupply, claim: FrictionClaim) -> ExactSupply:
 
 
 def _check_decrease(
-    claim: FrictionClaim, loop: ExactLoop, *, form: ExactSupply, energy: list[list[fmpq_mat]], deadline: float
+    claim: FrictionClaim,
+    loop: ExactLoop,
+    *,
+    form: ExactSupply,
+    energy: list[list[fmpq_mat]],
+    deadline: float,
 ) -> dict[str, str]:
     """Return each part of the decrease of the storage that is not proved, and why."""
     if not loop.spans:
@@ -117,7 +150,12 @@ def _check_decrease(
         held = len(energy) == 1 and positive_definite(-_flow_inequality(form, P, P - P))
         return {} if held else {_PARTS[1]: "it does not"}
     counts = [int(count) for count in claim.counts]
-    if len(counts) != len(loop.spans) or min(counts) < 1 or sum(counts) != len(energy) or claim.P.shape[1] != 4:
+    if (
+        len(counts) != len(loop.spans)
+        or min(counts) < 1
+        or sum(counts) != len(energy)
+        or claim.P.shape[1] != 4
+    ):
         return {_PARTS[1]: "its intervals do not fill the period"}
     starts = [sum(counts[:i]) for i in range(len(counts) + 1)]
     for span, first, last in zip(loop.spans, starts, starts[1:], strict=False):
@@ -129,7 +167,8 @@ def _check_decrease(
             third = fmpq(1, 3)
             slopes = (s0, (s0 + s1 * 2) * third, (s1 * 2 + s2) * third, s2)
             if not all(
-                positive_definite(-_flow_inequality(form, P, slope)) for P, slope in zip(b, slopes, strict=True)
+                positive_definite(-_flow_inequality(form, P, slope))
+                for P, slope in zip(b, slopes, strict=True)
             ):
                 return {_PARTS[1]: "it does not"}
             if time.monotonic() > deadline:
@@ -141,8 +180,12 @@ def _check_decrease(
     return {}
 
 
-def _jump_inequality(form: ExactSupply, i: int, *, before: fmpq_mat, after: fmpq_mat, jump: fmpq_mat) -> fmpq_mat:
-    """Return the decrease of the storage at a jump as a matrix, with one more unknown for a block at the first jump."""
+def _jump_inequality(
+    form: ExactSupply, i: int, *, before: fmpq_mat, after: fmpq_mat, jump: fmpq_mat
+) -> fmpq_mat:
+    """Return the decrease of the storage at a jump as a matrix, with one more unknown for a block
+    at the first jump.
+    """
     plain = before - jump.transpose() * after * jump
     if i or form.block is None:
         return plain
@@ -159,7 +202,9 @@ def _flow_inequality(form: ExactSupply, P: fmpq_mat, slope: fmpq_mat) -> fmpq_ma
     top = slope + across + across.transpose() + form.Q
     side = P * form.B + form.N
     rows = [left + right for left, right in zip(top.tolist(), side.tolist(), strict=True)]
-    below = [left + right for left, right in zip(side.transpose().tolist(), form.R.tolist(), strict=True)]
+    below = [
+        left + right for left, right in zip(side.transpose().tolist(), form.R.tolist(), strict=True)
+    ]
     return fmpq_mat(rows + below)
 
 

@@ -27,9 +27,13 @@ _SETTLING_METHOD = "semidefinite program, Bernstein, exact arithmetic"
 
 
 def certified_verdict(
-    undecided: FrictionProof, task: ProofTask, search: Callable[[FrictionLoop, float], FrictionCertificate]
+    undecided: FrictionProof,
+    task: ProofTask,
+    search: Callable[[FrictionLoop, float], FrictionCertificate],
 ) -> FrictionProof:
-    """Return the proof with the certificate that a search finds for the loop and a reference rate, if it finds one."""
+    """Return the proof with the certificate that a search finds for the loop and a reference rate,
+    if it finds one.
+    """
     try:
         found = search(task.loop, reference_rate(task.machine, task.loop))
     except (np.linalg.LinAlgError, ValueError, FloatingPointError) as error:
@@ -42,14 +46,18 @@ def certified_verdict(
 
 
 def settled_by_bound(proof: FrictionProof) -> FrictionProof:
-    """Return the bound for any friction as the proof, if rest is not decided and there is a bound."""
+    """Return the bound for any friction as the proof, if rest is not decided and there is a
+    bound.
+    """
     if proof.verdict is not FrictionVerdict.NOT_DECIDED or not np.isfinite(proof.error_bound):
         return proof
     return replace(proof, verdict=FrictionVerdict.SETTLES, settling_error=proof.error_bound)
 
 
 def certificate_of(claim: FrictionClaim) -> Certificate:
-    """Return the certificate of a judged claim: that the energy falls, or that the position settles within a bound."""
+    """Return the certificate of a judged claim: that the energy falls, or that the position settles
+    within a bound.
+    """
     settling, subject = claim.settling, _SUBJECT if claim.actuator is None else _SATURATED_SUBJECT
     return Certificate(
         subject=subject if settling is None else _SETTLING_SUBJECT,
@@ -79,14 +87,21 @@ def build_claim(
 
 
 def plant_matrices(machine: FrictionPlant) -> Matrices:
-    """Return the machine as a system from (force, force at each port) to (measured, displacement at each port)."""
+    """Return the machine as a system from (force, force at each port) to (measured, displacement at
+    each port).
+    """
     inputs = np.column_stack([machine.B_force, machine.B_port])
     outputs = np.vstack([machine.C_measured, machine.C_port])
-    return Matrices(A=machine.A, B=inputs, C=outputs, D=np.zeros((outputs.shape[0], inputs.shape[1])))
+    return Matrices(
+        A=machine.A, B=inputs, C=outputs, D=np.zeros((outputs.shape[0], inputs.shape[1]))
+    )
 
 
 def reference_rate(machine: FrictionPlant, loop: FrictionLoop) -> float:
-    """Return the rate [rad/s] of the reference filter: 1.5 times the resonance, or the median rate of the loop."""
+    """Return the rate [rad/s] of the reference filter:
+
+    1.5 times the resonance, or the median rate of the loop.
+    """
     if machine.resonance:
         return 1.5 * machine.resonance
     poles = loop.poles()

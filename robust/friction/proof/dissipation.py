@@ -1,19 +1,24 @@
-"""The dissipation inequality of a Maxwell-slip friction, in states that come to rest where the machine does.
+"""The dissipation inequality of a Maxwell-slip friction, in states that come to rest where the
+machine does.
 
-The reference filter fh_1 follows the friction f. With d = f - fh_1 as input, xi_e the rest under f = 1, and states
+The reference filter fh_1 follows the friction f. With d = f - fh_1 as input, xi_e the rest under f
+= 1, and states
 
     z = (y, e_j),   y = xi - fh_1 xi_e,   e_j = fh_j - fh_1 (j >= 2)
     y' = F y + (B - a_1 xi_e) d,   e_j' = -a_j e_j + (a_j - a_1) d,   jump: J on y
 
 the class guarantees  d/dt [sum S_i - s (fh_1 x - fh_1^2 x_e/2)] <= Supply(z, d), a form, where
 
-    Supply = mu_0 (d v - a_1 d y_x) + sum_j mu_j [d v - (1 - 1/rho) a_1 d y_x - e_j v/rho - (a_j/(rho K0)) (d - e_j)^2]
+    Supply = mu_0 (d v - a_1 d y_x) + sum_j mu_j [d v - (1 - 1/rho) a_1 d y_x - e_j v/rho -
+    (a_j/(rho K0)) (d - e_j)^2]
 
-and s = mu_0 + (1 - 1/rho) sum_j mu_j. These states remove the line of rests, on which no inequality can be strict.
+and s = mu_0 + (1 - 1/rho) sum_j mu_j. These states remove the line of rests, on which no inequality
+can be strict.
 
-With friction at several ports p everything is summed over them: y = xi - sum_p fh_p xi_p, and with X_pq the
-displacement at port p at rest under f_q = 1 the middle term is sum_p s_p fh_p y_p + 1/2 sum_pq fh_p s_p X_pq fh_q. It
-is the integral of sum_p s_p fh_p v_p only where s_p X_pq is symmetric.
+With friction at several ports p everything is summed over them: y = xi - sum_p fh_p xi_p, and with
+X_pq the displacement at port p at rest under f_q = 1 the middle term is sum_p s_p fh_p y_p + 1/2
+sum_pq fh_p s_p X_pq fh_q. It is the integral of sum_p s_p fh_p v_p only where s_p X_pq is
+symmetric.
 """
 
 from __future__ import annotations
@@ -23,20 +28,34 @@ import numpy as np
 from robust.friction.plant import FrictionLoop
 from robust.friction.proof.storage import Dissipation
 
-#: rho = 1 is replaced by this, a larger class: at rho = 1 the stored energy is not strictly positive. With integral
-#: action K0 (rho - 1) < k + K_p limits the proof; 1.001 left a PID of 200 N/m undecided from K0 = 1e5 N/m on.
+# : rho = 1 is replaced by this, a larger class: at rho = 1 the stored energy is not strictly
+# positive. With integral : action K0 (rho - 1) < k + K_p limits the proof; 1.001 left a PID of 200
+# N/m undecided from K0 = 1e5 N/m on.
 ROUNDED_UP = 1 + 1e-6
 
 
 def maxwell_slip_dissipation(
-    loop: FrictionLoop, rates: np.ndarray, *, mu: np.ndarray, K0: float | np.ndarray, rho: float | np.ndarray
+    loop: FrictionLoop,
+    rates: np.ndarray,
+    *,
+    mu: np.ndarray,
+    K0: float | np.ndarray,
+    rho: float | np.ndarray,
 ) -> Dissipation:
-    """Return the inequality for a loop with weights mu = (mu_0, mu_1, ...); filters of zero weight are left out.
+    """Return the inequality for a loop with weights mu = (mu_0, mu_1, ...); filters of zero weight
+    are left out.
 
     With P friction ports mu is (P, 1 + J), and K0 and rho are (P,).
     """
     n, n_ports = loop.columns.shape
-    ports = list(zip(np.atleast_2d(mu), np.broadcast_to(K0, n_ports), np.broadcast_to(rho, n_ports), strict=True))
+    ports = list(
+        zip(
+            np.atleast_2d(mu),
+            np.broadcast_to(K0, n_ports),
+            np.broadcast_to(rho, n_ports),
+            strict=True,
+        )
+    )
     used = [np.concatenate([[True], own[2:] > 0]) for own, _, _ in ports]
     starts = n + np.concatenate([[0], np.cumsum([chosen.sum() - 1 for chosen in used])])
     size = int(starts[-1])
@@ -44,13 +63,20 @@ def maxwell_slip_dissipation(
     jumps = np.zeros((loop.jumps.shape[0], size, size))
     jumps[:, :n, :n] = loop.jumps
     jumps[:, n:, n:] = np.eye(size - n)
-    A, Q, stored = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size + 2 * n_ports, size + 2 * n_ports))
+    A = np.zeros((size, size))
+    Q = np.zeros((size, size))
+    stored = np.zeros((size + 2 * n_ports, size + 2 * n_ports))
     A[:n, :n] = loop.F
-    B, N, B_error, R = np.zeros((size, n_ports)), np.zeros((size, n_ports)), np.zeros((size, n_ports)), []
+    B = np.zeros((size, n_ports))
+    N = np.zeros((size, n_ports))
+    B_error = np.zeros((size, n_ports))
+    R = []
     shares = np.zeros(n_ports)  # s of each port
     for port, (own, stiffness, stiction) in enumerate(ports):
         ratio, e = max(float(stiction), ROUNDED_UP), slice(starts[port], starts[port + 1])
-        a, weight, free = rates[used[port]], np.where(own[1:] > 0, own[1:], 0.0)[used[port]], float(own[0])
+        a = rates[used[port]]
+        weight = np.where(own[1:] > 0, own[1:], 0.0)[used[port]]
+        free = float(own[0])
         x, v = (np.pad(row[port], (0, size - n)) for row in (loop.displacements, loop.velocities))
         total, lost = float(weight.sum()), weight * a / (ratio * stiffness)
         shares[port] = free + (1 - 1 / ratio) * total

@@ -1,11 +1,13 @@
 """Multiplier weights for a class of friction, by a linear program over the frequencies.
 
-For every Maxwell-slip friction of the class, f driven by the velocity v of its port, and every filter a_j,
+For every Maxwell-slip friction of the class, f driven by the velocity v of its port, and every
+filter a_j,
 
     int (f - fh_j/rho) v - fh_j'^2/(rho a_j K0) dt >= -S(0),    fh_j' = a_j (f - fh_j).
 
-A row is this integrand in the loop, v = mobility f, at one frequency. If a sum of rows with weights mu_j >= 0 is
-negative at every frequency, it contradicts any motion that continues. Nothing here is a proof.
+A row is this integrand in the loop, v = mobility f, at one frequency. If a sum of rows with weights
+mu_j >= 0 is negative at every frequency, it contradicts any motion that continues. Nothing here is
+a proof.
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ from robust.friction.proof.dissipation import ROUNDED_UP
 
 
 def weighed_port(rates: np.ndarray, limits: MaxwellSlipPort, mu: np.ndarray) -> MaxwellSlipPort:
-    """Return one port with its weights, without the filters of zero weight; the first filter, the reference, stays.
+    """Return one port with its weights, without the filters of zero weight; the first filter, the
+    reference, stays.
 
     mu : (1 + J,) weight of f v, then one a rate.
     """
@@ -41,7 +44,9 @@ _FREQUENCY_RATIOS = ((0.5, 3000.0), (15.0, 3000.0), (30.0, 1500.0), (5.0, 1200.0
 
 
 def filter_rates(reference: float, bristle_time: float = 0.0) -> list[np.ndarray]:
-    """Return sets of rates a_j [rad/s], each with the reference first; all are below 1/bristle_time."""
+    """Return sets of rates a_j [rad/s], each with the reference first; all are below
+    1/bristle_time.
+    """
     sets, fastest = [], 1 / bristle_time if bristle_time else np.inf
     for low, high in _FREQUENCY_RATIOS:
         top = min(high, 0.9 * fastest)
@@ -54,12 +59,16 @@ def filter_rates(reference: float, bristle_time: float = 0.0) -> list[np.ndarray
 def multiplier_terms(
     mobility: np.ndarray, omega: np.ndarray, *, rates: np.ndarray, K0: float, rho: float
 ) -> np.ndarray:
-    """Return the (W, 1 + J) integrand of each multiplier at each frequency: that of f v, then one a filter."""
+    """Return the (W, 1 + J) integrand of each multiplier at each frequency: that of f v, then one a
+    filter.
+    """
     filters, lost = _filter_terms(omega, rates, K0=K0, rho=rho)
     return (filters * mobility[:, None] - lost).real
 
 
-def _filter_terms(omega: np.ndarray, rates: np.ndarray, *, K0: float, rho: float) -> tuple[np.ndarray, np.ndarray]:
+def _filter_terms(
+    omega: np.ndarray, rates: np.ndarray, *, K0: float, rho: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Return (W, 1 + J) factors on the velocity, and losses: of f v, then of each filter."""
     s = 1j * omega[:, None]
     factors = 1 - rates / (rho * (rates - s))
@@ -71,9 +80,11 @@ def _filter_terms(omega: np.ndarray, rates: np.ndarray, *, K0: float, rho: float
 def port_terms(
     mobility: np.ndarray, omega: np.ndarray, *, rates: np.ndarray, K0: np.ndarray, rho: np.ndarray
 ) -> np.ndarray:
-    """Return the (W, P (1 + J), P, P) integrand of each multiplier: hermitian forms in the P friction forces.
+    """Return the (W, P (1 + J), P, P) integrand of each multiplier: hermitian forms in the P
+    friction forces.
 
-    mobility : (W, P, P); K0, rho : (P,) of the class at each port. All multipliers of the first port come first.
+    mobility : (W, P, P); K0, rho : (P,) of the class at each port. All multipliers of the first
+    port come first.
     """
     forces = np.broadcast_to(np.eye(rho.size, dtype=complex), (omega.size, rho.size, rho.size))
     table = []
@@ -93,26 +104,41 @@ def hermitian_product(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 def friction_forms(
     f: np.ndarray, v: np.ndarray, *, omega: np.ndarray, rates: np.ndarray, K0: float, rho: float
 ) -> list[np.ndarray]:
-    """Return the (W, P, P) hermitian form of each multiplier; friction f and velocity v are linear forms (W, P)."""
+    """Return the (W, P, P) hermitian form of each multiplier; friction f and velocity v are linear
+    forms (W, P).
+    """
     factors, lost = _filter_terms(omega, rates, K0=K0, rho=rho)
     own = hermitian_product(f, f)
-    return [hermitian_product(f, factors[:, [j]] * v) - lost[:, j, None, None] * own for j in range(1 + rates.size)]
+    return [
+        hermitian_product(f, factors[:, [j]] * v) - lost[:, j, None, None] * own
+        for j in range(1 + rates.size)
+    ]
 
 
 _MAX_ROUNDS = 60
 _NEGLIGIBLE_WEIGHT = 1e-9  # relative to the largest weight; smaller weights become zero
-_NOT_NEGATIVE = -1e-9  # a largest eigenvalue above this, relative to the diagonal, does not count as negative
+_NOT_NEGATIVE = (
+    -1e-9
+)  # a largest eigenvalue above this, relative to the diagonal, does not count as negative
 
 
 def negative_multipliers(
-    table: np.ndarray, *, couplings: Sequence[float], least: float, balanced: np.ndarray | None = None
+    table: np.ndarray,
+    *,
+    couplings: Sequence[float],
+    least: float,
+    balanced: np.ndarray | None = None,
 ) -> np.ndarray | None:
-    """Return few multipliers >= 0 (C,) that make every hermitian matrix negative definite; None if none are found.
+    """Return few multipliers >= 0 (C,) that make every hermitian matrix negative definite; None if
+    none are found.
 
-    couplings : the off-diagonal terms are enlarged by 1/coupling; the first coupling with multipliers is taken.
-    The other arguments are those of `_coupled_multipliers`.
+    couplings : the off-diagonal terms are enlarged by 1/coupling; the first coupling with
+    multipliers is taken. The other arguments are those of `_coupled_multipliers`.
     """
-    tried = (_coupled_multipliers(table, coupling, least=least, balanced=balanced) for coupling in couplings)
+    tried = (
+        _coupled_multipliers(table, coupling, least=least, balanced=balanced)
+        for coupling in couplings
+    )
     return next((theta for theta in tried if theta is not None), None)
 
 
@@ -121,8 +147,8 @@ def _coupled_multipliers(
 ) -> np.ndarray | None:
     """Return (C,) multipliers for one enlargement of the off-diagonal terms, or None.
 
-    A matrix is negative if its form is, for every vector. A linear program over the worst vectors so far is solved
-    again until no vector is worse.
+    A matrix is negative if its form is, for every vector. A linear program over the worst vectors
+    so far is solved again until no vector is worse.
 
     table : (W, C, P, P) matrix of each multiplier at each frequency.
     least : share of every row that must remain.
@@ -146,12 +172,17 @@ def _coupled_multipliers(
         if not worse.any():
             return theta
         worst = vectors[..., -1] * unit
-        rows.append(np.einsum("wi,wcij,wj->wc", worst.conj(), table, worst, optimize=True).real[worse])
+        rows.append(
+            np.einsum("wi,wcij,wj->wc", worst.conj(), table, worst, optimize=True).real[worse]
+        )
     return None
 
 
-def maxwell_slip_multipliers(table: np.ndarray, balanced: np.ndarray | None = None) -> tuple[np.ndarray, float]:
-    """Return the (1 + J,) multipliers that make every row most negative relative to its largest entry, and that share.
+def maxwell_slip_multipliers(
+    table: np.ndarray, balanced: np.ndarray | None = None
+) -> tuple[np.ndarray, float]:
+    """Return the (1 + J,) multipliers that make every row most negative relative to its largest
+    entry, and that share.
 
     balanced : (1 + J, B) combinations of the multipliers that must be zero.
     """
@@ -160,7 +191,11 @@ def maxwell_slip_multipliers(table: np.ndarray, balanced: np.ndarray | None = No
     scaled = scaled / columns
     n = table.shape[1]
     A = np.column_stack([scaled, np.ones(table.shape[0])])
-    equal = np.ones((1, n)) if balanced is None else np.vstack([np.ones(n), (balanced / columns[:, None]).T])
+    equal = (
+        np.ones((1, n))
+        if balanced is None
+        else np.vstack([np.ones(n), (balanced / columns[:, None]).T])
+    )
     result = linprog(
         np.append(np.zeros(n), -1.0),
         A_ub=A,

@@ -48,8 +48,9 @@ class ProofTask(NamedTuple):
 class FrictionCertificate(NamedTuple):
     """The numbers that prove that the energy of a loop falls; or the last failure, in `reason`.
 
-    ports : the class at each port with the weights of its filters. A `FrictionClaim` needs them beside loop and energy.
-    actuator : for a proof with an actuator that saturates; `reason` is then why rest is not proved from every state.
+    ports : the class at each port with the weights of its filters. A `FrictionClaim` needs them
+    beside loop and energy. actuator : for a proof with an actuator that saturates; `reason` is then
+    why rest is not proved from every state.
     """
 
     reason: str
@@ -59,7 +60,9 @@ class FrictionCertificate(NamedTuple):
 
     @property
     def kick(self) -> float:
-        """Initial velocity [m/s] of a proof with an actuator: infinite for every state, minus infinite for no proof."""
+        """Initial velocity [m/s] of a proof with an actuator: infinite for every state, minus
+        infinite for no proof.
+        """
         if self.actuator is None:
             return -np.inf
         return self.actuator.kick if self.actuator.share < 1 else np.inf
@@ -67,7 +70,9 @@ class FrictionCertificate(NamedTuple):
 
 @value(kw_only=False)
 class FrictionClass(ABC):
-    """A class of friction laws: all laws within its limits. Friction is the force without its viscous part.
+    """A class of friction laws: all laws within its limits.
+
+    Friction is the force without its viscous part.
 
     Fields
     ------
@@ -100,30 +105,46 @@ class FrictionClass(ABC):
         """Noun phrase for the laws of the class, for texts."""
 
     @abstractmethod
-    def decide(self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()) -> FrictionProof:
+    def decide(
+        self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()
+    ) -> FrictionProof:
         """Return the proof, if one is found, of a loop that no stuck element makes unstable.
 
         others : the classes at the other ports.
         """
 
-    def certify(self, loop: FrictionLoop, reference: float, others: Sequence[Self] = ()) -> FrictionCertificate:
-        """Prove that the energy of the loop falls. reference : rate [rad/s]; others : classes at the other ports."""
+    def certify(
+        self, loop: FrictionLoop, reference: float, others: Sequence[Self] = ()
+    ) -> FrictionCertificate:
+        """Prove that the energy of the loop falls. reference : rate [rad/s]; others : classes at
+        the other ports.
+        """
         raise NotImplementedError
 
     def region(self, task: ProofTask, known: Actuator, left: float) -> FrictionCertificate:
-        """Prove rest with an actuator that saturates. left : its limit minus the force that holds the friction [N]."""
-        return FrictionCertificate("not tried for this class; up to this kick the actuator does not saturate.")
+        """Prove rest with an actuator that saturates. left : its limit minus the force that holds
+        the friction [N].
+        """
+        return FrictionCertificate(
+            "not tried for this class; up to this kick the actuator does not saturate."
+        )
 
     def stuck(self) -> tuple[float, float]:
-        """Return stiffness [N/m] and damping [Ns/m] of the stiffest element that never slips; zero if none is tried."""
+        """Return stiffness [N/m] and damping [Ns/m] of the stiffest element that never slips; zero
+        if none is tried.
+        """
         return 0.0, 0.0
 
     def largest_force(self, Fs: float) -> float:
-        """Return the largest force [N] of the class; Fs if the class has no limit. nan if unknown."""
+        """Return the largest force [N] of the class; Fs if the class has no limit. nan if
+        unknown.
+        """
         return Fs
 
     def error_bound(self, loop: FrictionLoop, forces: np.ndarray) -> float:
-        """Return the bound of the final distance from rest, with any friction up to these forces; nan if unknown."""
+        """Return the bound of the final distance from rest, with any friction up to these forces;
+        nan if unknown.
+        """
         return bound_of_ports(loop, forces)
 
     def describe_proved(self, proof: FrictionProof) -> str:
@@ -134,22 +155,27 @@ class FrictionClass(ABC):
 def require_stiction(stiction: float) -> float:
     stiction = require_real("stiction", stiction)
     if stiction < 1:
-        raise ValueError(f"stiction must be at least 1, largest over smallest force of a slider, got {stiction:g}")
+        raise ValueError(
+            "stiction must be at least 1, largest over smallest force of a slider, got"
+            f" {stiction:g}"
+        )
     return stiction
 
 
 @value
 class FrictionProof:
-    """A proof, or its absence, for a loop around a machine with friction, for a whole class of friction laws.
+    """A proof, or its absence, for a loop around a machine with friction, for a whole class of
+    friction laws.
 
     Fields
     ------
     verdict : FrictionVerdict
-        "proved": with every friction of the class, from every state, after any disturbance that ends, the machine comes
-        to rest, with integral action at its set point. "refuted": a named member of the class makes the loop unstable.
-        This concerns the class and not the machine: its friction may be another member. "settles": rest is not decided,
-        but with every friction of the class of at most Fs the position finally stays within `settling_error`.
-        "not decided": none of these.
+        "proved": with every friction of the class, from every state, after any disturbance that
+        ends, the machine comes to rest, with integral action at its set point. "refuted": a named
+        member of the class makes the loop unstable. This concerns the class and not the machine:
+        its friction may be another member. "settles": rest is not decided, but with every friction
+        of the class of at most Fs the position finally stays within `settling_error`. "not
+        decided": none of these.
     claim, not_claimed, reason : str
         What is proved, in one sentence; what is not proved; the reason for the verdict.
     machine : FrictionPlant
@@ -157,40 +183,44 @@ class FrictionProof:
     friction : tuple of FrictionClass
         The class at each friction port.
     counterexample : tuple of (float, complex) or None
-        Stiffness [N/m] of a spring, which is a friction that never slips, and the pole that it puts outside the stable
-        region. For several ports: a tuple with one stiffness each.
+        Stiffness [N/m] of a spring, which is a friction that never slips, and the pole that it puts
+        outside the stable region. For several ports: a tuple with one stiffness each.
     error_bound : float
-        Bound [m] of the distance from rest within which the position finally stays, with any friction of at most Fs
-        (for several ports: of each displacement there). nan if no Fs was given, if the sliding loop is not stable, or
-        if its modes are too fast for its clock or too slow to compute.
+        Bound [m] of the distance from rest within which the position finally stays, with any
+        friction of at most Fs (for several ports: of each displacement there). nan if no Fs was
+        given, if the sliding loop is not stable, or if its modes are too fast for its clock or too
+        slow to compute.
     settling_error : float
-        Bound [m] of the distance from rest within which the position finally stays, with every friction of the class of
-        at most Fs: the smaller of a bound for the class, which `certificate.verify()` proves over the rationals, and
-        `error_bound`, which is computed in floating point. nan if no Fs was given, if the loop comes to rest, or
-        if there is none.
+        Bound [m] of the distance from rest within which the position finally stays, with every
+        friction of the class of at most Fs: the smaller of a bound for the class, which
+        `certificate.verify()` proves over the rationals, and `error_bound`, which is computed in
+        floating point. nan if no Fs was given, if the loop comes to rest, or if there is none.
     kick_sure : float
-        Velocity [m/s] from which the machine diverges with every friction of at most Fs; nan if no Fs was given, if the
-        sliding loop is stable, or if none was found.
+        Velocity [m/s] from which the machine diverges with every friction of at most Fs; nan if no
+        Fs was given, if the sliding loop is stable, or if none was found.
     certificate : Certificate or None
-        The certificate on which the verdict is based, if there is one; `certificate.verify()` proves it again over
-        the rationals.
+        The certificate on which the verdict is based, if there is one; `certificate.verify()`
+        proves it again over the rationals.
     saturation : float
         Largest force of the actuator [N]; infinite if none was given.
     kick : float
-        Largest proved initial velocity at the friction port [m/s]: from rest, with no force in the springs of the
-        friction, the machine comes to rest again although its actuator saturates. Infinite if it does so from every
-        state, zero if none is proved, nan without saturation. With saturation `verdict` is "proved" (from every state)
-        or "proved up to a kick" (nothing is claimed beyond it).
+        Largest proved initial velocity at the friction port [m/s]: from rest, with no force in the
+        springs of the friction, the machine comes to rest again although its actuator saturates.
+        Infinite if it does so from every state, zero if none is proved, nan without saturation.
+        With saturation `verdict` is "proved" (from every state) or "proved up to a kick" (nothing
+        is claimed beyond it).
     kick_linear : float
         Initial velocity up to which the actuator does not saturate [m/s].
     share : float
-        Sector gain of the proof: the fraction of the commanded force, without the part that holds the friction, that
-        the actuator may fail to deliver. One if it may fail to deliver all of it, zero if it never saturates.
+        Sector gain of the proof: the fraction of the commanded force, without the part that holds
+        the friction, that the actuator may fail to deliver. One if it may fail to deliver all of
+        it, zero if it never saturates.
 
     References
     ----------
-    A. Rantzer, *Friction analysis based on integral quadratic constraints*, Int. J. Robust Nonlinear Control 11, 2001;
-    A. Bisoffi, M. Da Lio, A. Teel, L. Zaccarian, IEEE Trans. Automatic Control 63, 2018 (PID and Coulomb friction).
+    A. Rantzer, *Friction analysis based on integral quadratic constraints*, Int. J. Robust
+    Nonlinear Control 11, 2001; A. Bisoffi, M. Da Lio, A. Teel, L. Zaccarian, IEEE Trans. Automatic
+    Control 63, 2018 (PID and Coulomb friction).
 
     Examples
     --------
@@ -227,7 +257,9 @@ class FrictionProof:
 
     @property
     def facts(self) -> tuple[Fact, ...]:
-        """Return the verdict with its claim, what is left open, the bound for any friction, and what is not claimed."""
+        """Return the verdict with its claim, what is left open, the bound for any friction, and
+        what is not claimed.
+        """
         settles, bounded = self.verdict is FrictionVerdict.SETTLES, np.isfinite(self.error_bound)
         kick = f"certain after a kick of {self.kick_sure:.3g} {self.units.velocity}"
         return (
@@ -236,7 +268,10 @@ class FrictionProof:
             Fact(
                 "any friction",
                 format_length(self.error_bound, self.units.position) if bounded else "",
-                meaning="largest final distance, at rest or hunting, up to the given force; proportional to it",
+                meaning=(
+                    "largest final distance, at rest or hunting, up to the given force;"
+                    " proportional to it"
+                ),
             ),
             Fact("runs away", kick if np.isfinite(self.kick_sure) else ""),
             Fact("not claimed", self.not_claimed),

@@ -1,4 +1,6 @@
-"""A proof for a given linear plant: with every friction of a class, from every state, the loop comes to rest."""
+"""A proof for a given linear plant: with every friction of a class, from every state, the loop
+comes to rest.
+"""
 
 from __future__ import annotations
 
@@ -43,30 +45,34 @@ def prove_friction(
     Fs: float | Sequence[float] | None = None,
     saturation: float | None = None,
 ) -> FrictionProof:
-    """Prove that a loop comes to rest with every friction of a class, or refute it; sampler and hold are included.
+    """Prove that a loop comes to rest with every friction of a class, or refute it; sampler and
+    hold are included.
 
-    Use this for a machine whose friction law is unknown and whose limits are known: see "What can be proved of a
-    machine with friction" in the guide. A proof names its class and its linear plant, and does not hold for others.
+    Use this for a machine whose friction law is unknown and whose limits are known: see "What can
+    be proved of a machine with friction" in the guide. A proof names its class and its linear
+    plant, and does not hold for others.
 
     Parameters
     ----------
     machine : FrictionPlant
         The linear plant, from `friction_plant` or `two_mass_plant`.
     K : control.StateSpace, TransferFunction or float
-        Controller, u = K (r - y); sampled, or continuous and proper. It is used as given: nothing is cancelled.
+        Controller, u = K (r - y); sampled, or continuous and proper. It is used as given: nothing
+        is cancelled.
     friction : FrictionClass or sequence of FrictionClass
-        The class: `MaxwellSlip`, `Bristle`, `Bounded` or `Passive`. For a machine with several friction ports, as on
-        motor and load: one `MaxwellSlip` for each port.
+        The class: `MaxwellSlip`, `Bristle`, `Bounded` or `Passive`. For a machine with several
+        friction ports, as on motor and load: one `MaxwellSlip` for each port.
     delay : float
-        Delay from the sample to the change of the force [s]; a fraction of a sample, or several samples.
+        Delay from the sample to the change of the force [s]; a fraction of a sample, or several
+        samples.
     Fs : float or sequence of float, optional
-        Largest friction force [N], one for each port. It adds `error_bound`, a distance from rest, and for one port
-        `kick_sure`, an initial velocity from which the loop diverges.
+        Largest friction force [N], one for each port. It adds `error_bound`, a distance from rest,
+        and for one port `kick_sure`, an initial velocity from which the loop diverges.
     saturation : float, optional
-        Largest force of the actuator [N]. It must exceed Fs, which must then be given. The proof is then for the loop
-        with a saturated actuator: from every state, or up to an initial velocity. Available for one port with
-        `MaxwellSlip`. With `Bristle` the proof gives only the velocity up to which the actuator does not saturate. K
-        has no anti-windup.
+        Largest force of the actuator [N]. It must exceed Fs, which must then be given. The proof is
+        then for the loop with a saturated actuator: from every state, or up to an initial velocity.
+        Available for one port with `MaxwellSlip`. With `Bristle` the proof gives only the velocity
+        up to which the actuator does not saturate. K has no anti-windup.
 
     Returns
     -------
@@ -76,14 +82,15 @@ def prove_friction(
     Raises
     ------
     ValueError
-        Not a friction plant, not a class of friction, a controller that is not proper, a delay with a continuous
-        controller, an `Fs` that differs from that of `Bounded`, a saturation that does not exceed Fs, or a
-        saturation with another class.
+        Not a friction plant, not a class of friction, a controller that is not proper, a delay with
+        a continuous controller, an `Fs` that differs from that of `Bounded`, a saturation that does
+        not exceed Fs, or a saturation with another class.
 
     References
     ----------
-    A. Rantzer, Int. J. Robust Nonlinear Control 11, 2001; J. Colgate, G. Schenkel, J. Robotic Systems 14, 1997; S.
-    Tarbouriech and others, *Stability and Stabilization of Linear Systems with Saturating Actuators*, 2011.
+    A. Rantzer, Int. J. Robust Nonlinear Control 11, 2001; J. Colgate, G. Schenkel, J. Robotic
+    Systems 14, 1997; S. Tarbouriech and others, *Stability and Stabilization of Linear Systems with
+    Saturating Actuators*, 2011.
 
     Examples
     --------
@@ -106,9 +113,13 @@ def prove_friction(
     loop = friction_loop(machine, K, delay)
     forces = largest_forces(machine, Fs)
     known = None if saturation is None else limits_of_force(machine, ports[0], forces, saturation)
-    forces = np.array([one.largest_force(float(force)) for one, force in zip(ports, forces, strict=True)])
+    forces = np.array(
+        [one.largest_force(float(force)) for one, force in zip(ports, forces, strict=True)]
+    )
     # a proof with an actuator has no bound of the position
-    task = ProofTask(machine, K, delay, loop, forces if known is None else np.full(forces.size, np.nan))
+    task = ProofTask(
+        machine, K, delay, loop, forces if known is None else np.full(forces.size, np.nan)
+    )
     spring = destabilizing_stiffness(loop, *np.transpose([one.stuck() for one in ports]))
     proof = FrictionProof(
         verdict=FrictionVerdict.NOT_DECIDED,
@@ -124,7 +135,9 @@ def prove_friction(
     if spring is None:
         proof = ports[0].decide(proof, task, ports[1:])
     else:
-        proof = replace(proof, verdict=FrictionVerdict.REFUTED, reason=_describe_counterexample(proof, loop))
+        proof = replace(
+            proof, verdict=FrictionVerdict.REFUTED, reason=_describe_counterexample(proof, loop)
+        )
     if known is not None:
         proof = with_actuator(proof, task, known)
     if proof.verdict not in _CLAIMED:
@@ -140,17 +153,22 @@ def _friction_of_ports(
     for one in given:
         if not isinstance(one, FrictionClass):
             raise ValueError(
-                f"friction must be a class such as robust.friction.MaxwellSlip(64e3), got {short_form(one)}"
+                "friction must be a class such as robust.friction.MaxwellSlip(64e3), got"
+                f" {short_form(one)}"
             )
         if len(given) > 1 and not (one.joins_ports and type(one) is type(given[0])):
-            raise ValueError(f"friction must be MaxwellSlip at each of several ports, got {one.description}")
+            raise ValueError(
+                f"friction must be MaxwellSlip at each of several ports, got {one.description}"
+            )
         if one.position_unit != machine.position_unit:
             raise ValueError(
-                f"friction must be in the units of the machine, {machine.position_unit}, got {one.position_unit}"
+                f"friction must be in the units of the machine, {machine.position_unit}, got"
+                f" {one.position_unit}"
             )
     if len(given) != machine.n_ports:
         raise ValueError(
-            f"friction must be a class for each friction port of the machine, {machine.n_ports}, got {len(given)}"
+            f"friction must be a class for each friction port of the machine, {machine.n_ports},"
+            f" got {len(given)}"
         )
     return given
 
@@ -163,9 +181,16 @@ def prove_all(
     delay: float = 0.0,
     Fs: float | Sequence[float] | None = None,
 ) -> tuple[FrictionProof, ...]:
-    """Prove the loop for each machine; the weakest result comes first, because a claim must hold with each damping."""
+    """Prove the loop for each machine; the weakest result comes first, because a claim must hold
+    with each damping.
+    """
     proofs = [prove_friction(machine, K, friction, delay=delay, Fs=Fs) for machine in machines]
-    worth = (FrictionVerdict.REFUTED, FrictionVerdict.NOT_DECIDED, FrictionVerdict.SETTLES, FrictionVerdict.PROVED)
+    worth = (
+        FrictionVerdict.REFUTED,
+        FrictionVerdict.NOT_DECIDED,
+        FrictionVerdict.SETTLES,
+        FrictionVerdict.PROVED,
+    )
     return tuple(sorted(proofs, key=lambda proof: worth.index(proof.verdict)))
 
 
@@ -173,7 +198,12 @@ def _sure_kick(task: ProofTask) -> float:
     """Return the velocity at one port from which the loop diverges; nan if there is none."""
     machine, loop, forces, kick = task.machine, task.loop, task.forces, np.nan
     unstable = not loop.growth() < 0
-    if machine.n_ports == 1 and np.isfinite(forces[0]) and unstable and machine.velocity @ machine.B_port > 0:
+    if (
+        machine.n_ports == 1
+        and np.isfinite(forces[0])
+        and unstable
+        and machine.velocity @ machine.B_port > 0
+    ):
         hit = np.zeros(loop.F.shape[0])
         hit[: machine.A.shape[0]] = machine.B_port / (machine.velocity @ machine.B_port)
         least = divergence_velocity(loop, hit, float(forces[0]))
@@ -185,12 +215,16 @@ def _describe_counterexample(proof: FrictionProof, loop: FrictionLoop) -> str:
     """Describe the member of the class that makes the loop unstable."""
     assert proof.counterexample is not None
     kappa, pole = proof.counterexample
-    size = f"|z| = {format_pole_modulus(abs(pole))}" if loop.T else f"real part {pole.real:.4g} rad/s"
+    size = (
+        f"|z| = {format_pole_modulus(abs(pole))}" if loop.T else f"real part {pole.real:.4g} rad/s"
+    )
     if not np.any(kappa):
         return f"the sliding loop is unstable: without friction it has a pole of {size}"
     springs = [
         f"{friction.stuck_element} of {stiffness / 1e3:.4g} {friction.units.stiffness}{place}"
-        for friction, stiffness, place in zip(proof.friction, np.atleast_1d(kappa), proof.machine.places, strict=True)
+        for friction, stiffness, place in zip(
+            proof.friction, np.atleast_1d(kappa), proof.machine.places, strict=True
+        )
     ]
     return (
         f"refuted for the class: with {' and '.join(springs)} that does not "
@@ -198,13 +232,18 @@ def _describe_counterexample(proof: FrictionProof, loop: FrictionLoop) -> str:
     )
 
 
-def _describe_claim(proof: FrictionProof, K: control.StateSpace, *, delay: float, forces: np.ndarray) -> str:
+def _describe_claim(
+    proof: FrictionProof, K: control.StateSpace, *, delay: float, forces: np.ndarray
+) -> str:
     """State the claim in one sentence. forces : (P,) largest friction at each port."""
     machine, units, dt = proof.machine, proof.units, timebase(K)
     clock = f"sampled at {1 / dt / 1e3:.4g} kHz" if dt else "with a continuous controller"
     late = f" with {1e3 * delay:.4g} ms of delay" if delay else ""
     scope = f"with {proof.scope}, for the linear part {machine.description}, {clock}{late}"
-    most = " and ".join(f"{force:g} {units.force}{place}" for force, place in zip(forces, machine.places, strict=True))
+    most = " and ".join(
+        f"{force:g} {units.force}{place}"
+        for force, place in zip(forces, machine.places, strict=True)
+    )
     if proof.verdict is FrictionVerdict.SETTLES:
         bound = f"{proof.settling_error:.3g} {units.position}"
         settles = f"Settles within {bound} of rest from every state {scope}, of at most {most}"
@@ -214,5 +253,7 @@ def _describe_claim(proof: FrictionProof, K: control.StateSpace, *, delay: float
         rest = f"At rest and relaxed, comes to rest again after {hit}"
     else:
         rest = proof.friction[0].describe_proved(proof)
-    limited = f", with an actuator of {proof.saturation:g} {units.force} and friction of at most {most}"
+    limited = (
+        f", with an actuator of {proof.saturation:g} {units.force} and friction of at most {most}"
+    )
     return f"{rest} {scope}{limited if np.isfinite(proof.saturation) else ''}."

@@ -1,15 +1,17 @@
-"""The largest distance from rest of a loop with stiction: the class with stiction 1, and a bounded rest force.
+"""The largest distance from rest of a loop with stiction: the class with stiction 1, and a bounded
+rest force.
 
-The same elements with constant sliders, under the same motion, differ from a friction of the class by a force r of at
-most (1 - 1/rho) Fs/2, called the rest. Their own friction g makes the loop contract: with the states z of `dissipation`
-(rho = 1),
+The same elements with constant sliders, under the same motion, differ from a friction of the class
+by a force r of at most (1 - 1/rho) Fs/2, called the rest. Their own friction g makes the loop
+contract: with the states z of `dissipation` (rho = 1),
 
     d/dt V + 2 lambda V <= r^2,      V = z'P(t) z + sum_j mu_j sum_i (g_i - gh_ij)^2/(2 k_i),
 
-so that V <= (rest)^2/(2 lambda) eventually, and the position lies in the ellipsoid of that V. P(t), the weights and the
-bound come from one semidefinite program for each rate lambda; the derivation is T7 of the page on the theory. With
-friction at several ports r^2 becomes sum_p w_p (r_p/R_p)^2, with sum_p w_p = 1 and R_p the largest rest at port p.
-The solver only proposes: `verify_friction` judges its numbers over the rationals.
+so that V <= (rest)^2/(2 lambda) eventually, and the position lies in the ellipsoid of that V. P(t),
+the weights and the bound come from one semidefinite program for each rate lambda; the derivation is
+T7 of the page on the theory. With friction at several ports r^2 becomes sum_p w_p (r_p/R_p)^2, with
+sum_p w_p = 1 and R_p the largest rest at port p. The solver only proposes: `verify_friction` judges
+its numbers over the rationals.
 """
 
 from __future__ import annotations
@@ -28,8 +30,8 @@ from robust.proofs.search.programs import solve_program
 if TYPE_CHECKING:
     import cvxpy
 
-#: Filters of one port: eight made the bound at most 6 % smaller than five on three axes, at twice the time. Several
-#: ports have fewer each, because the program grows with their number.
+# : Filters of one port: eight made the bound at most 6 % smaller than five on three axes, at twice
+# the time. Several : ports have fewer each, because the program grows with their number.
 _N_FILTERS, _N_FILTERS_OF_SEVERAL = 6, 4
 #: Fastest filter, as a multiple of the reference rate.
 _FASTEST = 40.0
@@ -43,22 +45,27 @@ _ROUNDED_UP = 1 + 1e-6
 
 @value(copy=False)
 class SettlingNumbers:
-    """The numbers of a proof that a loop settles: rates and weights of the filters, storage, rate of decay."""
+    """The numbers of a proof that a loop settles: rates and weights of the filters, storage, rate
+    of decay.
+    """
 
     rates: np.ndarray  # (J,) rates of the filters [rad/s], the reference first
     weights: np.ndarray  # (P, J) weights mu_j of each port
     rest_weights: np.ndarray  # (P,) weights w_p of the rests
     decay: float  # rate lambda [1/s]
-    # V, P, counts: (n, n) or (I, 4, n, n) or (S,) coordinates, Bernstein coefficients of the storage, number of
-    # intervals in each span
+    # V, P, counts: (n, n) or (I, 4, n, n) or (S,) coordinates, Bernstein coefficients of the
+    # storage, number of intervals in each span
     V: np.ndarray
     P: np.ndarray
     counts: np.ndarray
-    reach: np.ndarray  # (P,) largest displacement at each port [m] for a largest rest of 1 N, without the rest position
+    # (P,) largest displacement at each port [m] for a largest rest of 1 N, without the rest
+    # position
+    reach: np.ndarray
 
 
 def largest_rest(Fs: float, stiction: float) -> float:
-    """Return the largest difference of a friction with stiction from that of the same elements with constant sliders.
+    """Return the largest difference of a friction with stiction from that of the same elements with
+    constant sliders.
 
     The difference is a force [N].
 
@@ -68,11 +75,14 @@ def largest_rest(Fs: float, stiction: float) -> float:
     return (1 - 1 / stiction) * Fs / 2
 
 
-def settling_numbers(loop: FrictionLoop, K0: np.ndarray, reference: float, rests: np.ndarray) -> list[SettlingNumbers]:
-    """Return the numbers of all proofs found, the smallest reach first; an empty list if there are none.
+def settling_numbers(
+    loop: FrictionLoop, K0: np.ndarray, reference: float, rests: np.ndarray
+) -> list[SettlingNumbers]:
+    """Return the numbers of all proofs found, the smallest reach first; an empty list if there are
+    none.
 
-    K0, rests : (P,) stiffness of the class at each port, and largest rest there relative to the largest of all.
-    reference : rate [rad/s] for the choice of the filters.
+    K0, rests : (P,) stiffness of the class at each port, and largest rest there relative to the
+    largest of all. reference : rate [rad/s] for the choice of the filters.
     """
     slowest = min(_slowest_decay(loop, share * K0) for share in (0.0, 0.25, 1.0))
     if not slowest > 0:
@@ -81,22 +91,35 @@ def settling_numbers(loop: FrictionLoop, K0: np.ndarray, reference: float, rests
     rates = np.geomspace(min(slowest, reference), _FASTEST * reference, count)
     first = count // 2
     rates = np.concatenate([rates[first : first + 1], np.delete(rates, first)])
-    tried = (_settle_at_rate(loop, K0, rates=rates, rests=rests, decay=share * slowest) for share in _DECAYS)
+    tried = (
+        _settle_at_rate(loop, K0, rates=rates, rests=rests, decay=share * slowest)
+        for share in _DECAYS
+    )
     return sorted((one for one in tried if one is not None), key=lambda one: one.reach.max())
 
 
 def _slowest_decay(loop: FrictionLoop, kappa: np.ndarray) -> float:
-    """Return the decay [1/s] of the slowest mode of the loop with springs at its ports; negative if one grows."""
+    """Return the decay [1/s] of the slowest mode of the loop with springs at its ports; negative if
+    one grows.
+    """
     growth = loop.growth(kappa)
     return float(-np.log1p(growth) / loop.T if loop.T else -growth)
 
 
 def _filter_forms(
-    V: np.ndarray, v: np.ndarray, unit: np.ndarray, *, K0: np.ndarray, rates: np.ndarray, decay: float
+    V: np.ndarray,
+    v: np.ndarray,
+    unit: np.ndarray,
+    *,
+    K0: np.ndarray,
+    rates: np.ndarray,
+    decay: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (P J, n + P, n + P) supply and storage of every filter, port by port, as forms in states and friction.
+    """Return (P J, n + P, n + P) supply and storage of every filter, port by port, as forms in
+    states and friction.
 
-    V, v : coordinates, and velocities at the ports in them. unit : unit of the friction at each port.
+    V, v : coordinates, and velocities at the ports in them. unit : unit of the friction at each
+    port.
     """
     n, n_ports, extra = V.shape[0], K0.size, rates.size - 1
     first = n - n_ports * extra  # of the filters
@@ -108,7 +131,9 @@ def _filter_forms(
             held = V[first + port * extra + j - 1] if j else np.zeros(n)
             seen = np.append(-held, own)  # d - e_j
             cross = np.outer(seen, np.append(v[port], np.zeros(n_ports)))
-            supplies.append((cross + cross.T) / 2 - max(rate - decay, 0.0) / K0[port] * np.outer(seen, seen))
+            supplies.append(
+                (cross + cross.T) / 2 - max(rate - decay, 0.0) / K0[port] * np.outer(seen, seen)
+            )
             stores.append(np.outer(seen, seen) / (2 * K0[port]))
     return np.array(supplies), np.array(stores)
 
@@ -146,7 +171,9 @@ def _settle_at_rate(
     shares = cp.Variable(n_ports, nonneg=True)
     reach = cp.Variable()
     supply, stored = (
-        cp.reshape(mu @ (forms.reshape(scale.size, -1) / scale[:, None]), forms.shape[1:], order="C")
+        cp.reshape(
+            mu @ (forms.reshape(scale.size, -1) / scale[:, None]), forms.shape[1:], order="C"
+        )
         for forms in (supplies, stores)
     )
     full = n + 2 * n_ports
@@ -158,7 +185,9 @@ def _settle_at_rate(
     def flow(P: cvxpy.Expression, slope: cvxpy.Expression | np.ndarray) -> cvxpy.Constraint:
         across = P @ A
         side = P @ B
-        total = cp.bmat([[slope + across + across.T, side], [side.T, np.zeros((2 * n_ports, 2 * n_ports))]])
+        total = cp.bmat(
+            [[slope + across + across.T, side], [side.T, np.zeros((2 * n_ports, 2 * n_ports))]]
+        )
         return weigh @ (total + wide @ supply @ wide.T - last) @ weigh << -_STRICT * np.eye(full)
 
     def within(P: cvxpy.Expression) -> list[cvxpy.Constraint]:
@@ -168,7 +197,8 @@ def _settle_at_rate(
 
     # a continuous loop has no spans, and its storage is constant
     storage = [
-        [cp.Variable((n, n), symmetric=True) for _ in range(4 if loop.T else 1)] for _ in range(max(1, loop.spans.size))
+        [cp.Variable((n, n), symmetric=True) for _ in range(4 if loop.T else 1)]
+        for _ in range(max(1, loop.spans.size))
     ]
     for i, b in enumerate(storage):
         slopes = _slopes_of_cubic(b, loop.spans[i]) if loop.T else [np.zeros((n, n))]
@@ -181,14 +211,20 @@ def _settle_at_rate(
         return None
     found = np.array([[P.value for P in b] for b in storage])
     weights = np.where(allowed, np.maximum(mu.value, 0) / scale, 0.0)
-    energies = np.pad(found.reshape(-1, n, n), ((0, 0), (0, n_ports), (0, n_ports))) + np.tensordot(weights, stores, 1)
-    solved = np.linalg.solve(energies, np.broadcast_to(positions.T, (len(energies), n + n_ports, n_ports)))
+    energies = np.pad(found.reshape(-1, n, n), ((0, 0), (0, n_ports), (0, n_ports))) + np.tensordot(
+        weights, stores, 1
+    )
+    solved = np.linalg.solve(
+        energies, np.broadcast_to(positions.T, (len(energies), n + n_ports, n_ports))
+    )
     squared = np.einsum("eip,pi->ep", solved, positions).max(axis=0)
     if not (squared > 0).all():
         return None
     factor = unit[n_ports] ** 2  # the program has its own unit for the rest
     given = np.maximum(shares.value, 0.0)
-    given /= given.sum() * (1.0 if n_ports == 1 else _ROUNDED_UP)  # their sum is at most one, exactly
+    given /= given.sum() * (
+        1.0 if n_ports == 1 else _ROUNDED_UP
+    )  # their sum is at most one, exactly
     return SettlingNumbers(
         rates=rates,
         weights=(factor * weights).reshape(n_ports, -1),
@@ -204,7 +240,9 @@ def _settle_at_rate(
 def _with_filters(
     loop: FrictionLoop, rates: np.ndarray, rests: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return A, B (inputs d and r of each port), (S, n, n) jumps, x, v of the loop with the filters of the friction."""
+    """Return A, B (inputs d and r of each port), (S, n, n) jumps, x, v of the loop with the filters
+    of the friction.
+    """
     (n, n_ports), extra = loop.columns.shape, rates.size - 1
     size, rest = n + n_ports * extra, loop.rest()[0].reshape(n, n_ports)
     A, B = np.zeros((size, size)), np.zeros((size, 2 * n_ports))
@@ -212,6 +250,8 @@ def _with_filters(
     B[:n, :n_ports], B[:n, n_ports:] = loop.columns - rates[0] * rest, loop.columns * rests
     for port in range(n_ports):
         B[n + port * extra : n + (port + 1) * extra, port] = rates[1:] - rates[0]
-    jumps = np.array([block_diag(jump, np.eye(size - n)) for jump in loop.jumps]).reshape(-1, size, size)
+    jumps = np.array([block_diag(jump, np.eye(size - n)) for jump in loop.jumps]).reshape(
+        -1, size, size
+    )
     wider = ((0, 0), (0, size - n))
     return A, B, jumps, np.pad(loop.displacements, wider), np.pad(loop.velocities, wider)

@@ -1,4 +1,6 @@
-"""Storage functions for dissipation inequalities: proposed by a Riccati equation, judged by Bernstein coefficients."""
+"""Storage functions for dissipation inequalities: proposed by a Riccati equation, judged by
+Bernstein coefficients.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ from nlfrf._base.values import value
 
 @value
 class Block:
-    """A nonlinearity that acts at the first jump: y+ = J y - input_column w, and 2 w output_row y >= weight w^2.
+    """A nonlinearity that acts at the first jump: y+ = J y - input_column w, and 2 w output_row y
+    >= weight w^2.
 
     Fields
     ------
@@ -36,25 +39,32 @@ class Dissipation:
     A: np.ndarray  # (n, n)
     B: np.ndarray  # (n, m) flow z' = A z + B d
     spans: np.ndarray  # (S,)
-    jumps: np.ndarray  # (S, n, n) duration of each flow [s], and the jump before it; none for a continuous loop
-    # Q, N, R: (n, n) or (n, m) or (m, m) supply rate z'Qz + 2 z'Nd + d'Rd: `stored` does not rise faster
+    jumps: (
+        np.ndarray
+    )  # (S, n, n) duration of each flow [s], and the jump before it; none for a continuous loop
+    # Q, N, R: (n, n) or (n, m) or (m, m) supply rate z'Qz + 2 z'Nd + d'Rd: `stored` does not rise
+    # faster
     Q: np.ndarray
     N: np.ndarray
     R: np.ndarray
-    stored: np.ndarray  # (n + E, n + E) the rest of the stored energy: a form in z and E more states (forces that rest)
+    # (n + E, n + E) the rest of the stored energy: a form in z and E more states (forces that rest)
+    stored: np.ndarray
     B_error: np.ndarray  # (n, m)
-    stored_error: np.ndarray  # (n + E, n + E) error bound of each entry: the rest xi_e is known to rounding only
+    stored_error: (
+        np.ndarray
+    )  # (n + E, n + E) error bound of each entry: the rest xi_e is known to rounding only
     block: Block | None = None  # nonlinearity at the first jump
 
 
-# ---- A storage function z'P(t)z for a flow with jumps: the stabilising solution of a periodic Riccati equation.
+# ---- A storage function z'P(t)z for a flow with jumps: the stabilising solution of a periodic
+# Riccati equation.
 #
 # It is only a proposal, judged below. Backwards over a stretch of time a Riccati map is
 #
 #     phi(W) = H + A'W (I - G W)^-1 A
 #
-# and two stretches in sequence are one such map. Its fixed point over a period comes from the stable subspace of a
-# symplectic pencil: iterations from zero fail for slow integrators.
+# and two stretches in sequence are one such map. Its fixed point over a period comes from the
+# stable subspace of a symplectic pencil: iterations from zero fail for slow integrators.
 
 _NEWTON_STEPS = 2
 
@@ -62,11 +72,18 @@ Stretch = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def balancing_coordinates(
-    A: np.ndarray, B: np.ndarray, *, spans: np.ndarray, jumps: np.ndarray, block: Block | None = None
+    A: np.ndarray,
+    B: np.ndarray,
+    *,
+    spans: np.ndarray,
+    jumps: np.ndarray,
+    block: Block | None = None,
 ) -> np.ndarray:
-    """Return (n, n) V with z = V z~ in which the input reaches all states alike: a root of the closed-loop Gramian.
+    """Return (n, n) V with z = V z~ in which the input reaches all states alike: a root of the
+    closed-loop Gramian.
 
-    The Gramian is summed over the ends of all spans: just after a delay the waiting and the held force are equal.
+    The Gramian is summed over the ends of all spans: just after a delay the waiting and the held
+    force are equal.
     """
     W = _gramian(A, B, spans=spans, jumps=jumps, block=block)
     unit = np.sqrt(np.maximum(np.diag(W), 1e-300))
@@ -74,7 +91,9 @@ def balancing_coordinates(
     return np.asarray(unit[:, None] * vectors * np.sqrt(np.maximum(values, 1e-9 * values[-1])))
 
 
-def _gramian(A: np.ndarray, B: np.ndarray, *, spans: np.ndarray, jumps: np.ndarray, block: Block | None) -> np.ndarray:
+def _gramian(
+    A: np.ndarray, B: np.ndarray, *, spans: np.ndarray, jumps: np.ndarray, block: Block | None
+) -> np.ndarray:
     """Return (n, n) controllability Gramian of the flow with its jumps."""
     n = A.shape[0]
     if not spans.size:
@@ -108,7 +127,9 @@ def _gramian(A: np.ndarray, B: np.ndarray, *, spans: np.ndarray, jumps: np.ndarr
     return (total + total.T) / 2
 
 
-def _supply_with_slack(form: Dissipation, slack: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _supply_with_slack(
+    form: Dissipation, slack: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return A_h, G, Q_h of P' = -(A_h'P + P A_h + P G P + Q_h), with slack added to the supply."""
     n, m = form.B.shape
     R = form.R + slack * np.eye(m)
@@ -124,7 +145,9 @@ def _join_stretches(first: Stretch, second: Stretch) -> Stretch:
 
 
 def _jump_stretch(form: Dissipation, i: int, slack: float) -> Stretch:
-    """Return the Riccati map backwards over a jump, with the worst case of the block that acts there."""
+    """Return the Riccati map backwards over a jump, with the worst case of the block that acts
+    there.
+    """
     n = form.A.shape[0]
     jump, left = form.jumps[i], slack * np.eye(n)
     if i or form.block is None:
@@ -148,7 +171,9 @@ def _flow_stretch(hamiltonian: np.ndarray, span: float) -> Stretch:
 
 
 def proposed_storage(form: Dissipation, slack: float) -> np.ndarray | None:
-    """Return (n, n) P just after the jump that begins a period, or the constant P of a continuous loop; else None."""
+    """Return (n, n) P just after the jump that begins a period, or the constant P of a continuous
+    loop; else None.
+    """
     if np.any(np.linalg.eigvalsh(form.R + slack * np.eye(form.R.shape[0])) >= 0):
         return None
     n = form.A.shape[0]
@@ -190,20 +215,25 @@ def _solution_from_subspace(Z: np.ndarray, n: int) -> np.ndarray | None:
     return (P + P.T) / 2 if np.isfinite(P).all() else None
 
 
-# ---- The judge: does a storage function prove a dissipation inequality? Its matrices are assembled here again.
+# ---- The judge: does a storage function prove a dissipation inequality? Its matrices are assembled
+# here again.
 #
-# On each interval of a period P is a cubic between nodes. The inequality [P' + A'P + PA + Q, PB + N; ., R] < 0 is then
-# cubic in time: a convex combination of its four Bernstein coefficients. If these are negative definite it holds at
-# every instant. Each matrix is judged by its eigenvalues, with a margin above the rounding of its assembly.
+# On each interval of a period P is a cubic between nodes. The inequality [P' + A'P + PA + Q, PB +
+# N; ., R] < 0 is then cubic in time: a convex combination of its four Bernstein coefficients. If
+# these are negative definite it holds at every instant. Each matrix is judged by its eigenvalues,
+# with a margin above the rounding of its assembly.
 
 _EPS = np.finfo(float).eps
 
 
 @value(copy=False)
 class _BoundedForm:
-    """A dissipation inequality in coordinates z = V z~, with an error bound for each entry of its matrices."""
+    """A dissipation inequality in coordinates z = V z~, with an error bound for each entry of its
+    matrices.
+    """
 
-    # the inequality in those coordinates; the inputs are scaled so that the diagonal of R is minus one
+    # the inequality in those coordinates; the inputs are scaled so that the diagonal of R is minus
+    # one
     form: Dissipation
     off: Dissipation  # error bound of each entry
     V: np.ndarray  # (n, n) the coordinates
@@ -214,8 +244,8 @@ class JudgedStorage:
     """A storage function z'P(t)z in coordinates z = V z~, which is judged or to be judged."""
 
     V: np.ndarray  # (n, n)
-    # (I, 4, n, n) bernstein coefficients on each interval; neighbours in one span share their end. (1, 1, n, n) for a
-    # continuous loop.
+    # (I, 4, n, n) bernstein coefficients on each interval; neighbours in one span share their end.
+    # (1, 1, n, n) for a continuous loop.
     P: np.ndarray
     counts: np.ndarray  # (S,) number of intervals of equal length in each span
     stored: np.ndarray  # (n + E, n + E) the rest of the stored energy in these coordinates
@@ -225,7 +255,9 @@ def in_balanced_coordinates(form: Dissipation) -> _BoundedForm:
     unit = np.sqrt(np.maximum(-np.diag(form.R), 1e-300))  # of the inputs
     top = unit.max()
     heavy = form.block and replace(form.block, weight=form.block.weight / top**2)
-    V = balancing_coordinates(form.A, form.B * (top / unit), spans=form.spans, jumps=form.jumps, block=heavy)
+    V = balancing_coordinates(
+        form.A, form.B * (top / unit), spans=form.spans, jumps=form.jumps, block=heavy
+    )
     back = np.linalg.inv(V)
     n = form.B.shape[0]
     more = form.stored.shape[0] - n
@@ -248,7 +280,9 @@ def in_balanced_coordinates(form: Dissipation) -> _BoundedForm:
         block = Block(input_column=back @ b, output_row=V.T @ c, weight=form.block.weight)
         left = np.abs(V @ block.input_column - b) + k * (aV @ np.abs(block.input_column))
         block_off = Block(
-            input_column=aback @ left, output_row=k * (aV.T @ np.abs(c)), weight=8 * _EPS * form.block.weight
+            input_column=aback @ left,
+            output_row=k * (aV.T @ np.abs(c)),
+            weight=8 * _EPS * form.block.weight,
         )
     wide = np.block([[V, np.zeros((n, more))], [np.zeros((more, n)), np.eye(more)]])
     awide = np.abs(wide)
@@ -279,8 +313,12 @@ def in_balanced_coordinates(form: Dissipation) -> _BoundedForm:
     return _BoundedForm(form=new, off=off, V=V)
 
 
-def build_storage(judged: _BoundedForm, P: np.ndarray, *, slack: float, n_intervals: int) -> JudgedStorage:
-    """Return cubics through the Riccati solution that begins with P, with its slopes; for one flow the constant P."""
+def build_storage(
+    judged: _BoundedForm, P: np.ndarray, *, slack: float, n_intervals: int
+) -> JudgedStorage:
+    """Return cubics through the Riccati solution that begins with P, with its slopes; for one flow
+    the constant P.
+    """
     form = judged.form
     A, G, Q = _supply_with_slack(form, slack)
     hamiltonian = np.block([[A, G], [-Q, -A.T]])
@@ -300,7 +338,10 @@ def build_storage(judged: _BoundedForm, P: np.ndarray, *, slack: float, n_interv
             nodes.append(W)
         node = np.array(nodes[::-1])
         slope = -(A.T @ node + node @ A + node @ G @ node + Q)
-        cubics = np.stack([node[:-1], node[:-1] + h / 3 * slope[:-1], node[1:] - h / 3 * slope[1:], node[1:]], axis=1)
+        cubics = np.stack(
+            [node[:-1], node[:-1] + h / 3 * slope[:-1], node[1:] - h / 3 * slope[1:], node[1:]],
+            axis=1,
+        )
         parts.append(cubics)
         later = node[0]
     found = np.concatenate(parts[::-1])
@@ -309,7 +350,9 @@ def build_storage(judged: _BoundedForm, P: np.ndarray, *, slack: float, n_interv
 
 
 def _largest_scaled_eigenvalue(matrices: np.ndarray, errors: np.ndarray) -> float:
-    """Return the largest scaled eigenvalue of symmetric matrices plus rounding; below zero if all are negative."""
+    """Return the largest scaled eigenvalue of symmetric matrices plus rounding; below zero if all
+    are negative.
+    """
     diagonal = -np.diagonal(matrices, axis1=-2, axis2=-1)
     if not np.isfinite(matrices).all() or not np.all(diagonal > 0):
         return float("inf")
@@ -332,7 +375,11 @@ def _flow_inequality(
     M, E = np.zeros((*P.shape[:-2], n + m, n + m)), np.zeros((*P.shape[:-2], n + m, n + m))
     M[..., :n, :n] = slope + form.A.T @ P + P @ form.A + form.Q
     E[..., :n, :n] = size @ (k * np.abs(form.A) + judged.off.A)
-    E[..., :n, :n] += np.swapaxes(E[..., :n, :n].copy(), -1, -2) + k * (slope_size + np.abs(form.Q)) + judged.off.Q
+    E[..., :n, :n] += (
+        np.swapaxes(E[..., :n, :n].copy(), -1, -2)
+        + k * (slope_size + np.abs(form.Q))
+        + judged.off.Q
+    )
     M[..., :n, n:] = P @ form.B + form.N
     E[..., :n, n:] = size @ (k * np.abs(form.B) + judged.off.B) + k * np.abs(form.N) + judged.off.N
     M[..., n:, :n] = np.swapaxes(M[..., :n, n:], -1, -2)
@@ -343,35 +390,56 @@ def _flow_inequality(
 
 
 def judge_storage(judged: _BoundedForm, storage: JudgedStorage) -> tuple[str, float]:
-    """Return an empty text if the storage proves inequality, jumps and positivity; else the failure and its size.
+    """Return an empty text if the storage proves inequality, jumps and positivity; else the failure
+    and its size.
 
-    The size is the largest scaled eigenvalue of a failure between samples, which finer intervals may remove. It is
-    infinite for any other failure.
+    The size is the largest scaled eigenvalue of a failure between samples, which finer intervals
+    may remove. It is infinite for any other failure.
     """
-    counts, spans = (storage.counts, judged.form.spans) if storage.counts.size else (np.ones(1, dtype=int), np.ones(1))
-    b, h = np.broadcast_to(storage.P, (counts.sum(), 4, *storage.P.shape[2:])), np.repeat(spans / counts, counts)
+    counts, spans = (
+        (storage.counts, judged.form.spans)
+        if storage.counts.size
+        else (np.ones(1, dtype=int), np.ones(1))
+    )
+    b = np.broadcast_to(storage.P, (counts.sum(), 4, *storage.P.shape[2:]))
+    h = np.repeat(spans / counts, counts)
     h = h[:, None, None, None]
-    steps = 3 * (b[:, 1:] - b[:, :-1]) / h  # of P', a parabola; its degree is raised to that of a cubic
+    steps = (
+        3 * (b[:, 1:] - b[:, :-1]) / h
+    )  # of P', a parabola; its degree is raised to that of a cubic
     sizes = 3 * (np.abs(b[:, 1:]) + np.abs(b[:, :-1])) / h
     slope, size = _raise_degree(steps), _raise_degree(sizes)
     worst = _largest_scaled_eigenvalue(*_flow_inequality(judged, b, slope=slope, slope_size=size))
     if not worst < 0:
         between = " between samples" if len(judged.form.jumps) else ""
-        return f"the inequality does not hold{between}: its largest scaled eigenvalue is {worst:.2g}", worst
+        return (
+            f"the inequality does not hold{between}: its largest scaled eigenvalue is {worst:.2g}",
+            worst,
+        )
     last = np.cumsum(counts)
     begins, ends = b[last - counts, 0], b[last - 1, 3]
     for i in range(len(judged.form.jumps)):
-        worst = _largest_scaled_eigenvalue(*_jump_inequality(judged, i, before=ends[i - 1], after=begins[i]))
+        worst = _largest_scaled_eigenvalue(
+            *_jump_inequality(judged, i, before=ends[i - 1], after=begins[i])
+        )
         if not worst < 0:
-            return f"the energy may grow at a sample: its largest scaled eigenvalue is {worst:.2g}", np.inf
+            return (
+                f"the energy may grow at a sample: its largest scaled eigenvalue is {worst:.2g}",
+                np.inf,
+            )
     return _check_positive(judged, np.array([begins[0], ends[-1]])), np.inf
 
 
 def _jump_inequality(
     judged: _BoundedForm, i: int, *, before: np.ndarray, after: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the matrix of the energy gain at a jump, with the block as one more state, and its error bound."""
-    jump, unsure, block, n = judged.form.jumps[i], judged.off.jumps[i], judged.form.block, before.shape[0]
+    """Return the matrix of the energy gain at a jump, with the block as one more state, and its
+    error bound.
+    """
+    jump = judged.form.jumps[i]
+    unsure = judged.off.jumps[i]
+    block = judged.form.block
+    n = before.shape[0]
     lost, loose = before, np.zeros_like(before)
     if i == 0 and block is not None and judged.off.block is not None:
         jump = np.column_stack([jump, -block.input_column])
@@ -402,7 +470,11 @@ def _check_positive(judged: _BoundedForm, P: np.ndarray) -> str:
     size = np.broadcast_to(judged.off.stored, energy.shape).copy() + 4 * _EPS * np.abs(stored)
     size[..., :n, :n] += 4 * _EPS * np.abs(P)
     worst = _largest_scaled_eigenvalue(-energy, size)
-    return "" if worst < 0 else f"the stored energy is not positive: its least scaled eigenvalue is {-worst:.2g}"
+    return (
+        ""
+        if worst < 0
+        else f"the stored energy is not positive: its least scaled eigenvalue is {-worst:.2g}"
+    )
 
 
 METHOD = "periodic Riccati equation, Bernstein"
@@ -413,7 +485,9 @@ _NEAR_MISS = 1e-3  # for a failure this small the finest intervals are tried
 
 
 def certified_dissipation(form: Dissipation) -> tuple[str, JudgedStorage | None]:
-    """Return an empty text and the storage function that is judged to prove the inequality; else the last failure."""
+    """Return an empty text and the storage function that is judged to prove the inequality; else
+    the last failure.
+    """
     judged = in_balanced_coordinates(form)
     failure = "no storage function was found"
     nearest = _NEAR_MISS, 0.0, np.zeros(0)
@@ -426,7 +500,9 @@ def certified_dissipation(form: Dissipation) -> tuple[str, JudgedStorage | None]
             failure, worst = judge_storage(judged, storage)
             if not failure:
                 return "", storage
-            if np.isinf(worst) and n_intervals > _INTERVAL_COUNTS[0]:  # finer intervals will not help this slack
+            if (
+                np.isinf(worst) and n_intervals > _INTERVAL_COUNTS[0]
+            ):  # finer intervals will not help this slack
                 break
         nearest = min(nearest, (worst, slack, P), key=lambda found: found[0])
     worst, slack, P = nearest

@@ -1,4 +1,6 @@
-"""``MachineWithFriction``: machine and friction assumed for a proof, made of estimates with their intervals."""
+"""``MachineWithFriction``: machine and friction assumed for a proof, made of estimates with their
+intervals.
+"""
 
 from __future__ import annotations
 
@@ -11,29 +13,33 @@ from robust.friction.plant import FrictionPlant, require_one_port
 from robust.friction.units import format_plain
 
 ASSUMPTION_NOTE = (
-    "The levels support this class, they do not prove it. Friction that creeps below break-away looks the same. An "
-    "element that sticks at all levels counts as a spring of the machine; one that slips at all levels is not seen."
+    "The levels support this class, they do not prove it. Friction that creeps below break-away"
+    " looks the same. An element that sticks at all levels counts as a spring of the machine; one"
+    " that slips at all levels is not seen."
 )
 
 
 @value
 class MachineWithFriction:
-    """A linear plant and a class of friction from measured levels: an assumption, with its evidence.
+    """A linear plant and a class of friction from measured levels: an assumption, with its
+    evidence.
 
     For an axis that turns, read N as Nm and m as rad; `machine` and `friction` have their unit.
 
     Fields
     ------
     machines : tuple of FrictionPlant
-        The machine with the lowest stiffness that the levels allow, for each damping of a proof: without damping, and
-        for a nominal also with that of its fit. A stiffer machine is in the class, because the difference is a spring
-        that does not slip. An estimated delay is kept.
+        The machine with the lowest stiffness that the levels allow, for each damping of a proof:
+        without damping, and for a nominal also with that of its fit. A stiffer machine is in the
+        class, because the difference is a spring that does not slip. An estimated delay is kept.
     friction : tuple of MaxwellSlip
-        The class at each friction port, with the stiffness from that of `machine` to that at rest, and a margin.
+        The class at each friction port, with the stiffness from that of `machine` to that at rest,
+        and a margin.
     evidence : str
         Source of the estimate, and what the data cannot show.
     mass, mass_std : float
-        Mass that a force at the friction port accelerates, of motor and load together, and its standard deviation [kg].
+        Mass that a force at the friction port accelerates, of motor and load together, and its
+        standard deviation [kg].
     stiffness_low : float
         Stiffness of `machine` at its port [N/m]; relative to the nominal, if there is one.
     stiffness_std : float
@@ -41,7 +47,8 @@ class MachineWithFriction:
 
     References
     ----------
-    "The impact of nonlinear friction on frequency response function measurements" (resonance against level).
+    "The impact of nonlinear friction on frequency response function measurements" (resonance
+    against level).
 
     Examples
     --------
@@ -88,9 +95,11 @@ class MachineRead:
     stiffness : float
         Estimated stiffness [N/m]; `stiffness_low` is its lower end.
     K0, stiction : (P,) ndarray
-        Upper end of the stiffness [N/m] and of the ratio of forces at each port; nan for a ratio that was not seen.
+        Upper end of the stiffness [N/m] and of the ratio of forces at each port; nan for a ratio
+        that was not seen.
     source, description, K0_note, stiction_note, misfit : str
-        Phrases for the evidence: source, machine, meaning of K0, estimate of the ratio, and what is unexplained.
+        Phrases for the evidence: source, machine, meaning of K0, estimate of the ratio, and what is
+        unexplained.
     """
 
     machines: tuple[FrictionPlant, ...]
@@ -109,9 +118,11 @@ class MachineRead:
 
 
 def assume_class(read: MachineRead, *, stiction: float, margin: float) -> MachineWithFriction:
-    """Return the class of an estimate: a margin on the upper end of K0, plus the reduction of the stiffness.
+    """Return the class of an estimate: a margin on the upper end of K0, plus the reduction of the
+    stiffness.
 
-    stiction : largest over smallest force of a slider; the upper end of the estimate is used if it is larger.
+    stiction : largest over smallest force of a slider; the upper end of the estimate is used if it
+    is larger.
     """
     if require_real("margin", margin) < 1:
         raise ValueError(f"margin must be at least 1, got {margin:g}")
@@ -130,8 +141,9 @@ def assume_class(read: MachineRead, *, stiction: float, margin: float) -> Machin
     elif ports[0].stiction > read.stiction[0]:
         ratios += read.stiction_note
     evidence = (
-        f"Assumed, {read.source}: {read.description}; K0 = {stiffest} {machine.units.stiffness}{places}, {margin:g} "
-        f"times {read.K0_note}; stiction {ratios}; {read.misfit}. {ASSUMPTION_NOTE}"
+        f"Assumed, {read.source}: {read.description}; K0 = {stiffest}"
+        f" {machine.units.stiffness}{places}, {margin:g} times {read.K0_note}; stiction {ratios};"
+        f" {read.misfit}. {ASSUMPTION_NOTE}"
     )
     return MachineWithFriction(
         machines=read.machines,
@@ -147,13 +159,20 @@ def assume_class(read: MachineRead, *, stiction: float, margin: float) -> Machin
 def machines_of(
     machine: FrictionPlant | MachineWithFriction, friction: MaxwellSlip | None
 ) -> tuple[tuple[FrictionPlant, ...], MaxwellSlip]:
-    """Return the machines to prove and the class; both come from a `MachineWithFriction` if one is given."""
+    """Return the machines to prove and the class; both come from a `MachineWithFriction` if one is
+    given.
+    """
     if isinstance(machine, MachineWithFriction) and friction is None:
         require_one_port(machine.machine)
         return machine.machines, machine.friction[0]
     if not isinstance(machine, FrictionPlant):
-        raise ValueError(f"machine must be a friction_plant, or a MachineWithFriction alone, got {short_form(machine)}")
+        raise ValueError(
+            "machine must be a friction_plant, or a MachineWithFriction alone, got"
+            f" {short_form(machine)}"
+        )
     require_one_port(machine)
     if not isinstance(friction, MaxwellSlip):
-        raise ValueError(f"friction must be robust.friction.MaxwellSlip(...), got {short_form(friction)}")
+        raise ValueError(
+            f"friction must be robust.friction.MaxwellSlip(...), got {short_form(friction)}"
+        )
     return (machine,), friction

@@ -1,27 +1,33 @@
-"""The balance of forces of a machine with friction along measured motions, and the search for a machine that fits it.
+"""The balance of forces of a machine with friction along measured motions, and the search for a
+machine that fits it.
 
-The motion of every level is measured. The force of a Maxwell element along a known motion is known up to its stiffness,
-so no candidate is simulated. At every line the balance of forces
+The motion of every level is measured. The force of a Maxwell element along a known motion is known
+up to its stiffness, so no candidate is simulated. At every line the balance of forces
 
     E U = (k - m w^2 + j c w) Y + sum_i k_i F_i,      E = exp(-j w tau) / (1 + j w T)
 
-is linear in m, c, k and the stiffnesses k_i. F_i is the spectrum, with all harmonics, of the force along the measured
-motion of an element of unit stiffness that breaks away at D_i. The break-away displacements, the stiction, the Stribeck
-velocity, the delay tau and the lag T come from Gauss-Newton steps. Excited and detection lines count equally.
+is linear in m, c, k and the stiffnesses k_i. F_i is the spectrum, with all harmonics, of the force
+along the measured motion of an element of unit stiffness that breaks away at D_i. The break-away
+displacements, the stiction, the Stribeck velocity, the delay tau and the lag T come from
+Gauss-Newton steps. Excited and detection lines count equally.
 
-Distortion is not noise here: the elements distort along the measured motion as the friction of the machine did, so no
-average over realisations is needed. The residual shows noise and model errors. A standard deviation is the larger of
-that from noise, and of that from a jackknife over blocks of neighbouring lines, whose model errors are correlated.
+Distortion is not noise here: the elements distort along the measured motion as the friction of the
+machine did, so no average over realisations is needed. The residual shows noise and model errors. A
+standard deviation is the larger of that from noise, and of that from a jackknife over blocks of
+neighbouring lines, whose model errors are correlated.
 
-A load behind the motor adds its reaction N on the right, as one more element. The motion of the motor is measured, so
-the load is a mass m2 with its own elements, moved through a spring k and a damper c,
+A load behind the motor adds its reaction N on the right, as one more element. The motion of the
+motor is measured, so the load is a mass m2 with its own elements, moved through a spring k and a
+damper c,
 
     N = k (y - y2) + c (y' - y2') = m2 y2'' + c2 y2' + F2(y2),
 
-and the second period of a simulation from rest is N, except for a decayed transient (see `reaction_of_load`).
+and the second period of a simulation from rest is N, except for a decayed transient (see
+`reaction_of_load`).
 
-The loop may be open or closed: U is the commanded force, whatever commands it. Noise of the position enters through the
-regressors: lines are weighted by their residual, and the motion is shrunk by the disagreement of the periods.
+The loop may be open or closed: U is the commanded force, whatever commands it. Noise of the
+position enters through the regressors: lines are weighted by their residual, and the motion is
+shrunk by the disagreement of the periods.
 """
 
 from __future__ import annotations
@@ -39,41 +45,49 @@ from nlfrf._base.values import ArrayField, value
 from robust.lti.sampling import hold_correction
 from robust.pages.section import Fact
 
-#: Steps of the motion per sample of the record, because the motion reverses and slips between samples: for the search
-#: of elements, for the search of other minima around the first, and for the final numbers.
+# : Steps of the motion per sample of the record, because the motion reverses and slips between
+# samples: for the search : of elements, for the search of other minima around the first, and for
+# the final numbers.
 COARSE, MEDIUM, FINE = 2, 4, 8
-#: Largest number of these in a cycle of the highest line: more change neither the end of the search nor the numbers.
+# : Largest number of these in a cycle of the highest line: more change neither the end of the
+# search nor the numbers.
 STEPS_PER_CYCLE = 13.5
 #: Factor on the noise variance by which the power of a motion is shrunk.
 SHRINKAGE = 2.0
-#: Lines of a window for the smoothing of a variance, and of a block whose residuals may be correlated.
+# : Lines of a window for the smoothing of a variance, and of a block whose residuals may be
+# correlated.
 _WINDOW, _BLOCK = 31, 8
 #: Model error relative to the rms of the force on the lines of a level; a floor of every weight.
 MODEL_ERROR = 0.002
-#: Relative error of every force along a motion that is known at samples only. Five records of the linear motor without
-#: encoder and with small steps left 0.002 to 0.01 % of the force. They were off by 1.2 % of the damping, which is 0.01
-#: % of the Coulomb friction over the velocity, by 0.02 % of the Coulomb friction and by 0.01 % of Fs.
+# : Relative error of every force along a motion that is known at samples only. Five records of the
+# linear motor without : encoder and with small steps left 0.002 to 0.01 % of the force. They were
+# off by 1.2 % of the damping, which is 0.01 : % of the Coulomb friction over the velocity, by 0.02
+# % of the Coulomb friction and by 0.01 % of Fs.
 FORCE_ERROR = 1e-4
 #: Number of break-away displacements that are tried in a search for one more element.
 _N_TRIED = 20
-#: Largest number of elements, and F ratio that one more must exceed: chance exceeds 20 in one search of a thousand
-#: (chi-square with two degrees of freedom, twenty trials).
+# : Largest number of elements, and F ratio that one more must exceed: chance exceeds 20 in one
+# search of a thousand : (chi-square with two degrees of freedom, twenty trials).
 _MOST_ELEMENTS, WORTH = 8, 20.0
-#: Number of starts if the first leaves more than this share of the force (or of Fs) of a level beyond noise. From a
-#: wrong stiction two random machines of seven ended with a strength that was 30 % off, and the linear motor under a
-#: soft drive with a negative viscous friction, at 0.8 %.
+# : Number of starts if the first leaves more than this share of the force (or of Fs) of a level
+# beyond noise. From a : wrong stiction two random machines of seven ended with a strength that was
+# 30 % off, and the linear motor under a : soft drive with a negative viscous friction, at 0.8 %.
 _N_STARTS, _EXPLAINED = 3, 0.005
-#: The same for two masses, at levels above half of Fs, where elements slip and a wrong minimum shows. A right fit of
-#: the belt left 0.2 %, of the ball screw 1.0 %; a wrong fit of the joint, with Fs 16 % low, 1.5 %. Lower levels leave
-#: more, up to 1.7 %, because of the step of the encoder.
+# : The same for two masses, at levels above half of Fs, where elements slip and a wrong minimum
+# shows. A right fit of : the belt left 0.2 %, of the ball screw 1.0 %; a wrong fit of the joint,
+# with Fs 16 % low, 1.5 %. Lower levels leave : more, up to 1.7 %, because of the step of the
+# encoder.
 EXPLAINED_BY_TWO = 0.012
-#: Share of the force (or of Fs) beyond noise that Maxwell slip leaves of another friction law from its first start on.
-#: Dahl, LuGre and exponential hysteresis leave 13 % and more from every start; of 37 sets of levels with Maxwell slip
-#: the worst leaves 9 % at first, and 0.1 % with one more element.
+# : Share of the force (or of Fs) beyond noise that Maxwell slip leaves of another friction law from
+# its first start on. : Dahl, LuGre and exponential hysteresis leave 13 % and more from every start;
+# of 37 sets of levels with Maxwell slip : the worst leaves 9 % at first, and 0.1 % with one more
+# element.
 REFUTED = 0.1
-#: Share of the previous residual that one more element of two masses may leave: others only fitted what was explained.
+# : Share of the previous residual that one more element of two masses may leave: others only fitted
+# what was explained.
 _LEFT_BY_ONE_MORE = 0.9
-#: Largest number of passes of a search, and gain in -2 log likelihood that justifies one more pass or parameter.
+# : Largest number of passes of a search, and gain in -2 log likelihood that justifies one more pass
+# or parameter.
 _MOST_PASSES, _LEAST_GAIN = 6, 6.0
 #: Passes in which the weights follow the residual.
 N_PASSES = 3
@@ -131,7 +145,9 @@ class NumbersRead:
 
 
 def number_facts(fit: NumbersRead) -> list[Fact]:
-    """Return each number of a fit that has a standard deviation: its 95 % interval, or "left open"."""
+    """Return each number of a fit that has a standard deviation: its 95 % interval, or "left
+    open".
+    """
     facts = []
     for name, (label, unit, factor) in REPORTED.items():
         std = fit.stds.get(name, 0.0)
@@ -180,7 +196,8 @@ class Motion:
     lines : (W,) int ndarray
         Numbers of the lines.
     centred : bool
-        True if the elements start in the middle of the swing, and not at the start of the period (see `with_branches`).
+        True if the elements start in the middle of the swing, and not at the start of the period
+        (see `with_branches`).
     """
 
     omega: np.ndarray
@@ -205,18 +222,28 @@ class Motion:
         return float(np.ptp(self.x, axis=1).max() / 2)
 
 
-#: Parameters of a load: mass, spring and damper between motor and load, viscous friction, excess of stiction and
-#: velocity of Stribeck.
-LOAD = ("log_load_mass", "log_coupling", "log_coupling_damping", "load_damping", "load_log_excess", "load_log_vs")
+# : Parameters of a load: mass, spring and damper between motor and load, viscous friction, excess
+# of stiction and : velocity of Stribeck.
+LOAD = (
+    "log_load_mass",
+    "log_coupling",
+    "log_coupling_damping",
+    "load_damping",
+    "load_log_excess",
+    "load_log_vs",
+)
 
-#: Numbers of two masses that are known from motion. They are held in the first steps, because the weights of a start
-#: are wrong: with all numbers free at once two axes of eleven ended with a load 10 % too light.
+# : Numbers of two masses that are known from motion. They are held in the first steps, because the
+# weights of a start : are wrong: with all numbers free at once two axes of eleven ended with a load
+# 10 % too light.
 KNOWN_IN_MOTION = ("mass", "delay", *LOAD[:3])
 
 
 @value
 class Terms:
-    """Terms of the balance besides mass, damping and elements: spring, softening (w^4), lag, stiction, load."""
+    """Terms of the balance besides mass, damping and elements: spring, softening (w^4), lag,
+    stiction, load.
+    """
 
     spring: bool
     softening: bool = False
@@ -243,10 +270,11 @@ class Terms:
 
 @value
 class Candidate:
-    """A machine: numbers of the terms by name, and stiffness and break-away displacement of its elements.
+    """A machine: numbers of the terms by name, and stiffness and break-away displacement of its
+    elements.
 
-    With a load, `mass`, `damping`, `stiffness` and `breakaway` are those of the motor, `load_stiffness` and
-    `load_breakaway` those of the elements of the load.
+    With a load, `mass`, `damping`, `stiffness` and `breakaway` are those of the motor,
+    `load_stiffness` and `load_breakaway` those of the elements of the load.
     """
 
     terms: Terms
@@ -272,21 +300,29 @@ class Candidate:
         if not np.size(self.load_stiffness):
             return None
         k, D = np.asarray(self.load_stiffness), np.asarray(self.load_breakaway)
-        excess, vs = (float(np.exp(self.numbers[name])) for name in ("load_log_excess", "load_log_vs"))
-        return nlfrf.friction.VaryingSliders(stiffness=k, strength=k * D, stiction=1 + excess, vs=vs)
+        excess, vs = (
+            float(np.exp(self.numbers[name])) for name in ("load_log_excess", "load_log_vs")
+        )
+        return nlfrf.friction.VaryingSliders(
+            stiffness=k, strength=k * D, stiction=1 + excess, vs=vs
+        )
 
     @property
     def all_elements(self) -> tuple[np.ndarray, np.ndarray]:
         """Stiffness and break-away displacement of all elements, at motor and load."""
-        return np.append(self.stiffness, self.load_stiffness), np.append(self.breakaway, self.load_breakaway)
+        return np.append(self.stiffness, self.load_stiffness), np.append(
+            self.breakaway, self.load_breakaway
+        )
 
 
 def motion_of_record(
     record: nlfrf.Record, upsampling: float, shrinkage: float = SHRINKAGE, per_cycle: float = np.inf
 ) -> Motion:
-    """Return the mean period of a record: spectra on the lines of the band, and the motion between the samples.
+    """Return the mean period of a record: spectra on the lines of the band, and the motion between
+    the samples.
 
-    per_cycle : largest number of steps in a cycle of the highest line, for a record with more samples in it.
+    per_cycle : largest number of steps in a cycle of the highest line, for a record with more
+    samples in it.
     """
     u, y = np.asarray(record.u), np.asarray(record.y)
     M, P, N = u.shape
@@ -297,12 +333,16 @@ def motion_of_record(
     if P > 1:
         spread = (np.abs(Y - mean[:, np.newaxis]) ** 2).sum(axis=1) / (P - 1) / P
         noise = np.stack([_smoothed(one) for one in spread])
-    gain = np.clip(1 - shrinkage * noise / np.maximum(np.abs(mean) ** 2, np.finfo(float).tiny), 0.0, 1.0)
+    gain = np.clip(
+        1 - shrinkage * noise / np.maximum(np.abs(mean) ** 2, np.finfo(float).tiny), 0.0, 1.0
+    )
     shrunk = mean * gain
     shrunk[:, 0] = 0.0  # the elements do not depend on the mean position
     shrunk[:, -1] = 0.0
     excited = np.asarray(record.lines.excited)
-    n = next_fast_len(int(min(upsampling * N, max(per_cycle * excited[-1], 2 * excited[-1] + 2))), real=True)
+    n = next_fast_len(
+        int(min(upsampling * N, max(per_cycle * excited[-1], 2 * excited[-1] + 2))), real=True
+    )
     padded = np.zeros((M, n // 2 + 1), dtype=complex)
     held = min(shrunk.shape[1], padded.shape[1])
     padded[:, :held] = shrunk[:, :held] * n / 2
@@ -327,13 +367,19 @@ def motion_of_record(
 
 def _smoothed(values: np.ndarray) -> np.ndarray:
     half = min(_WINDOW // 2, values.size - 1)
-    return np.convolve(np.pad(values, half, mode="reflect"), np.full(2 * half + 1, 1 / (2 * half + 1)), "valid")
+    return np.convolve(
+        np.pad(values, half, mode="reflect"), np.full(2 * half + 1, 1 / (2 * half + 1)), "valid"
+    )
 
 
-def element_spectra(motion: Motion, breakaway: np.ndarray, *, stiction: float, vs: float) -> np.ndarray:
-    """Return (E, M, W) spectra, as peak amplitudes, of E elements of unit stiffness along M motions, on W lines.
+def element_spectra(
+    motion: Motion, breakaway: np.ndarray, *, stiction: float, vs: float
+) -> np.ndarray:
+    """Return (E, M, W) spectra, as peak amplitudes, of E elements of unit stiffness along M
+    motions, on W lines.
 
-    Each motion is run twice; the second run is the steady state. `breakaway` (E,) are displacements.
+    Each motion is run twice; the second run is the steady state. `breakaway` (E,) are
+    displacements.
     """
     if not breakaway.size:
         return np.zeros((0, *motion.U.shape), dtype=complex)
@@ -353,22 +399,33 @@ def element_spectra(motion: Motion, breakaway: np.ndarray, *, stiction: float, v
 def reaction_of_load(motion: Motion, candidate: Candidate) -> np.ndarray:
     """Return (M, W) reaction force of the load on the motion of the motor; zero without a load.
 
-    A load without elements, whose friction slides, is linear. Otherwise it starts from rest, and its second period is
-    taken. The transient of the first period has then decayed at least by exp(-c/(2 m2) T), which is 1e-3 or less on the
-    presets of `nlfrf.servo_axis`.
+    A load without elements, whose friction slides, is linear. Otherwise it starts from rest, and
+    its second period is taken. The transient of the first period has then decayed at least by
+    exp(-c/(2 m2) T), which is 1e-3 or less on the presets of `nlfrf.servo_axis`.
     """
-    return _follow_load(motion, candidate)[0] if candidate.terms.load else np.zeros(motion.U.shape, dtype=complex)
+    return (
+        _follow_load(motion, candidate)[0]
+        if candidate.terms.load
+        else np.zeros(motion.U.shape, dtype=complex)
+    )
 
 
 def _follow_load(motion: Motion, candidate: Candidate, *, slopes: bool = False) -> np.ndarray:
-    """Return (1, M, W) force of the load; with slopes (1 + p, M, W), with derivatives by `LOAD` and by its elements."""
+    """Return (1, M, W) force of the load; with slopes (1 + p, M, W), with derivatives by `LOAD` and
+    by its elements.
+    """
     numbers, sliders = candidate.numbers, candidate.load_sliders
     mass, k, c = (float(np.exp(numbers[name])) for name in LOAD[:3])
     if sliders is None:
         s, none = 1j * motion.omega, np.zeros(motion.omega.size)
         link, inertia = k + s * c, s * numbers["load_damping"] + s**2 * mass
         by_link, by_inertia = (inertia / (link + inertia)) ** 2, (link / (link + inertia)) ** 2
-        found = [link * inertia / (link + inertia), s**2 * mass * by_inertia, k * by_link, s * c * by_link]
+        found = [
+            link * inertia / (link + inertia),
+            s**2 * mass * by_inertia,
+            k * by_link,
+            s * c * by_link,
+        ]
         return np.stack([*found, s * by_inertia, none, none])[:, np.newaxis] * motion.Y
     forces = [
         nlfrf.friction.load_forces(
@@ -384,11 +441,15 @@ def _follow_load(motion: Motion, candidate: Candidate, *, slopes: bool = False) 
         )
         for x, v in zip(motion.x, motion.v, strict=True)
     ]
-    return np.stack([2 / motion.x.shape[1] * np.fft.rfft(one)[:, motion.lines] for one in forces], axis=1)
+    return np.stack(
+        [2 / motion.x.shape[1] * np.fft.rfft(one)[:, motion.lines] for one in forces], axis=1
+    )
 
 
 def force_of_motion(machine: NumbersRead, omega: np.ndarray, damping: float) -> np.ndarray:
-    """Return (W,) force over motor position without friction [N/m], with the viscous friction at the motor."""
+    """Return (W,) force over motor position without friction [N/m], with the viscous friction at
+    the motor.
+    """
     s, load = 1j * omega, machine.load_mass
     found = s * damping + s**2 * (machine.mass - load)
     if load:
@@ -400,7 +461,12 @@ def force_of_motion(machine: NumbersRead, omega: np.ndarray, damping: float) -> 
 def linear_columns(motion: Motion, terms: Terms) -> list[np.ndarray]:
     """Return (M, W) column of each linear term of the motion."""
     omega, Y = motion.omega, motion.Y
-    columns = {"mass": -(omega**2) * Y, "damping": 1j * omega * Y, "stiffness": Y, "softening": -(omega**4) * Y}
+    columns = {
+        "mass": -(omega**2) * Y,
+        "damping": 1j * omega * Y,
+        "stiffness": Y,
+        "softening": -(omega**4) * Y,
+    }
     return [columns[name] for name in terms.linear]
 
 
@@ -412,18 +478,26 @@ def actuated_force(motion: Motion, numbers: dict[str, float]) -> np.ndarray:
     return np.asarray(motion.U * np.exp(-s * (numbers["delay"] - lag)) / (1 + s * lag))
 
 
-# ---- The search: start on a grid of elements, take Gauss-Newton steps, add an element if it improves the fit.
+# ---- The search: start on a grid of elements, take Gauss-Newton steps, add an element if it
+# improves the fit.
 
 
 def pack(candidate: Candidate) -> np.ndarray:
     """Return the parameters as one vector, with the logarithms of the elements."""
     numbers = [candidate.numbers[name] for name in candidate.terms.names]
-    elements = (candidate.stiffness, candidate.breakaway, candidate.load_stiffness, candidate.load_breakaway)
+    elements = (
+        candidate.stiffness,
+        candidate.breakaway,
+        candidate.load_stiffness,
+        candidate.load_breakaway,
+    )
     return np.concatenate([numbers, *(np.log(one) for one in elements)])
 
 
 def _unpack(x: np.ndarray, like: Candidate) -> Candidate:
-    """Return the candidate of a vector, with the terms and the number of elements of another candidate."""
+    """Return the candidate of a vector, with the terms and the number of elements of another
+    candidate.
+    """
     names, n = like.terms.names, like.stiffness.size
     elements = np.exp(x[len(names) :])
     return replace(
@@ -438,26 +512,42 @@ def _unpack(x: np.ndarray, like: Candidate) -> Candidate:
 
 def _spectra_of(motion: Motion, candidate: Candidate) -> np.ndarray:
     """Return (E, M, W) spectra of the elements of a candidate at the motor, of unit stiffness."""
-    return element_spectra(motion, candidate.breakaway, stiction=candidate.stiction, vs=candidate.vs)
+    return element_spectra(
+        motion, candidate.breakaway, stiction=candidate.stiction, vs=candidate.vs
+    )
 
 
-def residual_of(motion: Motion, candidate: Candidate, spectra: np.ndarray | None = None) -> np.ndarray:
-    """Return (M, W) the force that the candidate does not explain; `spectra` are its `_spectra_of`, if known."""
+def residual_of(
+    motion: Motion, candidate: Candidate, spectra: np.ndarray | None = None
+) -> np.ndarray:
+    """Return (M, W) the force that the candidate does not explain; `spectra` are its `_spectra_of`,
+    if known.
+    """
     left = actuated_force(motion, candidate.numbers)
-    for name, column in zip(candidate.terms.linear, linear_columns(motion, candidate.terms), strict=True):
+    for name, column in zip(
+        candidate.terms.linear, linear_columns(motion, candidate.terms), strict=True
+    ):
         left = left - candidate.numbers[name] * column
     spectra = _spectra_of(motion, candidate) if spectra is None else spectra
-    return np.asarray(left - np.tensordot(candidate.stiffness, spectra, axes=1) - reaction_of_load(motion, candidate))
+    return np.asarray(
+        left
+        - np.tensordot(candidate.stiffness, spectra, axes=1)
+        - reaction_of_load(motion, candidate)
+    )
 
 
-#: Relative steps of the derivatives. A break-away displacement is determined to 1e-3 and better: with steps of 2 %, ten
-#: standard deviations, the fit stopped up to 10 in -2 log likelihood above its minimum (linear motor preset). From
-#: 2e-3 to 5e-4 its results are equal.
+# : Relative steps of the derivatives. A break-away displacement is determined to 1e-3 and better:
+# with steps of 2 %, ten : standard deviations, the fit stopped up to 10 in -2 log likelihood above
+# its minimum (linear motor preset). From : 2e-3 to 5e-4 its results are equal.
 STEP = 2e-3
 
 
-def slopes_of(motion: Motion, candidate: Candidate, spectra: np.ndarray | None = None) -> np.ndarray:
-    """Return (M, W, p) derivatives of the residual by the parameters; `spectra` are its `_spectra_of`, if known."""
+def slopes_of(
+    motion: Motion, candidate: Candidate, spectra: np.ndarray | None = None
+) -> np.ndarray:
+    """Return (M, W, p) derivatives of the residual by the parameters; `spectra` are its
+    `_spectra_of`, if known.
+    """
     omega, terms, numbers, D = motion.omega, candidate.terms, candidate.numbers, candidate.breakaway
     columns = [-one for one in linear_columns(motion, terms)]
     force = actuated_force(motion, numbers)
@@ -476,9 +566,15 @@ def slopes_of(motion: Motion, candidate: Candidate, spectra: np.ndarray | None =
     of_load = list(-_follow_load(motion, candidate, slopes=True)[1:]) if terms.load else []
     columns += of_load[: len(LOAD)]
     wider = element_spectra(motion, D * np.exp(STEP), stiction=candidate.stiction, vs=candidate.vs)
-    narrower = element_spectra(motion, D * np.exp(-STEP), stiction=candidate.stiction, vs=candidate.vs)
+    narrower = element_spectra(
+        motion, D * np.exp(-STEP), stiction=candidate.stiction, vs=candidate.vs
+    )
     weight = candidate.stiffness[:, np.newaxis, np.newaxis]
-    columns += [*(-weight * base), *(-weight * (wider - narrower) / (2 * STEP)), *of_load[len(LOAD) :]]
+    columns += [
+        *(-weight * base),
+        *(-weight * (wider - narrower) / (2 * STEP)),
+        *of_load[len(LOAD) :],
+    ]
     return np.stack(columns, axis=-1)
 
 
@@ -513,7 +609,9 @@ def refine(
     steps: int = _MOST_STEPS,
     held: Sequence[str] = (),
 ) -> Candidate:
-    """Take Gauss-Newton steps in at most `steps` evaluations; the weights and the `held` numbers stay constant."""
+    """Take Gauss-Newton steps in at most `steps` evaluations; the weights and the `held` numbers
+    stay constant.
+    """
     names = candidate.terms.names
     still = [names.index(name) for name in held if name in names]
     free = np.full(len(names), np.inf)
@@ -538,13 +636,22 @@ def refine(
 
     def slopes(x: np.ndarray) -> np.ndarray:
         one, parts = _unpack(x, candidate), zip(levels, stds, forces(x.tobytes()), strict=True)
-        table = as_real([slopes_of(level, one, spectra) / std[..., np.newaxis] for level, std, spectra in parts])
+        table = as_real(
+            [slopes_of(level, one, spectra) / std[..., np.newaxis] for level, std, spectra in parts]
+        )
         table[:, still] = 0.0
         return table
 
     start = np.clip(pack(candidate), low + 1e-9, high - 1e-9)
     found = least_squares(
-        residual, start, jac=slopes, bounds=(low, high), x_scale="jac", ftol=1e-4, xtol=1e-5, max_nfev=steps
+        residual,
+        start,
+        jac=slopes,
+        bounds=(low, high),
+        x_scale="jac",
+        ftol=1e-4,
+        xtol=1e-5,
+        max_nfev=steps,
     )
     return _without_faint(_unpack(found.x, candidate))
 
@@ -554,18 +661,31 @@ _CLOSE = 1.1
 
 
 def _without_faint(candidate: Candidate) -> Candidate:
-    """Return the candidate without negligible elements, and with elements joined that break away together."""
+    """Return the candidate without negligible elements, and with elements joined that break away
+    together.
+    """
     k, D = candidate.all_elements
     total, strength = float(k.sum()), float(k @ D)
-    stiffness, breakaway = _merged(candidate.stiffness, candidate.breakaway, total=total, strength=strength)
-    k2, D2 = _merged(
-        np.asarray(candidate.load_stiffness), np.asarray(candidate.load_breakaway), total=total, strength=strength
+    stiffness, breakaway = _merged(
+        candidate.stiffness, candidate.breakaway, total=total, strength=strength
     )
-    return replace(candidate, stiffness=stiffness, breakaway=breakaway, load_stiffness=k2, load_breakaway=D2)
+    k2, D2 = _merged(
+        np.asarray(candidate.load_stiffness),
+        np.asarray(candidate.load_breakaway),
+        total=total,
+        strength=strength,
+    )
+    return replace(
+        candidate, stiffness=stiffness, breakaway=breakaway, load_stiffness=k2, load_breakaway=D2
+    )
 
 
-def _merged(k: np.ndarray, D: np.ndarray, *, total: float, strength: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return elements of stiffness k and break-away D, sorted, without negligible ones, with close ones joined."""
+def _merged(
+    k: np.ndarray, D: np.ndarray, *, total: float, strength: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return elements of stiffness k and break-away D, sorted, without negligible ones, with close
+    ones joined.
+    """
     order = np.argsort(D)
     k, D = k[order], D[order]
     keep = (k > 1e-3 * total) | (k * D > 1e-3 * strength)
@@ -594,9 +714,10 @@ def reweight(levels: list[Motion], candidate: Candidate) -> list[np.ndarray]:
 def with_branches(levels: list[Motion], candidate: Candidate) -> list[Motion]:
     """Return each level with the start of the elements that leaves the smaller residual.
 
-    An element with stiction has two periodic forces along the same motion if its swing is between D (1 + 1/rho)/2 and
-    D: either it never slips, or it slips and drops, and so slips at the other end too. The history decides which of
-    them the machine has. On the joint preset the wrong one left 2.3 % of the force of a level.
+    An element with stiction has two periodic forces along the same motion if its swing is between D
+    (1 + 1/rho)/2 and D: either it never slips, or it slips and drops, and so slips at the other end
+    too. The history decides which of them the machine has. On the joint preset the wrong one left
+    2.3 % of the force of a level.
     """
     return [
         min(
@@ -607,15 +728,20 @@ def with_branches(levels: list[Motion], candidate: Candidate) -> list[Motion]:
     ]
 
 
-def start_candidates(levels: list[Motion], span: tuple[float, float], *, spring: bool) -> list[Candidate]:
-    """Return starts by nonnegative least squares on a grid of elements, one for each choice of stiction, best first."""
+def start_candidates(
+    levels: list[Motion], span: tuple[float, float], *, spring: bool
+) -> list[Candidate]:
+    """Return starts by nonnegative least squares on a grid of elements, one for each choice of
+    stiction, best first.
+    """
     terms = Terms(spring=spring)
     tried = np.geomspace(*span, _N_TRIED // 2 + 2)
     scales = [np.sqrt((np.abs(level.U) ** 2).mean()) for level in levels]
     speeds = [float(np.std(level.v)) for level in levels]
     # a column and its negative if its sign is free
     signed = [
-        np.stack([sign * one for one in linear_columns(level, terms) for sign in (1, -1)], axis=-1) / scale
+        np.stack([sign * one for one in linear_columns(level, terms) for sign in (1, -1)], axis=-1)
+        / scale
         for level, scale in zip(levels, scales, strict=True)
     ]
     top = float(max(level.omega[-1] for level in levels))
@@ -626,7 +752,10 @@ def start_candidates(levels: list[Motion], span: tuple[float, float], *, spring:
     ]
     for stiction, vs in choices:
         best: tuple[float, Candidate] | None = None
-        spectra = [np.moveaxis(element_spectra(level, tried, stiction=stiction, vs=vs), 0, -1) for level in levels]
+        spectra = [
+            np.moveaxis(element_spectra(level, tried, stiction=stiction, vs=vs), 0, -1)
+            for level in levels
+        ]
         table = as_real(
             [
                 np.concatenate([one, part / scale], axis=-1)
@@ -637,29 +766,46 @@ def start_candidates(levels: list[Motion], span: tuple[float, float], *, spring:
         Q, R = np.linalg.qr(table / size)
         for delay in np.arange(0.0, 8.0) / top:
             numbers = {"delay": delay}
-            target = as_real([actuated_force(level, numbers) / s for level, s in zip(levels, scales, strict=True)])
+            target = as_real(
+                [
+                    actuated_force(level, numbers) / s
+                    for level, s in zip(levels, scales, strict=True)
+                ]
+            )
             inside = Q.T @ target
             found, left = nnls(R, inside)
             off = float(target @ target - inside @ inside + left**2)
             if best is None or off < best[0]:
                 scaled = found / size
                 n = len(terms.linear)
-                numbers |= dict(zip(terms.linear, (scaled[: 2 * n : 2] - scaled[1 : 2 * n : 2]).tolist(), strict=True))
+                numbers |= dict(
+                    zip(
+                        terms.linear,
+                        (scaled[: 2 * n : 2] - scaled[1 : 2 * n : 2]).tolist(),
+                        strict=True,
+                    )
+                )
                 if stiction > 1:
-                    numbers |= {"log_excess": float(np.log(stiction - 1)), "log_vs": float(np.log(vs))}
+                    numbers |= {
+                        "log_excess": float(np.log(stiction - 1)),
+                        "log_vs": float(np.log(vs)),
+                    }
                 k = np.maximum(scaled[2 * n :], 0.0)
                 chosen = replace(terms, stiction=stiction > 1)
                 best = off, Candidate(terms=chosen, numbers=numbers, stiffness=k, breakaway=tried)
         assert best is not None
         starts.append(best)
-    return [_join_neighbouring_elements(one) for _, one in sorted(starts, key=lambda start: start[0])]
+    return [
+        _join_neighbouring_elements(one) for _, one in sorted(starts, key=lambda start: start[0])
+    ]
 
 
 def _join_neighbouring_elements(candidate: Candidate) -> Candidate:
-    """Join the elements of a grid two by two: add their stiffnesses, average their break-away displacements.
+    """Join the elements of a grid two by two: add their stiffnesses, average their break-away
+    displacements.
 
-    Elements below 0.1 % of stiffness and of force are left out, and the strongest `_MOST_ELEMENTS` are kept. If none is
-    left, one of negligible stiffness is returned.
+    Elements below 0.1 % of stiffness and of force are left out, and the strongest `_MOST_ELEMENTS`
+    are kept. If none is left, one of negligible stiffness is returned.
     """
     k, D = candidate.stiffness, candidate.breakaway
     some = (k > 1e-3 * k.sum()) | (k * D > 1e-3 * (k @ D))
@@ -676,15 +822,17 @@ def _join_neighbouring_elements(candidate: Candidate) -> Candidate:
             if some[i]:
                 pairs.append((k[i], D[i]))
             i += 1
-    stiffness, breakaway = np.array(sorted(pairs, key=lambda one: -one[0] * one[1])[:_MOST_ELEMENTS]).T
+    stiffness, breakaway = np.array(
+        sorted(pairs, key=lambda one: -one[0] * one[1])[:_MOST_ELEMENTS]
+    ).T
     return replace(candidate, stiffness=stiffness, breakaway=breakaway)
 
 
 def gain_of(column: np.ndarray, Q: np.ndarray, left: np.ndarray) -> tuple[float, float]:
     """Return the F ratio of one more column, with the others adapted, and its amount.
 
-    The ratio is the reduction of the sum of squares over the remaining variance. The weights came from the same
-    residual, so the sum of squares alone shows little if they are few.
+    The ratio is the reduction of the sum of squares over the remaining variance. The weights came
+    from the same residual, so the sum of squares alone shows little if they are few.
     """
     own = column - Q @ (Q.T @ column)
     size = float(own @ own)
@@ -696,8 +844,12 @@ def gain_of(column: np.ndarray, Q: np.ndarray, left: np.ndarray) -> tuple[float,
     return worth**2 / size * free / max(rest, np.finfo(float).tiny), worth / size
 
 
-def tangent_of(levels: list[Motion], stds: list[np.ndarray], candidate: Candidate) -> tuple[np.ndarray, np.ndarray]:
-    """Return an orthonormal basis of the derivatives of the residual of a candidate, and the residual."""
+def tangent_of(
+    levels: list[Motion], stds: list[np.ndarray], candidate: Candidate
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return an orthonormal basis of the derivatives of the residual of a candidate, and the
+    residual.
+    """
     pairs = list(zip(levels, stds, strict=True))
     slopes = as_real([slopes_of(level, candidate) / std[..., np.newaxis] for level, std in pairs])
     size = np.linalg.norm(slopes, axis=0)
@@ -708,7 +860,9 @@ def tangent_of(levels: list[Motion], stds: list[np.ndarray], candidate: Candidat
 def extend(
     levels: list[Motion], stds: list[np.ndarray], *, candidate: Candidate, span: tuple[float, float]
 ) -> Candidate | None:
-    """Return the candidate with the term or element that improves the fit most; None if chance may do as much."""
+    """Return the candidate with the term or element that improves the fit most; None if chance may
+    do as much.
+    """
     Q, left = tangent_of(levels, stds, candidate)
     options: list[tuple[float, Candidate]] = []
     terms = candidate.terms
@@ -723,16 +877,27 @@ def extend(
         parts = [level.omega**2 / 2 * actuated_force(level, candidate.numbers) for level in levels]
         later = replace(terms, lag=True)
         offer(
-            parts, lambda amount: replace(candidate, terms=later, numbers=candidate.numbers | {"lag_squared": amount})
+            parts,
+            lambda amount: replace(
+                candidate, terms=later, numbers=candidate.numbers | {"lag_squared": amount}
+            ),
         )
     # without friction a lag and a mode look alike, and every drive has a lag: it is tried first
     if not terms.softening and not terms.load and not options:
         parts = [-(level.omega**4) * level.Y for level in levels]
         wider = replace(terms, softening=True)
-        offer(parts, lambda amount: replace(candidate, terms=wider, numbers=candidate.numbers | {"softening": amount}))
+        offer(
+            parts,
+            lambda amount: replace(
+                candidate, terms=wider, numbers=candidate.numbers | {"softening": amount}
+            ),
+        )
     if 0 < candidate.stiffness.size < _MOST_ELEMENTS:
         tried = np.geomspace(*span, _N_TRIED)
-        spectra = [element_spectra(level, tried, stiction=candidate.stiction, vs=candidate.vs) for level in levels]
+        spectra = [
+            element_spectra(level, tried, stiction=candidate.stiction, vs=candidate.vs)
+            for level in levels
+        ]
         for i, D in enumerate(tried):
 
             def with_element(amount: float, D: float = D) -> Candidate:
@@ -756,16 +921,24 @@ def extend(
                 )
 
             moved = [reaction_of_load(level, with_load_element(faint)) for level in levels]
-            offer([(one - base) / faint for one, base in zip(moved, reactions, strict=True)], with_load_element)
+            offer(
+                [(one - base) / faint for one, base in zip(moved, reactions, strict=True)],
+                with_load_element,
+            )
     return max(options, key=lambda one: one[0])[1] if options else None
 
 
 def search(
-    levels: list[Motion], starts: list[Candidate], span: tuple[float, float], held: Sequence[str] = ()
+    levels: list[Motion],
+    starts: list[Candidate],
+    span: tuple[float, float],
+    held: Sequence[str] = (),
 ) -> Candidate:
-    """Search from the first start, then from the likeliest others, until one explains all levels; return the likeliest.
+    """Search from the first start, then from the likeliest others, until one explains all levels;
+    return the likeliest.
 
-    A candidate that leaves more than `REFUTED` is returned as it is: no start leaves much less of another friction law.
+    A candidate that leaves more than `REFUTED` is returned as it is: no start leaves much less of
+    another friction law.
 
     held : known numbers for two masses, which are constant until friction is found.
     """
@@ -779,8 +952,9 @@ def search(
     found = [_extend_fully(levels, settle(levels, starts[0], span), span)]
     explained = EXPLAINED_BY_TWO if starts[0].terms.load else _EXPLAINED
     if explained <= largest_share(levels, found[0][1]) <= REFUTED:
-        # the residual before any step ranks the starts badly: the right stiction is often the fourth or later. Of 16
-        # sets of levels under two drives (0.3, 4 and 60 or 120 N on the linear motor), the first three starts solved 8
+        # the residual before any step ranks the starts badly: the right stiction is often the
+        # fourth or later. Of 16 sets of levels under two drives (0.3, 4 and 60 or 120 N on the
+        # linear motor), the first three starts solved 8
         others = sorted((_try_start(levels, start, span) for start in starts[1:]), key=_criterion)
         for _, start in others[: _N_STARTS - 1]:
             found.append(_extend_fully(levels, settle(levels, start, span), span))
@@ -792,10 +966,14 @@ def search(
 def _try_start(
     levels: list[Motion], start: Candidate, span: tuple[float, float], held: Sequence[str] = ()
 ) -> tuple[float, Candidate]:
-    """Take a few steps from a start, with some numbers held; return (-2 log likelihood, candidate)."""
+    """Take a few steps from a start, with some numbers held; return (-2 log likelihood,
+    candidate).
+    """
     levels = with_branches(levels, start)
     steps = _MOST_STEPS if start.terms.load else _FEW_STEPS
-    found = refine(levels, reweight(levels, start), candidate=start, span=span, steps=steps, held=held)
+    found = refine(
+        levels, reweight(levels, start), candidate=start, span=span, steps=steps, held=held
+    )
     return _likelihood_of(levels, found), found
 
 
@@ -804,7 +982,8 @@ def _extend_fully(
 ) -> tuple[float, Candidate]:
     """Extend a settled candidate by one term or element at a time, while the likelihood rises.
 
-    Stop if more than `REFUTED` is left after one extension, and for two masses if one extension gains too little.
+    Stop if more than `REFUTED` is left after one extension, and for two masses if one extension
+    gains too little.
     """
     likelihood, candidate = settled
     two, before = candidate.terms.load, np.inf
@@ -825,20 +1004,27 @@ def _extend_fully(
 
 
 def largest_share(levels: list[Motion], candidate: Candidate) -> float:
-    """Return the largest share of the force (or of Fs) of a level that a candidate leaves beyond noise."""
+    """Return the largest share of the force (or of Fs) of a level that a candidate leaves beyond
+    noise.
+    """
     return max(share_left(level, candidate)[0] for level in with_branches(levels, candidate))
 
 
 def share_left(level: Motion, candidate: Candidate) -> tuple[float, float]:
-    """Return the share of the force (or of Fs) of a level that a candidate leaves beyond noise, and that of noise."""
+    """Return the share of the force (or of Fs) of a level that a candidate leaves beyond noise, and
+    that of noise.
+    """
     chosen, left = level.excited, residual_of(level, candidate)
-    # if the motion is a few steps of the encoder, its error is alike in all periods: it is compared with Fs
+    # if the motion is a few steps of the encoder, its error is alike in all periods: it is compared
+    # with Fs
     Fs = float(np.dot(*candidate.all_elements))
     power = float(max((np.abs(level.U[:, chosen]) ** 2).sum(), 2 * left.shape[0] * Fs**2))
     # if noise is most of Y, only the fitted machine gives the force that it stands for
     machine = sum(
         candidate.numbers[name] * column / np.where(level.Y == 0, 1.0, level.Y)
-        for name, column in zip(candidate.terms.linear, linear_columns(level, candidate.terms), strict=True)
+        for name, column in zip(
+            candidate.terms.linear, linear_columns(level, candidate.terms), strict=True
+        )
     )
     measured = np.abs(level.U) / np.maximum(np.abs(level.Y), np.finfo(float).tiny)
     gain = np.maximum(measured, np.abs(machine))[:, chosen] ** 2
@@ -848,16 +1034,21 @@ def share_left(level: Motion, candidate: Candidate) -> tuple[float, float]:
 
 
 def _criterion(found: tuple[float, Candidate]) -> float:
-    """Return -2 log likelihood plus a penalty for each parameter, so that a stiction without effect is left out."""
+    """Return -2 log likelihood plus a penalty for each parameter, so that a stiction without effect
+    is left out.
+    """
     likelihood, candidate = found
     return likelihood + _LEAST_GAIN * pack(candidate).size
 
 
-def settle(levels: list[Motion], candidate: Candidate, span: tuple[float, float]) -> tuple[float, Candidate]:
-    """Refine with new weights and branches while the likelihood rises; return (-2 log likelihood, candidate).
+def settle(
+    levels: list[Motion], candidate: Candidate, span: tuple[float, float]
+) -> tuple[float, Candidate]:
+    """Refine with new weights and branches while the likelihood rises; return (-2 log likelihood,
+    candidate).
 
-    The weights and branches of a start are wrong, so its steps end early: a start of the joint preset went from 2.3 to
-    1.3 % of the force at break-away in four passes.
+    The weights and branches of a start are wrong, so its steps end early: a start of the joint
+    preset went from 2.3 to 1.3 % of the force at break-away in four passes.
     """
     best = _likelihood_of(with_branches(levels, candidate), candidate), candidate
     for _ in range(_MOST_PASSES):
@@ -875,7 +1066,9 @@ def settle(levels: list[Motion], candidate: Candidate, span: tuple[float, float]
 def _likelihood_of(levels: list[Motion], candidate: Candidate) -> float:
     """Return -2 log likelihood, with one variance for each level."""
     powers = [float((np.abs(residual_of(level, candidate)) ** 2).mean()) for level in levels]
-    return sum(2 * level.U.size * float(np.log(power)) for level, power in zip(levels, powers, strict=True))
+    return sum(
+        2 * level.U.size * float(np.log(power)) for level, power in zip(levels, powers, strict=True)
+    )
 
 
 #: Number of starts around a minimum, and their distance from it in standard deviations.
@@ -885,9 +1078,10 @@ _N_AROUND, _DISTANCE = 4, 4.0
 def escape(levels: list[Motion], candidate: Candidate, span: tuple[float, float]) -> Candidate:
     """Start again around a minimum, while one of the starts ends in a likelier one.
 
-    Whether an element slips at one end of a swing is a discontinuity, and gradient steps do not cross all of them. On
-    the linear motor preset three fits of 25 had Fs 0.2 to 0.4 % and the damping 6 to 17 % off, up to five standard
-    deviations, and were worse by 80 to 170 in -2 log likelihood. Such starts improve two of the three.
+    Whether an element slips at one end of a swing is a discontinuity, and gradient steps do not
+    cross all of them. On the linear motor preset three fits of 25 had Fs 0.2 to 0.4 % and the
+    damping 6 to 17 % off, up to five standard deviations, and were worse by 80 to 170 in -2 log
+    likelihood. Such starts improve two of the three.
     """
     rng = np.random.default_rng(0)
     likelihood, candidate = settle(levels, candidate, span)
@@ -916,14 +1110,18 @@ def escape(levels: list[Motion], candidate: Candidate, span: tuple[float, float]
 _LEAST_SHARE = 1e-6
 
 
-def covariances_of(levels: list[Motion], stds: list[np.ndarray], candidate: Candidate) -> tuple[np.ndarray, np.ndarray]:
-    """Return two covariances of the packed parameters: by a jackknife over blocks of neighbouring lines, and by noise.
+def covariances_of(
+    levels: list[Motion], stds: list[np.ndarray], candidate: Candidate
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return two covariances of the packed parameters: by a jackknife over blocks of neighbouring
+    lines, and by noise.
 
-    The jackknife is the sandwich of White (1980) over blocks, with the residual of each block divided by the share that
-    the fit leaves of it (MacKinnon and White 1985). It covers model errors, which are correlated in neighbouring lines.
-    But two thirds of the information on a break-away displacement may come from one block, whose residual is small by
-    chance. So the second covariance assumes noise with the variance of the residual, and the larger one counts (Angrist
-    and Pischke 2009, 8.1).
+    The jackknife is the sandwich of White (1980) over blocks, with the residual of each block
+    divided by the share that the fit leaves of it (MacKinnon and White 1985). It covers model
+    errors, which are correlated in neighbouring lines. But two thirds of the information on a
+    break-away displacement may come from one block, whose residual is small by chance. So the
+    second covariance assumes noise with the variance of the residual, and the larger one counts
+    (Angrist and Pischke 2009, 8.1).
     """
     pairs = list(zip(levels, stds, strict=True))
     slopes = [slopes_of(level, candidate) / std[..., np.newaxis] for level, std in pairs]
@@ -947,7 +1145,9 @@ def covariances_of(levels: list[Motion], stds: list[np.ndarray], candidate: Cand
 
 
 def derived_numbers(x: np.ndarray, like: Candidate) -> dict[str, float]:
-    """Return the reported numbers from the packed parameters; with a load those of both masses, and of the load."""
+    """Return the reported numbers from the packed parameters; with a load those of both masses, and
+    of the load.
+    """
     one = _unpack(x, like)
     numbers = one.numbers
     K0, Fs = float(one.stiffness.sum()), float(one.stiffness @ one.breakaway)
@@ -985,8 +1185,12 @@ def derived_numbers(x: np.ndarray, like: Candidate) -> dict[str, float]:
     return found | of_load
 
 
-def deviations(levels: list[Motion], stds: list[np.ndarray], candidate: Candidate) -> dict[str, float]:
-    """Return the standard deviation of each derived number, the larger of those from the two covariances."""
+def deviations(
+    levels: list[Motion], stds: list[np.ndarray], candidate: Candidate
+) -> dict[str, float]:
+    """Return the standard deviation of each derived number, the larger of those from the two
+    covariances.
+    """
     x, covariances = pack(candidate), covariances_of(levels, stds, candidate)
     steps = 1e-6 * np.maximum(np.abs(x), 1e-6)
     gradients = {name: np.zeros(x.size) for name in derived_numbers(x, candidate)}
@@ -1003,7 +1207,9 @@ def deviations(levels: list[Motion], stds: list[np.ndarray], candidate: Candidat
 
 
 def mode_term(motion: Motion, numbers: dict[str, float], lag_squared: float = 0.0) -> float:
-    """Return the size of the term w^4 at the highest line, relative to that of the mass: of a mode above, or a lag."""
+    """Return the size of the term w^4 at the highest line, relative to that of the mass: of a mode
+    above, or a lag.
+    """
     top = float(motion.omega[-1]) ** 2
     return top * max(0.0, numbers["softening"] / numbers["mass"], lag_squared / 2)
 

@@ -1,4 +1,6 @@
-"""Machine and friction of a fit, for one mass or for motor and load, with the interval ends that a proof assumes."""
+"""Machine and friction of a fit, for one mass or for motor and load, with the interval ends that a
+proof assumes.
+"""
 
 from __future__ import annotations
 
@@ -29,12 +31,17 @@ def interval_at_port(fit: FrictionFit, name: str, port: str) -> tuple[float, flo
 
 
 def plant_of_fit(
-    fit: SlidingFit | FrictionFit, *, spring: float = 0.0, load_share: float = 0.5, encoder: str = "motor"
+    fit: SlidingFit | FrictionFit,
+    *,
+    spring: float = 0.0,
+    load_share: float = 0.5,
+    encoder: str = "motor",
 ) -> FrictionPlant:
-    """Return the machine of a fit without its friction but with its delay, for one mass or for motor and load.
+    """Return the machine of a fit without its friction but with its delay, for one mass or for
+    motor and load.
 
-    spring : stiffness to ground [N/m]. load_share : share of the viscous friction at the load. encoder : "motor" or
-    "load".
+    spring : stiffness to ground [N/m]. load_share : share of the viscous friction at the load.
+    encoder : "motor" or "load".
     """
     unit, damping = position_unit_of(fit.units[1]), max(0.0, fit.damping)
     plant = (
@@ -61,12 +68,13 @@ def largest_damping(fit: FrictionFit) -> float:
 
 
 def machines_of_fit(fit: FrictionFit) -> list[FrictionPlant]:
-    """Return the machine without viscous friction, and machines with numbers at the ends of their intervals.
+    """Return the machine without viscous friction, and machines with numbers at the ends of their
+    intervals.
 
-    The first is the estimate, with the lower ends of the spring to ground and of the damper of the coupling. For one
-    mass the others combine both ends of mass and of viscous friction. For motor, load and coupling each other machine
-    has one of them at an end. The last two have the upper end of the total viscous friction, all at the motor and all
-    at the load.
+    The first is the estimate, with the lower ends of the spring to ground and of the damper of the
+    coupling. For one mass the others combine both ends of mass and of viscous friction. For motor,
+    load and coupling each other machine has one of them at an end. The last two have the upper end
+    of the total viscous friction, all at the motor and all at the load.
     """
     viscous, spring = largest_damping(fit), max(0.0, fit.interval("stiffness")[0])
     read = replace(fit, damping=0.0)
@@ -78,7 +86,11 @@ def machines_of_fit(fit: FrictionFit) -> list[FrictionPlant]:
     read = replace(read, coupling_damping=fit.interval("coupling_damping")[0])
     motors, loads = (interval_at_port(fit, "mass", port) for port in _PORTS)
     ends = [replace(read, mass=fit.load_mass + end) for end in motors if end > 0]
-    ends += [replace(read, mass=fit.mass - fit.load_mass + end, load_mass=end) for end in loads if end > 0]
+    ends += [
+        replace(read, mass=fit.mass - fit.load_mass + end, load_mass=end)
+        for end in loads
+        if end > 0
+    ]
     ends += [replace(read, coupling=end) for end in fit.interval("coupling") if end > 0]
     damped = [(replace(read, damping=viscous), share) for share in (0.0, 1.0) if viscous]
     cases = [*((one, 0.5) for one in (read, *ends)), *damped]
@@ -86,24 +98,33 @@ def machines_of_fit(fit: FrictionFit) -> list[FrictionPlant]:
 
 
 def read_fit(fit: FrictionFit) -> MachineRead:
-    """Return an identified fit with the ends of its intervals; refuse a fit that leaves machine or K0 open."""
+    """Return an identified fit with the ends of its intervals; refuse a fit that leaves machine or
+    K0 open.
+    """
     if fit.reason:
         raise ValueError(f"fit must leave neither machine nor K0 open, got: {fit.reason}")
-    low, half_delay, machine = (
-        max(0.0, fit.interval("stiffness")[0]),
-        HALF_WIDTH * fit.stds["delay"],
-        machines_of_fit(fit)[0],
-    )
+    low = max(0.0, fit.interval("stiffness")[0])
+    half_delay = HALF_WIDTH * fit.stds["delay"]
+    machine = machines_of_fit(fit)[0]
     if fit.load_mass:
-        K0, forces = (np.array([interval_at_port(fit, name, port)[1] for port in _PORTS]) for name in ("K0", "Fs"))
+        K0, forces = (
+            np.array([interval_at_port(fit, name, port)[1] for port in _PORTS])
+            for name in ("K0", "Fs")
+        )
         least = np.array([interval_at_port(fit, "coulomb", port)[0] for port in _PORTS])
-        ratio = np.where((least > 0) & np.isfinite(forces), forces / np.where(least > 0, least, 1.0), np.nan)
+        ratio = np.where(
+            (least > 0) & np.isfinite(forces), forces / np.where(least > 0, least, 1.0), np.nan
+        )
         described = machine.description
     else:
         K0 = np.array([fit.interval("K0")[1]])
-        ratio = np.array([fit.interval("stiction")[1] if np.isfinite(fit.stds["stiction"]) else np.nan])
+        ratio = np.array(
+            [fit.interval("stiction")[1] if np.isfinite(fit.stds["stiction"]) else np.nan]
+        )
         half_mass = HALF_WIDTH * fit.stds["mass"]
-        described = f"m = {fit.mass:.4g} +- {half_mass:.1g} {machine.units.mass}; {_describe_spring(fit)}"
+        described = (
+            f"m = {fit.mass:.4g} +- {half_mass:.1g} {machine.units.mass}; {_describe_spring(fit)}"
+        )
     seen = f"slips below {format_length(fit.seen_from, fit.units[1])}"
     if fit.stds["stiffness"]:
         seen += f" and none sticks at {format_length(fit.seen_to, fit.units[1])}"
@@ -118,16 +139,22 @@ def read_fit(fit: FrictionFit) -> MachineRead:
         K0=K0,
         stiction=ratio,
         source=(
-            f"identified from {len(fit.levels)} records of {lowest.force:.3g} to {highest.force:.3g} {fit.units[0]} "
-            "rms, by the balance of forces along the measured motion, in intervals of 95 % each"
+            f"identified from {len(fit.levels)} records of {lowest.force:.3g} to"
+            f" {highest.force:.3g} {fit.units[0]} rms, by the balance of forces along the measured"
+            " motion, in intervals of 95 % each"
         ),
         description=(
-            f"{described}; {1e3 * machine.delay:.3g} +- {1e3 * half_delay:.1g} ms of delay (its lag taken for delay); "
-            "c = 0"
+            f"{described}; {1e3 * machine.delay:.3g} +- {1e3 * half_delay:.1g} ms of delay (its lag"
+            " taken for delay); c = 0"
         ),
         K0_note=f"the upper end, plus the reduction of k, given that no element {seen}",
-        stiction_note=f", from an estimate of {fit.stiction:.3g} +- {HALF_WIDTH * fit.stds['stiction']:.1g}",
-        misfit=f"at most {100 * max(level.unexplained for level in fit.levels):.2g} % of the force unexplained",
+        stiction_note=(
+            f", from an estimate of {fit.stiction:.3g} +- {HALF_WIDTH * fit.stds['stiction']:.1g}"
+        ),
+        misfit=(
+            f"at most {100 * max(level.unexplained for level in fit.levels):.2g} % of the force"
+            " unexplained"
+        ),
     )
 
 
@@ -137,5 +164,8 @@ def _describe_spring(fit: FrictionFit) -> str:
     if not fit.stds["stiffness"]:
         return "no spring (assumed)"
     if low < 0:
-        return f"k = 0 (its estimate is within +- {HALF_WIDTH * fit.stds['stiffness'] / 1e3:.2g} {units.stiffness})"
+        return (
+            f"k = 0 (its estimate is within +- {HALF_WIDTH * fit.stds['stiffness'] / 1e3:.2g}"
+            f" {units.stiffness})"
+        )
     return f"k = {low / 1e3:.4g} {units.stiffness} (lower end)"

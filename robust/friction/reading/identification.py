@@ -1,4 +1,6 @@
-"""Machine and friction identified from records at several levels, from sticking to sliding, and the open questions."""
+"""Machine and friction identified from records at several levels, from sticking to sliding, and the
+open questions.
+"""
 
 from __future__ import annotations
 
@@ -61,28 +63,30 @@ from robust.friction.reading.load import linear_load, start_with_load
 from robust.friction.units import format_length
 from robust.pages.text import format_facts
 
-#: (share of the time steps, shrinkage by noise) of fits that should give the same numbers. Their differences enter
-#: every interval: 0.01 % of Fs and 0.04 % of the Coulomb friction on the linear motor preset (medians of 25 runs).
+# : (share of the time steps, shrinkage by noise) of fits that should give the same numbers. Their
+# differences enter : every interval: 0.01 % of Fs and 0.04 % of the Coulomb friction on the linear
+# motor preset (medians of 25 runs).
 _ALTERNATIVES = ((1 / 2, 8.0), (3 / 4, 1.0))
-#: `FORCE_ERROR` for two masses, whose load is simulated. Six runs of the belt were off by up to 0.2 % of Fs and of the
-#: friction at the load and by 0.1 % of K0 and the delay; two of 72 numbers, dampings of one run, were outside their
-#: intervals.
+# : `FORCE_ERROR` for two masses, whose load is simulated. Six runs of the belt were off by up to
+# 0.2 % of Fs and of the : friction at the load and by 0.1 % of K0 and the delay; two of 72 numbers,
+# dampings of one run, were outside their : intervals.
 _LOAD_ERROR = 2e-3
-#: Share of the force or of Fs that may stay unexplained at a level beyond noise. The preset of one mass leaves
-#: 0.5 %, those of two masses 4 to 15 % around break-away, where Fs was up to 16 % off.
+# : Share of the force or of Fs that may stay unexplained at a level beyond noise. The preset of one
+# mass leaves : 0.5 %, those of two masses 4 to 15 % around break-away, where Fs was up to 16 % off.
 _MOST_UNEXPLAINED = 0.02
-#: Share of Fs that may break away in the outer part of the largest swing, and share of K0 that may slip at the lowest
-#: level.
+# : Share of Fs that may break away in the outer part of the largest swing, and share of K0 that may
+# slip at the lowest : level.
 _MOST_LATE, _MOST_EARLY = 0.1, 0.2
-#: Start of the outer part of the swing. An element that sticks throughout the swing is a spring: a free axis has none,
-#: and with a spring to ground it looks like a part of it. With a highest level of 0.6 times the break-away force k was
-#: 23, 25 and 48 % of K0 too high on three random machines (benchmarks/read_machine.py): one element was not seen, the
-#: others broke away up to 0.32, 0.41 and 0.24 of the swing. Of 26 sets with a highest level of 4 or 5.5 times, 25 stay
-#: below 0.2.
+# : Start of the outer part of the swing. An element that sticks throughout the swing is a spring: a
+# free axis has none, : and with a spring to ground it looks like a part of it. With a highest level
+# of 0.6 times the break-away force k was : 23, 25 and 48 % of K0 too high on three random machines
+# (benchmarks/read_machine.py): one element was not seen, the : others broke away up to 0.32, 0.41
+# and 0.24 of the swing. Of 26 sets with a highest level of 4 or 5.5 times, 25 stay : below 0.2.
 _OUTER_OF_FREE, _OUTER_WITH_SPRING = 0.75, 0.2
 #: Standard deviations by which a lag must exceed the delay that contains it to count as a mode.
 _DISTINCT = 3.0
-#: Share of Fs that may lie at either motor or load, by the half-width of its interval, before they are inseparable.
+# : Share of Fs that may lie at either motor or load, by the half-width of its interval, before they
+# are inseparable.
 _MOST_SPLIT = 0.1
 #: Levels whose forces differ by less than this factor are one level.
 _SAME_LEVEL = 1.3
@@ -144,17 +148,20 @@ class LevelBalance:
     force, motion : float
         Rms of the force [N] and of the position [m] on the lines.
     stiffness, damping : float
-        Spring [N/m] and damper [Ns/m] closest to the measured force minus that of the machine without friction.
+        Spring [N/m] and damper [Ns/m] closest to the measured force minus that of the machine
+        without friction.
     stiffness_fit, damping_fit : float
         Spring and damper closest to the force of the fitted elements.
     unexplained : float
-        Rms of the force that the fit does not explain, beyond noise, over the force or Fs, whichever is larger.
+        Rms of the force that the fit does not explain, beyond noise, over the force or Fs,
+        whichever is larger.
     noise : float
         Rms of the force that noise explains, divided by the same quantity as `unexplained`.
 
     References
     ----------
-    A. Gelb, W. E. Vander Velde, *Multiple-Input Describing Functions*, 1968 (statistical linearisation).
+    A. Gelb, W. E. Vander Velde, *Multiple-Input Describing Functions*, 1968 (statistical
+    linearisation).
 
     Examples
     --------
@@ -175,29 +182,35 @@ class LevelBalance:
 
 @value
 class FrictionFit(NumbersRead):
-    """Machine and friction identified from all levels together, under the assumption of Maxwell slip.
+    """Machine and friction identified from all levels together, under the assumption of Maxwell
+    slip.
 
     Fields
     ------
     mass, damping, stiffness : float
-        m [kg], viscous c [Ns/m], spring to ground k [N/m] (zero for a free axis); for motor and load together.
+        m [kg], viscous c [Ns/m], spring to ground k [N/m] (zero for a free axis); for motor and
+        load together.
     K0, Fs, coulomb, stiction : float
-        Presliding stiffness [N/m] and break-away force [N] of all elements together, friction force at speed [N],
-        and stiction, the ratio Fs/coulomb.
+        Presliding stiffness [N/m] and break-away force [N] of all elements together, friction force
+        at speed [N], and stiction, the ratio Fs/coulomb.
     vs : float
         Stribeck velocity at the motor [m/s]; infinite if no stiction is seen.
     delay, lag : float
-        Delay from the command to the force [s]: the whole delay, and the part of it that is a first-order lag.
+        Delay from the command to the force [s]: the whole delay, and the part of it that is a
+        first-order lag.
     softening : float
         Coefficient of -w^4 [N s^4/m], for a mode above the band; zero if none is seen.
     stds : dict of str to float
         Standard deviation of each of these numbers; infinite if the levels leave it open.
     element_stiffness, element_strength : (E,) ndarray
-        Stiffness [N/m] and strength [N] of the elements at the motor, in the order of their break-away.
+        Stiffness [N/m] and strength [N] of the elements at the motor, in the order of their
+        break-away.
     seen_from : float
-        Displacement [m] below which an element would break away without being seen: K0 excludes such elements.
+        Displacement [m] below which an element would break away without being seen: K0 excludes
+        such elements.
     seen_to : float
-        Largest displacement [m] from the middle: an element that still sticks there counts as spring to ground.
+        Largest displacement [m] from the middle: an element that still sticks there counts as
+        spring to ground.
     levels : tuple of LevelBalance
         Levels, the highest first.
     questions : tuple of OpenQuestion
@@ -205,7 +218,8 @@ class FrictionFit(NumbersRead):
     units : tuple of str
         Units of force and position; all other units follow from them.
     load_mass, coupling, coupling_damping : float
-        For two masses: load [kg], spring [N/m] and damper [Ns/m] between motor and load; zero for one mass.
+        For two masses: load [kg], spring [N/m] and damper [Ns/m] between motor and load; zero for
+        one mass.
     load_K0, load_Fs, load_coulomb : float
         The part of K0, Fs and Coulomb friction that is at the load.
     load_sliders : VaryingSliders, optional
@@ -261,7 +275,11 @@ class FrictionFit(NumbersRead):
     def reason(self) -> str:
         """First reason why the levels show no class of friction; empty if they do."""
         for question in self.questions:
-            known = question.kind is Gap.HIGHEST_LEVEL_STICKS and not self.stiffness and np.isfinite(self.stds["K0"])
+            known = (
+                question.kind is Gap.HIGHEST_LEVEL_STICKS
+                and not self.stiffness
+                and np.isfinite(self.stds["K0"])
+            )
             if question.kind is not Gap.STICTION and not known:
                 return question.description
         return ""
@@ -271,12 +289,17 @@ class FrictionFit(NumbersRead):
         if self.load_sliders is not None:
             elements += f" at the motor and {self.load_sliders.stiffness.size} at the load,"
         last = (
-            f"95 % intervals, given Maxwell slip of {elements} none of which slips below "
-            f"{format_length(self.seen_from, self.units[1])}; at most "
-            f"{100 * max(level.unexplained for level in self.levels):.2g} % of the force unexplained"
+            f"95 % intervals, given Maxwell slip of {elements} none of which slips below"
+            f" {format_length(self.seen_from, self.units[1])}; at most"
+            f" {100 * max(level.unexplained for level in self.levels):.2g} % of the force"
+            " unexplained"
         )
         return "\n".join(
-            [format_facts(number_facts(self)), last, *(f"Open: {question}" for question in self.questions)]
+            [
+                format_facts(number_facts(self)),
+                last,
+                *(f"Open: {question}" for question in self.questions),
+            ]
         )
 
 
@@ -287,10 +310,14 @@ _FEWEST_RIGID = 4
 
 
 def _balance_of(level: Motion, std: np.ndarray, candidate: Candidate) -> LevelBalance:
-    """Return a level as a spring and a damper, measured and fitted; for two masses on lines where they move as one."""
+    """Return a level as a spring and a damper, measured and fitted; for two masses on lines where
+    they move as one.
+    """
     chosen = level.excited
     left = residual_of(level, candidate)
-    spectra = element_spectra(level, candidate.breakaway, stiction=candidate.stiction, vs=candidate.vs)
+    spectra = element_spectra(
+        level, candidate.breakaway, stiction=candidate.stiction, vs=candidate.vs
+    )
     fitted = np.tensordot(candidate.stiffness, spectra, axes=1) + reaction_of_load(level, candidate)
     rigid = chosen
     if candidate.terms.load:
@@ -324,14 +351,14 @@ _ANOTHER_MACHINE = {
         "BLAs and a nominal with the mode"
     ),
     True: (
-        "The search may have ended in a wrong minimum: add a level between those that bend. Or look for play, or "
-        "measure in motion (identify_sliding)"
+        "The search may have ended in a wrong minimum: add a level between those that bend. Or look"
+        " for play, or measure in motion (identify_sliding)"
     ),
 }
 #: Advice for levels of which one mass explains the sticking one and no slipping one.
 _ANOTHER_FRICTION = (
-    "It explains the lowest level, so the friction is not Maxwell slip: it creeps before it slips (LuGre, Dahl), or "
-    "slips at other forces"
+    "It explains the lowest level, so the friction is not Maxwell slip: it creeps before it slips"
+    " (LuGre, Dahl), or slips at other forces"
 )
 
 
@@ -358,17 +385,21 @@ def _questions_of(
     k, D = candidate.all_elements
     Fs, K0 = float(k @ D), float(k.sum())
     two = candidate.terms.load
-    limits = [EXPLAINED_BY_TWO if two and one.force > Fs / 2 else _MOST_UNEXPLAINED for one in balances]
-    worst, limit = max(zip(balances, limits, strict=True), key=lambda one: one[0].unexplained / one[1])
+    limits = [
+        EXPLAINED_BY_TWO if two and one.force > Fs / 2 else _MOST_UNEXPLAINED for one in balances
+    ]
+    worst, limit = max(
+        zip(balances, limits, strict=True), key=lambda one: one[0].unexplained / one[1]
+    )
     model = "motor and load" if two else "one mass"
     if worst.unexplained > limit:
         slips = not two and balances[-1].unexplained < limit
         yield _OpenQuestion(
             kind=Gap.OTHER_MACHINE,
             description=(
-                f"{model} with Maxwell slip leaves {100 * worst.unexplained:.2g} % of the force (or of Fs) at "
-                f"{worst.force:.3g} {N} rms unexplained, more than {100 * limit:g} % beyond noise. "
-                f"{_ANOTHER_FRICTION if slips else _ANOTHER_MACHINE[two]}"
+                f"{model} with Maxwell slip leaves {100 * worst.unexplained:.2g} % of the force (or"
+                f" of Fs) at {worst.force:.3g} {N} rms unexplained, more than {100 * limit:g} %"
+                f" beyond noise. {_ANOTHER_FRICTION if slips else _ANOTHER_MACHINE[two]}"
             ),
         )
     c, half = damping
@@ -376,8 +407,9 @@ def _questions_of(
         yield _OpenQuestion(
             kind=Gap.OTHER_MACHINE,
             description=(
-                f"viscous friction of {c:.3g} +- {half:.1g} {unit_of('F s/L', units)} would drive the machine: the "
-                f"search ended in a wrong minimum, or another delay is mistaken for it. {_ANOTHER_MACHINE[two]}"
+                f"viscous friction of {c:.3g} +- {half:.1g} {unit_of('F s/L', units)} would drive"
+                " the machine: the search ended in a wrong minimum, or another delay is mistaken"
+                f" for it. {_ANOTHER_MACHINE[two]}"
             ),
         )
     delay, period = candidate.numbers["delay"], float(2 * np.pi / levels[0].omega.min())
@@ -385,17 +417,18 @@ def _questions_of(
         yield _OpenQuestion(
             kind=Gap.OTHER_MACHINE,
             description=(
-                f"{model} with Maxwell slip needs a delay of {delay:.3g} s, "
-                f"longer than the {period:.3g} s of the lowest line: the search ended in a wrong minimum. "
-                f"{_ANOTHER_MACHINE[two]}"
+                f"{model} with Maxwell slip needs a delay of {delay:.3g} s, longer than the"
+                f" {period:.3g} s of the lowest line: the search ended in a wrong minimum."
+                f" {_ANOTHER_MACHINE[two]}"
             ),
         )
     if mode is not None:
         yield _OpenQuestion(
             kind=Gap.FLEXIBLE,
             description=(
-                f"the machine is no rigid mass with Maxwell slip in the band: {mode}. No single mass fits, so mass "
-                f"and friction are wrong by several per cent. {_ANOTHER_MACHINE[two]}"
+                f"the machine is no rigid mass with Maxwell slip in the band: {mode}. No single"
+                " mass fits, so mass and friction are wrong by several per cent."
+                f" {_ANOTHER_MACHINE[two]}"
             ),
         )
     outer = levels[0].half_swing
@@ -410,8 +443,9 @@ def _questions_of(
         yield _OpenQuestion(
             kind=Gap.HIGHEST_LEVEL_STICKS,
             description=(
-                f"the highest level still sticks: it swings +-{format_length(outer, units[1])}, and {seen}. "
-                "Fs is not known, nor which part is spring and which friction. Measure at three times the force"
+                f"the highest level still sticks: it swings +-{format_length(outer, units[1])}, and"
+                f" {seen}. Fs is not known, nor which part is spring and which friction. Measure at"
+                " three times the force"
             ),
         )
     inner = float(np.std(levels[-1].x))
@@ -420,9 +454,9 @@ def _questions_of(
         yield _OpenQuestion(
             kind=Gap.LOWEST_LEVEL_SLIPS,
             description=(
-                f"the lowest level does not stick: it moves {format_length(inner, units[1])} rms, where "
-                f"{100 * early:.2g} % of K0 slips, and elements that slip earlier are not seen. Measure at a third of "
-                "the force"
+                f"the lowest level does not stick: it moves {format_length(inner, units[1])} rms,"
+                f" where {100 * early:.2g} % of K0 slips, and elements that slip earlier are not"
+                " seen. Measure at a third of the force"
             ),
         )
     distinct = _count_distinct(levels)
@@ -431,31 +465,38 @@ def _questions_of(
         yield _OpenQuestion(
             kind=Gap.EQUAL_LEVELS,
             description=(
-                f"levels of {listed} {N} rms count as {distinct}, as neighbours differ by less than {_SAME_LEVEL:g} "
-                "times in force and motion. Measure at three that differ: sticking, bending, sliding"
+                f"levels of {listed} {N} rms count as {distinct}, as neighbours differ by less than"
+                f" {_SAME_LEVEL:g} times in force and motion. Measure at three that differ:"
+                " sticking, bending, sliding"
             ),
         )
     if split > _MOST_SPLIT * Fs:
         yield _OpenQuestion(
             kind=Gap.SPLIT,
             description=(
-                f"friction of the motor and of the load look alike: {split:.2g} {N} of Fs = {Fs:.4g} {N} may belong to "
-                "either. Their sum holds. Measure beyond the resonance"
+                f"friction of the motor and of the load look alike: {split:.2g} {N} of Fs ="
+                f" {Fs:.4g} {N} may belong to either. Their sum holds. Measure beyond the resonance"
             ),
         )
     if not candidate.terms.stiction:
         yield _OpenQuestion(
             kind=Gap.STICTION,
             description=(
-                f"no stiction above Coulomb friction is seen at speeds up to {np.abs(levels[0].v).max():.2g} "
-                f"{speed_unit}; stiction that falls only at higher speeds counts as part of Fs"
+                "no stiction above Coulomb friction is seen at speeds up to"
+                f" {np.abs(levels[0].v).max():.2g} {speed_unit}; stiction that falls only at higher"
+                " speeds counts as part of Fs"
             ),
         )
 
 
 def _count_distinct(levels: list[Motion]) -> int:
-    """Return the number of levels that differ: when friction slides, the motion grows and the force hardly does."""
-    rises = [max(high.force / low.force, high.half_swing / low.half_swing) for high, low in pairwise(levels)]
+    """Return the number of levels that differ: when friction slides, the motion grows and the force
+    hardly does.
+    """
+    rises = [
+        max(high.force / low.force, high.half_swing / low.half_swing)
+        for high, low in pairwise(levels)
+    ]
     return 1 + sum(rise > _SAME_LEVEL for rise in rises)
 
 
@@ -465,11 +506,14 @@ _LOADS = ((1.0, 0.0), (1.0, 0.5), (1.0, 1.0), (0.5, 1.0))
 _HARMONICS = 3
 
 
-def _compliance_column(level: Motion, candidate: Candidate, mass_share: float, friction_share: float) -> np.ndarray:
-    """Return (M, W) derivative of the force of one mass by the compliance 1/k between it and a share of it as a load.
+def _compliance_column(
+    level: Motion, candidate: Candidate, mass_share: float, friction_share: float
+) -> np.ndarray:
+    """Return (M, W) derivative of the force of one mass by the compliance 1/k between it and a
+    share of it as a load.
 
-    The load reacts with N = -m2 w^2 Y2 + F2(y2), and y2 = y - N/k. To first order in 1/k this is N0, the reaction of
-    one mass, plus 1/k (m2 w^2 N0 + d/de F2(y - e n0)).
+    The load reacts with N = -m2 w^2 Y2 + F2(y2), and y2 = y - N/k. To first order in 1/k this is
+    N0, the reaction of one mass, plus 1/k (m2 w^2 N0 + d/de F2(y - e n0)).
     """
     n = level.x.shape[1]
     omega = 2 * np.pi * level.fs / n * np.arange(n // 2 + 1)
@@ -498,28 +542,36 @@ def _compliance_column(level: Motion, candidate: Candidate, mass_share: float, f
 
 
 def _sign_of_mode(
-    levels: list[Motion], weights: list[np.ndarray], *, candidate: Candidate, stds: dict[str, float], unit: str
+    levels: list[Motion],
+    weights: list[np.ndarray],
+    *,
+    candidate: Candidate,
+    stds: dict[str, float],
+    unit: str,
 ) -> str | None:
     """Return the evidence that the machine is not one rigid mass; None if there is none.
 
-    To first order a load on a spring is a term -w^4, and while friction slides it looks like a lag of the force. A lag
-    that is longer than the delay that contains it is a mode. If the load has friction, a positive compliance of its
-    connection improves the fit: for one mass it came out negative or without improvement (benchmarks/read_machine.py,
-    preset and random machines).
+    To first order a load on a spring is a term -w^4, and while friction slides it looks like a lag
+    of the force. A lag that is longer than the delay that contains it is a mode. If the load has
+    friction, a positive compliance of its connection improves the fit: for one mass it came out
+    negative or without improvement (benchmarks/read_machine.py, preset and random machines).
     """
     if candidate.terms.softening:
         return f"a term w^4 of {candidate.numbers['softening']:.2g} {unit} improves the fit"
-    delay, lag = candidate.numbers["delay"], float(np.sqrt(max(0.0, candidate.numbers.get("lag_squared", 0.0))))
+    delay = candidate.numbers["delay"]
+    lag = float(np.sqrt(max(0.0, candidate.numbers.get("lag_squared", 0.0))))
     if lag > delay + _DISTINCT * np.hypot(stds["lag"], stds["delay"]):
         return (
-            f"the force lags by {1e3 * lag:.3g} +- {1e3 * stds['lag']:.1g} ms, more than its whole delay of "
-            f"{1e3 * delay:.3g} ms, as it does below a mode above the band"
+            f"the force lags by {1e3 * lag:.3g} +- {1e3 * stds['lag']:.1g} ms, more than its whole"
+            f" delay of {1e3 * delay:.3g} ms, as it does below a mode above the band"
         )
     Q, left = tangent_of(levels, weights, candidate)
     tried = []
     for shares in _LOADS:
         columns = [_compliance_column(one, candidate, *shares) for one in levels]
-        tried.append(gain_of(as_real([c / std for c, std in zip(columns, weights, strict=True)]), Q, left))
+        tried.append(
+            gain_of(as_real([c / std for c, std in zip(columns, weights, strict=True)]), Q, left)
+        )
     worth = max((worth for worth, amount in tried if amount > 0), default=0.0)
     if worth > WORTH:
         load = "a flexible load behind the motor, or friction that breaks away more slowly,"
@@ -528,39 +580,50 @@ def _sign_of_mode(
 
 
 def _stuck_stiffness(levels: list[Motion], stds: list[np.ndarray], candidate: Candidate) -> float:
-    """Return the stiffness [N/m] of a free axis that no element explains; zero if it may be chance."""
+    """Return the stiffness [N/m] of a free axis that no element explains; zero if it may be
+    chance.
+    """
     Q, left = tangent_of(levels, stds, candidate)
-    worth, amount = gain_of(as_real([one.Y / std for one, std in zip(levels, stds, strict=True)]), Q, left)
+    worth, amount = gain_of(
+        as_real([one.Y / std for one, std in zip(levels, stds, strict=True)]), Q, left
+    )
     return amount if worth > WORTH and amount > 0 else 0.0
 
 
 def identify_friction(
-    records: Sequence[nlfrf.Record], *, free: bool = False, masses: int = 1, sliding: NumbersRead | None = None
+    records: Sequence[nlfrf.Record],
+    *,
+    free: bool = False,
+    masses: int = 1,
+    sliding: NumbersRead | None = None,
 ) -> FrictionFit:
-    """Identify one mass, or a motor and a load, with friction from records at several levels, sticking to sliding.
+    """Identify one mass, or a motor and a load, with friction from records at several levels,
+    sticking to sliding.
 
-    Mass, viscous damping, spring, delay and friction come from one fit over all levels, with 95 % intervals. The loop
-    may be open or closed. The friction model is Maxwell slip with any elements, stiction and a Stribeck curve.
+    Mass, viscous damping, spring, delay and friction come from one fit over all levels, with 95 %
+    intervals. The loop may be open or closed. The friction model is Maxwell slip with any elements,
+    stiction and a Stribeck curve.
 
-    Use this for an axis that you can excite at three levels or more, the lowest so low that friction sticks.
-    `machine_with_friction` turns the fit into a class for `prove_friction`.
+    Use this for an axis that you can excite at three levels or more, the lowest so low that
+    friction sticks. `machine_with_friction` turns the fit into a class for `prove_friction`.
 
-    With two masses the force acts on the motor, and the encoder measures its position. The load hangs on a spring and a
-    damper, and each mass has friction. Measure beyond the resonance: below it the two are hard to distinguish.
+    With two masses the force acts on the motor, and the encoder measures its position. The load
+    hangs on a spring and a damper, and each mass has friction. Measure beyond the resonance: below
+    it the two are hard to distinguish.
 
     Parameters
     ----------
     records : sequence of Record
-        Force [N] as input, position [m] as output, periodic and settled; at least three levels, one record each.
-        Several periods show the noise.
+        Force [N] as input, position [m] as output, periodic and settled; at least three levels, one
+        record each. Several periods show the noise.
     free : bool
         True for an axis without a spring to ground. A spring acts on the motor.
     masses : int
         1, or 2 for a motor and a load.
     sliding : SlidingFit, optional
-        Motor and load from `identify_sliding`. The search starts from them. Lines on which a large part of the
-        force comes from the encoder step, as around the antiresonance, are left out. Without it all lines count
-        equally.
+        Motor and load from `identify_sliding`. The search starts from them. Lines on which a large
+        part of the force comes from the encoder step, as around the antiresonance, are left out.
+        Without it all lines count equally.
 
     Returns
     -------
@@ -570,14 +633,15 @@ def identify_friction(
     Raises
     ------
     ValueError
-        Masses other than one or two; fewer than three records; several channels; too few lines; units with a prefix; a
-        reversed sign.
+        Masses other than one or two; fewer than three records; several channels; too few lines;
+        units with a prefix; a reversed sign.
 
     References
     ----------
-    J. G. MacKinnon, H. White, *Some heteroskedasticity-consistent covariance matrix estimators*, J. Econometrics 29,
-    1985 (jackknife); J. D. Angrist, J.-S. Pischke, *Mostly Harmless Econometrics*, 2009, section 8.1 (the larger of
-    both); F. Al-Bender, V. Lampaert, J. Swevers, IEEE Trans. Automatic Control 50, 2005 (elements).
+    J. G. MacKinnon, H. White, *Some heteroskedasticity-consistent covariance matrix estimators*, J.
+    Econometrics 29, 1985 (jackknife); J. D. Angrist, J.-S. Pischke, *Mostly Harmless Econometrics*,
+    2009, section 8.1 (the larger of both); F. Al-Bender, V. Lampaert, J. Swevers, IEEE Trans.
+    Automatic Control 50, 2005 (elements).
 
     Examples
     --------
@@ -596,13 +660,22 @@ def identify_friction(
 
     def motions(steps: float, shrinkage: float = SHRINKAGE) -> list[Motion]:
         finer = FINE if two else steps  # an oscillation of the load may have few samples
-        found = [motion_of_record(record, finer, shrinkage, STEPS_PER_CYCLE * steps) for record in records]
+        found = [
+            motion_of_record(record, finer, shrinkage, STEPS_PER_CYCLE * steps)
+            for record in records
+        ]
         if sliding is None or machine is None:
             return found
-        return [without_noisy_lines(one, record, sliding) for one, record in zip(found, records, strict=True)]
+        return [
+            without_noisy_lines(one, record, sliding)
+            for one, record in zip(found, records, strict=True)
+        ]
 
     coarse = motions(first)
-    span = (min(float(np.std(one.x)) for one in coarse) / 2, 0.9 * max(one.half_swing for one in coarse))
+    span = (
+        min(float(np.std(one.x)) for one in coarse) / 2,
+        0.9 * max(one.half_swing for one in coarse),
+    )
     starts = (
         start_with_load(coarse, spring=not free, machine=machine)
         if two
@@ -610,12 +683,14 @@ def identify_friction(
     )
     if not starts[0].numbers["mass"] > 0:
         raise ValueError(
-            f"records must be from force to position, got a mass of {starts[0].numbers['mass']:.3g} kg: the output "
-            "falls when the input rises. Reverse the sign of the sensor"
+            f"records must be from force to position, got a mass of {starts[0].numbers['mass']:.3g}"
+            " kg: the output falls when the input rises. Reverse the sign of the sensor"
         )
     known = machine is not None
     # the other starts are guesses of the machine
-    candidate = search(coarse, starts[:1] if known else starts, span, KNOWN_IN_MOTION if known else ())
+    candidate = search(
+        coarse, starts[:1] if known else starts, span, KNOWN_IN_MOTION if known else ()
+    )
     fine = motions(finest)
     # for two masses only a fit that explains the levels is worth finer steps
     refuted = largest_share(coarse, candidate) > (_MOST_UNEXPLAINED if two else REFUTED)
@@ -630,18 +705,31 @@ def identify_friction(
         spread = dict.fromkeys(numbers, np.inf)
     else:
         others = [motions(share * finest, shrinkage) for share, shrinkage in _ALTERNATIVES]
-        numbers, spread = _numbers_with_spread(fine, others, stds=stds, candidate=candidate, span=span)
+        numbers, spread = _numbers_with_spread(
+            fine, others, stds=stds, candidate=candidate, span=span
+        )
     balances = [_balance_of(level, std, candidate) for level, std in zip(fine, stds, strict=True)]
     units = units_of(records[0])
     stuck = _stuck_stiffness(fine, stds, candidate) if free and not refuted else 0.0
     mode = None
-    if not two and max(one.unexplained for one in balances) < _MOST_UNEXPLAINED:  # any term improves a worse fit
-        mode = _sign_of_mode(fine, stds, candidate=candidate, stds=spread, unit=unit_of("F s^4/L", units))
+    if (
+        not two and max(one.unexplained for one in balances) < _MOST_UNEXPLAINED
+    ):  # any term improves a worse fit
+        mode = _sign_of_mode(
+            fine, stds, candidate=candidate, stds=spread, unit=unit_of("F s^4/L", units)
+        )
     split = HALF_WIDTH * spread.get("load_Fs", 0.0)
     damping = numbers["damping"], 3 * spread["damping"]
     questions = list(
         _questions_of(
-            fine, candidate, balances=balances, units=units, stuck=stuck, mode=mode, split=split, damping=damping
+            fine,
+            candidate,
+            balances=balances,
+            units=units,
+            stuck=stuck,
+            mode=mode,
+            split=split,
+            damping=damping,
         )
     )
     return FrictionFit(
@@ -660,10 +748,16 @@ def identify_friction(
 
 
 def _list_levels(records: Sequence[nlfrf.Record]) -> list[nlfrf.Record]:
-    """Return the records of at least three levels of one axis, the highest force first; refuse anything else."""
+    """Return the records of at least three levels of one axis, the highest force first; refuse
+    anything else.
+    """
     levels = list(records) if isinstance(records, Iterable) else records
-    if not isinstance(levels, list) or not all(isinstance(one, nlfrf.Record) and one.is_single for one in levels):
-        raise ValueError(f"records must be a list of Records with one input and output, got {short_form(levels)}")
+    if not isinstance(levels, list) or not all(
+        isinstance(one, nlfrf.Record) and one.is_single for one in levels
+    ):
+        raise ValueError(
+            f"records must be a list of Records with one input and output, got {short_form(levels)}"
+        )
     units = [(record.y_unit, record.u_unit) for record in levels]
     require_levels("records", units, [record.lines.excited.size for record in levels])
     return sorted(levels, key=lambda record: -motion_of_record(record, 1).force)
@@ -680,11 +774,13 @@ _LEFT_OPEN = {
 }
 
 
-def _leave_open(spread: dict[str, float], questions: list[_OpenQuestion], stuck: float) -> dict[str, float]:
+def _leave_open(
+    spread: dict[str, float], questions: list[_OpenQuestion], stuck: float
+) -> dict[str, float]:
     """Return the standard deviations, infinite for numbers that the questions leave open.
 
-    On a free axis a stiffness that never slips is friction, so K0 of the elements is too small. An assumed number, such
-    as no spring, has no deviation and is not left open.
+    On a free axis a stiffness that never slips is friction, so K0 of the elements is too small. An
+    assumed number, such as no spring, has no deviation and is not left open.
     """
     names = {name for question in questions for name in _LEFT_OPEN.get(question.kind, ())} | (
         {"K0"} if stuck else set()
@@ -692,15 +788,20 @@ def _leave_open(spread: dict[str, float], questions: list[_OpenQuestion], stuck:
     return spread | {name: np.inf for name in names if spread.get(name)}
 
 
-#: Share of the force of a level that one step of the encoder may make on a line: around the antiresonance of a load the
-#: motion is small. This error repeats with the motion, so the scatter over the periods does not show it. With all lines
-#: the true machine left 2 to 29 % of the force at the levels of two axes; without them one fit left 0.0 to 0.6 %.
+# : Share of the force of a level that one step of the encoder may make on a line: around the
+# antiresonance of a load the : motion is small. This error repeats with the motion, so the scatter
+# over the periods does not show it. With all lines : the true machine left 2 to 29 % of the force
+# at the levels of two axes; without them one fit left 0.0 to 0.6 %.
 _MOST_OF_LINE = 0.02
 
 
 def without_noisy_lines(level: Motion, record: nlfrf.Record, sliding: NumbersRead) -> Motion:
-    """Return a level without the lines on which the step of the encoder makes much of the force; a few are kept."""
-    step = smallest_step(record.y) / np.sqrt(3 * record.u.shape[-1])  # standard deviation of a peak amplitude
+    """Return a level without the lines on which the step of the encoder makes much of the force; a
+    few are kept.
+    """
+    step = smallest_step(record.y) / np.sqrt(
+        3 * record.u.shape[-1]
+    )  # standard deviation of a peak amplitude
     noise = np.abs(force_of_motion(sliding, level.omega, 0.0)) * step
     least = np.sort(noise)[min(FEWEST_LINES, noise.size) - 1]
     kept = noise <= max(least, _MOST_OF_LINE * float(np.sqrt((np.abs(level.U) ** 2).mean())))
@@ -718,14 +819,18 @@ def _numbers_with_spread(
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Return the numbers and their standard deviations.
 
-    A variance is the sum of that of `deviations`, of the mean square difference of the alternatives (fits of the levels
-    with other time steps and another suppression of noise), and of a floor for model errors.
+    A variance is the sum of that of `deviations`, of the mean square difference of the alternatives
+    (fits of the levels with other time steps and another suppression of noise), and of a floor for
+    model errors.
     """
     terms, numbers = candidate.terms, derived_numbers(pack(candidate), candidate)
     spread = deviations(fine, stds, candidate)
     others = []
     for alternative in alternatives:
-        levels = [replace(one, centred=level.centred) for one, level in zip(alternative, fine, strict=True)]
+        levels = [
+            replace(one, centred=level.centred)
+            for one, level in zip(alternative, fine, strict=True)
+        ]
         other = refine(levels, stds, candidate=candidate, span=span)
         others.append(derived_numbers(pack(other), other))
     error = _LOAD_ERROR if terms.load else FORCE_ERROR
@@ -738,5 +843,7 @@ def _numbers_with_spread(
     }
     for name, std in spread.items():
         between = np.mean([(other[name] - numbers[name]) ** 2 for other in others])
-        spread[name] = float(np.sqrt(std**2 + between + floors.get(name, error * numbers[name]) ** 2))
+        spread[name] = float(
+            np.sqrt(std**2 + between + floors.get(name, error * numbers[name]) ** 2)
+        )
     return numbers, spread

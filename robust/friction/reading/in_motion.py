@@ -1,4 +1,6 @@
-"""Mass, viscous and Coulomb friction of an axis in motion: its mean force is the friction while it slides one way."""
+"""Mass, viscous and Coulomb friction of an axis in motion: its mean force is the friction while it
+slides one way.
+"""
 
 from __future__ import annotations
 
@@ -48,24 +50,28 @@ class SlidingFit(NumbersRead):
     mass, damping, coulomb : float
         m [kg] of motor and load together, viscous c [Ns/m], Coulomb friction [N].
     offset : float
-        Force that does not change with the direction, such as weight [N]; nan if only one direction was measured.
+        Force that does not change with the direction, such as weight [N]; nan if only one direction
+        was measured.
     delay : float
-        Delay from the command to the force, including a lag [s]. A mode above the band looks like a lag.
+        Delay from the command to the force, including a lag [s]. A mode above the band looks like a
+        lag.
     stds : dict of str to float
         Standard deviation of each of these numbers.
     velocities : (R,) ndarray
         Base velocities [m/s].
     misfit : float
-        Mean square misfit of forces and slopes over their variance. Above about 4 the friction is not Coulomb friction
-        with a viscous part; for instance Stribeck friction still falls.
+        Mean square misfit of forces and slopes over their variance. Above about 4 the friction is
+        not Coulomb friction with a viscous part; for instance Stribeck friction still falls.
     units : tuple of str
         Units of force and position; all other units follow from them.
     load_mass, coupling, coupling_damping : float
-        For two masses: load [kg], spring [N/m] and damper [Ns/m] between motor and load; zero for one mass.
+        For two masses: load [kg], spring [N/m] and damper [Ns/m] between motor and load; zero for
+        one mass.
 
     References
     ----------
-    B. Armstrong-Hélouvry, *Control of Machines with Friction*, 1991 (friction from the force at constant velocity).
+    B. Armstrong-Hélouvry, *Control of Machines with Friction*, 1991 (friction from the force at
+    constant velocity).
 
     Examples
     --------
@@ -94,24 +100,29 @@ class SlidingFit(NumbersRead):
         return f"{format_facts(number_facts(self))}\n{last}"
 
 
-def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float], *, masses: int = 1) -> SlidingFit:
+def identify_sliding(
+    records: Sequence[nlfrf.Record], velocities: Sequence[float], *, masses: int = 1
+) -> SlidingFit:
     """Identify mass, viscous and Coulomb friction of an axis from records in motion.
 
-    While friction slides in one direction it is a constant force. The FRF is then that of the machine, with the slope
-    of the friction as damping. The mean force over the velocity is the friction itself.
+    While friction slides in one direction it is a constant force. The FRF is then that of the
+    machine, with the slope of the friction as damping. The mean force over the velocity is the
+    friction itself.
 
-    Use this for the mass and the viscous friction of an axis that can move at a constant velocity. Break-away force and
-    presliding stiffness need records at rest (`identify_friction`).
+    Use this for the mass and the viscous friction of an axis that can move at a constant velocity.
+    Break-away force and presliding stiffness need records at rest (`identify_friction`).
 
     Parameters
     ----------
     records : sequence of Record
-        Force [N] as input, position [m] minus the base motion as output, at a velocity that never reverses. The force
-        keeps its mean.
+        Force [N] as input, position [m] minus the base motion as output, at a velocity that never
+        reverses. The force keeps its mean.
     velocities : (R,) sequence of float
-        Base velocity of each record [m/s], with its sign. Two directions show a constant force such as weight.
+        Base velocity of each record [m/s], with its sign. Two directions show a constant force such
+        as weight.
     masses : int
-        1, or 2 for a motor with the encoder and a load behind a spring and a damper. Measure beyond the resonance.
+        1, or 2 for a motor with the encoder and a load behind a spring and a damper. Measure beyond
+        the resonance.
 
     Returns
     -------
@@ -120,12 +131,13 @@ def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float
     Raises
     ------
     ValueError
-        No record; a velocity that is zero or missing; several channels; units with a prefix; a reversed sign; masses
-        other than one or two.
+        No record; a velocity that is zero or missing; several channels; units with a prefix; a
+        reversed sign; masses other than one or two.
 
     References
     ----------
-    B. Armstrong-Hélouvry, *Control of Machines with Friction*, 1991 (friction from the force at constant velocity).
+    B. Armstrong-Hélouvry, *Control of Machines with Friction*, 1991 (friction from the force at
+    constant velocity).
 
     Examples
     --------
@@ -139,9 +151,15 @@ def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float
     """
     records, speeds = list(records), np.asarray(velocities, dtype=float)
     if not records or not all(isinstance(one, nlfrf.Record) and one.is_single for one in records):
-        raise ValueError(f"records must be a list of Records with one input and output, got {short_form(records)}")
+        raise ValueError(
+            "records must be a list of Records with one input and output, got"
+            f" {short_form(records)}"
+        )
     if speeds.shape != (len(records),) or not np.all(np.isfinite(speeds) & (speeds != 0)):
-        raise ValueError(f"velocities must be one for each of the {len(records)} records, none zero, got {speeds}")
+        raise ValueError(
+            f"velocities must be one for each of the {len(records)} records, none zero, got"
+            f" {speeds}"
+        )
     if masses not in (1, 2):
         raise ValueError(f"masses must be 1, or 2 for a motor and a load, got {masses}")
     for record in records:
@@ -155,8 +173,8 @@ def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float
     mass, mass_std = joined("mass")
     if not mass > 0:
         raise ValueError(
-            f"records must be from force to position, got a mass of {mass:.3g} kg: the output falls when the input "
-            "rises. Reverse the sign of the sensor"
+            f"records must be from force to position, got a mass of {mass:.3g} kg: the output falls"
+            " when the input rises. Reverse the sign of the sensor"
         )
     slopes = np.array([[one[i]["damping"] for one in fits] for i in (0, 1)])
     found, spread, misfit = _fit_forces(speeds, _mean_forces(records), slopes)
@@ -165,12 +183,14 @@ def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float
     coupled = {name: joined(name) for name in _COUPLED} if masses == 2 else {}
     if coupled and not 0 < coupled["load_mass"][0] < mass:
         raise ValueError(
-            f"records must show motor and load apart, got a load of {coupled['load_mass'][0]:.3g} of {mass:.3g} kg. "
-            "Measure beyond the resonance"
+            f"records must show motor and load apart, got a load of {coupled['load_mass'][0]:.3g}"
+            f" of {mass:.3g} kg. Measure beyond the resonance"
         )
     stds = {
         # the errors of all records are correlated, so averaging does not reduce them
-        "mass": float(np.hypot(max(mass_std, min(one[1]["mass"] for one in fits)), MODEL_ERROR / 2 * mass)),
+        "mass": float(
+            np.hypot(max(mass_std, min(one[1]["mass"] for one in fits)), MODEL_ERROR / 2 * mass)
+        ),
         "damping": float(spread[0]),
         "coulomb": float(spread[1]),
         "delay": delay_std,
@@ -181,7 +201,9 @@ def identify_sliding(records: Sequence[nlfrf.Record], velocities: Sequence[float
         coulomb=float(found[1]),
         offset=float(found[2]) if both else np.nan,
         delay=delay,
-        stds=stds | ({"offset": float(spread[2])} if both else {}) | {name: std for name, (_, std) in coupled.items()},
+        stds=stds
+        | ({"offset": float(spread[2])} if both else {})
+        | {name: std for name, (_, std) in coupled.items()},
         velocities=speeds,
         misfit=misfit,
         units=units_of(records[0]),
@@ -197,10 +219,14 @@ def _mean_forces(records: Sequence[nlfrf.Record]) -> np.ndarray:
     return np.stack([forces, np.hypot(scatter, MODEL_ERROR * np.abs(forces))])
 
 
-def _fit_forces(speeds: np.ndarray, forces: np.ndarray, slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return viscous and Coulomb friction, and a constant force if both directions are given; deviations; misfit.
+def _fit_forces(
+    speeds: np.ndarray, forces: np.ndarray, slopes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return viscous and Coulomb friction, and a constant force if both directions are given;
+    deviations; misfit.
 
-    forces, slopes : (2, R) mean force and slope of the friction at each speed, and their standard deviations.
+    forces, slopes : (2, R) mean force and slope of the friction at each speed, and their standard
+    deviations.
     """
     both = bool(np.any(speeds > 0) and np.any(speeds < 0))
     # mean force: c v + Fc sgn v + offset; slope: c
@@ -214,11 +240,15 @@ def _fit_forces(speeds: np.ndarray, forces: np.ndarray, slopes: np.ndarray) -> t
 
 
 def fit_linear(motion: Motion, masses: int) -> tuple[dict[str, float], dict[str, float]]:
-    """Return mass, damping, delay and further terms of a linear machine, with their standard deviations."""
+    """Return mass, damping, delay and further terms of a linear machine, with their standard
+    deviations.
+    """
     kept = motion.excited  # the other lines contain noise alone
     motion = replace(
         motion,
-        **{name: getattr(motion, name)[..., kept] for name in ("omega", "U", "Y", "noise", "lines")},
+        **{
+            name: getattr(motion, name)[..., kept] for name in ("omega", "U", "Y", "noise", "lines")
+        },
         excited=kept[kept],
     )
     none, two = np.zeros(0), masses == 2
@@ -233,7 +263,9 @@ def fit_linear(motion: Motion, masses: int) -> tuple[dict[str, float], dict[str,
     for _ in range(N_PASSES):
         candidate = refine([motion], stds, candidate=candidate, span=(1e-9, 1.0))
         stds = reweight([motion], candidate)
-        if not candidate.terms.lag:  # a lag stands for a mode above the band too: the data show only one of them
+        if (
+            not candidate.terms.lag
+        ):  # a lag stands for a mode above the band too: the data show only one of them
             candidate = extend([motion], stds, candidate=candidate, span=(1e-9, 1.0)) or candidate
     candidate = refine([motion], stds, candidate=candidate, span=(1e-9, 1.0))
     found = derived_numbers(pack(candidate), candidate)
@@ -246,4 +278,6 @@ def fit_linear(motion: Motion, masses: int) -> tuple[dict[str, float], dict[str,
         "damping": mode_term(motion, found, lag) * abs(found["damping"]),
         "delay": FORCE_ERROR / float(motion.omega[-1]),
     }
-    return found, spread | {name: float(np.hypot(spread[name], error)) for name, error in errors.items()}
+    return found, spread | {
+        name: float(np.hypot(spread[name], error)) for name, error in errors.items()
+    }

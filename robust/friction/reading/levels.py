@@ -1,4 +1,6 @@
-"""Conditions that levels must satisfy before they are used: three or more, of one axis, in SI units."""
+"""Conditions that levels must satisfy before they are used: three or more, of one axis, in SI
+units.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,8 @@ import numpy as np
 from robust.friction.units import position_unit_of
 
 FEWEST_LINES = 8
-#: Units of length, angle, force and torque that carry a prefix. The user answers for an unknown unit.
+# : Units of length, angle, force and torque that carry a prefix. The user answers for an unknown
+# unit.
 _SCALED_UNITS = {
     *("nm", "um", "µm", "μm", "mm", "cm", "km", "nrad", "urad", "µrad", "μrad", "mrad", "deg", "°"),
     *("mN", "kN", "MN", "mNm", "Nmm", "Ncm", "kNm"),
@@ -17,22 +20,28 @@ _SCALED_UNITS = {
 
 
 def require_si(name: str, unit: str) -> None:
-    """Refuse an FRF whose unit is a known multiple of m/N: mass and stiffness would be wrong by that factor."""
+    """Refuse an FRF whose unit is a known multiple of m/N: mass and stiffness would be wrong by
+    that factor.
+    """
     parts = {part.strip("() ") for part in unit.split("/")}
     if wrong := sorted(parts & _SCALED_UNITS):
         raise ValueError(
-            f"{name} must be in m/N (rad/Nm where it turns), got {unit}: mass and stiffness are in kg and N/m, "
-            f"and the prefix of {' and '.join(wrong)} would be lost. Scale the channel before identify"
+            f"{name} must be in m/N (rad/Nm where it turns), got {unit}: mass and stiffness are in"
+            f" kg and N/m, and the prefix of {' and '.join(wrong)} would be lost. Scale the channel"
+            " before identify"
         )
 
 
 def require_levels(name: str, units: Sequence[tuple[str, str]], n_lines: Sequence[int]) -> str:
-    """Return the position unit of levels, "m" or "rad"; refuse too few levels, two axes, a prefix, or too few lines.
+    """Return the position unit of levels, "m" or "rad"; refuse too few levels, two axes, a prefix,
+    or too few lines.
 
     units : position and force unit of each level.
     """
     if len(units) < 3:
-        raise ValueError(f"{name} must hold at least three levels, from sticking to sliding, got {len(units)}")
+        raise ValueError(
+            f"{name} must hold at least three levels, from sticking to sliding, got {len(units)}"
+        )
     for position, force in units:
         require_si(name, f"{position}/{force}")
     if min(n_lines) < FEWEST_LINES:
@@ -45,7 +54,9 @@ def require_levels(name: str, units: Sequence[tuple[str, str]], n_lines: Sequenc
 
 
 def weighted_mean(values: list[float], stds: list[float]) -> tuple[float, float]:
-    """Return the mean weighted by inverse variances, and its standard deviation, widened if the values scatter more."""
+    """Return the mean weighted by inverse variances, and its standard deviation, widened if the
+    values scatter more.
+    """
     x, weight = np.array(values), 1 / np.maximum(np.array(stds), 1e-300) ** 2
     mean = float(weight @ x / weight.sum())
     excess = float(weight @ (x - mean) ** 2) / max(1, x.size - 1)

@@ -1,4 +1,6 @@
-"""A class of friction from measured levels: from their BLAs, from their records, or from an identified fit."""
+"""A class of friction from measured levels: from their BLAs, from their records, or from an
+identified fit.
+"""
 
 from __future__ import annotations
 
@@ -22,41 +24,47 @@ def machine_with_friction(
     free: bool = False,
     masses: int = 1,
 ) -> MachineWithFriction:
-    """Return machine and friction class from three levels or more, as BLAs or records, for `prove_friction`.
+    """Return machine and friction class from three levels or more, as BLAs or records, for
+    `prove_friction`.
 
-    Use this if the friction law is unknown but the axis was measured at several levels of excitation. For a class whose
-    limits are known, use `MaxwellSlip` directly.
+    Use this if the friction law is unknown but the axis was measured at several levels of
+    excitation. For a class whose limits are known, use `MaxwellSlip` directly.
 
-    **Records** go through `identify_friction`, whose result may be given instead. The result has a delay, and the class
-    uses the ends of 95 % intervals. The axis is one rigid mass in the band, or a motor and a load.
+    **Records** go through `identify_friction`, whose result may be given instead. The result has a
+    delay, and the class uses the ends of 95 % intervals. The axis is one rigid mass in the band, or
+    a motor and a load.
 
-    **BLAs**: at each level 1/G = k - m w^2 + j c w + a j w/(j w + b) is fitted over all lines; the last term is an
-    element that slips. The machine gets the lowest k that the highest level allows within three standard deviations,
-    minus the possible further fall of k over one more doubling of the force. K0 is the stiffness at rest, extrapolated
-    from the lowest levels, minus k of the highest level; times a margin; plus the reduction of k. The damping is zero.
+    **BLAs**: at each level 1/G = k - m w^2 + j c w + a j w/(j w + b) is fitted over all lines; the
+    last term is an element that slips. The machine gets the lowest k that the highest level allows
+    within three standard deviations, minus the possible further fall of k over one more doubling of
+    the force. K0 is the stiffness at rest, extrapolated from the lowest levels, minus k of the
+    highest level; times a margin; plus the reduction of k. The damping is zero.
 
-    A flexible machine, or BLAs with a delay, need a `nominal`. Fit it at the lowest level, where the friction is a
-    spring, or at the highest, where it has no stiffness. The difference of the levels from the nominal is the friction.
-    Proofs use the nominal without damping and with its damping (`MachineWithFriction.machines`).
+    A flexible machine, or BLAs with a delay, need a `nominal`. Fit it at the lowest level, where
+    the friction is a spring, or at the highest, where it has no stiffness. The difference of the
+    levels from the nominal is the friction. Proofs use the nominal without damping and with its
+    damping (`MachineWithFriction.machines`).
 
     Parameters
     ----------
     blas : sequence of Bla, or of Record, or FrictionFit
-        From force [N] to position [m], for one machine, at levels from sticking to sliding. Records are at rest;
-        several periods of each show the noise.
+        From force [N] to position [m], for one machine, at levels from sticking to sliding. Records
+        are at rest; several periods of each show the noise.
     nominal : NominalFit, control.StateSpace or FrictionPlant, optional
-        From force to position where friction acts, with at least two poles more than zeros (``fit_nominal(blas[0],
-        n_poles=4, n_zeros=2)``); or a machine with one friction port. The delay of a fit is kept. Only with BLAs.
+        From force to position where friction acts, with at least two poles more than zeros
+        (``fit_nominal(blas[0], n_poles=4, n_zeros=2)``); or a machine with one friction port. The
+        delay of a fit is kept. Only with BLAs.
     stiction : float
-        Largest over smallest force of a slider; no frequency response shows it. For records at least the upper end of
-        the estimate.
+        Largest over smallest force of a slider; no frequency response shows it. For records at
+        least the upper end of the estimate.
     margin : float
         Factor on the estimated presliding stiffness.
     free : bool
-        True for an axis without a spring to ground. Only with records: BLAs always leave a spring open.
+        True for an axis without a spring to ground. Only with records: BLAs always leave a spring
+        open.
     masses : int
-        2 for a motor and a load with friction on both and the encoder on the motor; takes up to half a minute. Only
-        with records.
+        2 for a motor and a load with friction on both and the encoder on the motor; takes up to
+        half a minute. Only with records.
 
     Returns
     -------
@@ -65,10 +73,10 @@ def machine_with_friction(
     Raises
     ------
     ValueError
-        Fewer than three levels; BLAs and records together; a reversed sign; BLAs with a delay or a misfit that the
-        model does not explain; two lowest levels that are equal, or so different in stiffness that neither sticks; a
-        highest level that still sticks. For records any gap that leaves the machine or K0 open
-        (`FrictionFit.questions`).
+        Fewer than three levels; BLAs and records together; a reversed sign; BLAs with a delay or a
+        misfit that the model does not explain; two lowest levels that are equal, or so different in
+        stiffness that neither sticks; a highest level that still sticks. For records any gap that
+        leaves the machine or K0 open (`FrictionFit.questions`).
 
     References
     ----------
@@ -94,22 +102,31 @@ def machine_with_friction(
     records = [one for one in levels if isinstance(one, Record)]
     measured = [one for one in levels if isinstance(one, Bla) and is_single(one)]
     if len(records) + len(measured) < len(levels):
-        raise ValueError(f"blas must be BLAs with one input and output, or Records, in a list, got {short_form(blas)}")
+        raise ValueError(
+            "blas must be BLAs with one input and output, or Records, in a list, got"
+            f" {short_form(blas)}"
+        )
     if records and measured:
         raise ValueError(
-            f"blas must be BLAs alone or Records alone, got {len(measured)} and {len(records)}: a BLA has lost the "
-            "motion that the estimate from records needs. Take the records of all levels, or identify them"
+            f"blas must be BLAs alone or Records alone, got {len(measured)} and {len(records)}: a"
+            " BLA has lost the motion that the estimate from records needs. Take the records of"
+            " all levels, or identify them"
         )
     if not records:
         if free:
-            raise ValueError("free must be left out with BLAs, which leave a spring to ground open, got True")
+            raise ValueError(
+                "free must be left out with BLAs, which leave a spring to ground open, got True"
+            )
         if masses != 1:
-            raise ValueError(f"masses must be 1 with BLAs, which take a nominal for a flexible machine, got {masses}")
+            raise ValueError(
+                "masses must be 1 with BLAs, which take a nominal for a flexible machine, got"
+                f" {masses}"
+            )
         return assume_class(read_blas(measured, nominal), stiction=stiction, margin=margin)
     if nominal is not None:
         raise ValueError(
-            "nominal must be left out with Records, which are read as one mass or two, got one: give the BLAs, "
-            "nlfrf.identify(record) of each"
+            "nominal must be left out with Records, which are read as one mass or two, got one:"
+            " give the BLAs, nlfrf.identify(record) of each"
         )
     fit = identify_friction(records, free=free, masses=masses)
     return assume_class(read_fit(fit), stiction=stiction, margin=margin)

@@ -1,6 +1,8 @@
-"""The error of a class of models, in addition to the scatter of the lines: its size, and its weight on each line.
+"""The error of a class of models, in addition to the scatter of the lines: its size, and its weight
+on each line.
 
-No machine has exactly four poles. The error of the class is not noise, and is no smaller on lines with small scatter:
+No machine has exactly four poles. The error of the class is not noise, and is no smaller on lines
+with small scatter:
 
     G_k = G(theta)_k + n_k + e_k,    E|n_k|^2 = b_k^2 the variance of the line,    E|e_k|^2 = epsilon^2 m_k^2
 
@@ -8,11 +10,12 @@ The fit minimises the negative logarithm of the likelihood over theta and the on
 
     sum_k |G_k - G(theta)_k|^2 / (b_k^2 + epsilon^2 m_k^2) + ln(b_k^2 + epsilon^2 m_k^2)
 
-(stochastic embedding: Goodwin, Gevers & Ninness, IEEE Trans. Automatic Control 37, 1992). m_k is the tolerance of a
-loop: K S = T/G, so an error costs |T| |G_k - G(theta)_k|/|G|. |G| is smoothed, because |T| is small at an antiresonance
-too. On four machines with many modes the square of |T_c| served better than |T_c|: low frequencies matter more to a
-loop than the average over its band suggests (control-relevant identification: Schrama 1992; de Callafon & Van den Hof
-1995; Oomen & Bosgra 2012).
+(stochastic embedding: Goodwin, Gevers & Ninness, IEEE Trans. Automatic Control 37, 1992). m_k is
+the tolerance of a loop: K S = T/G, so an error costs |T| |G_k - G(theta)_k|/|G|. |G| is smoothed,
+because |T| is small at an antiresonance too. On four machines with many modes the square of |T_c|
+served better than |T_c|: low frequencies matter more to a loop than the average over its band
+suggests (control-relevant identification: Schrama 1992; de Callafon & Van den Hof 1995; Oomen &
+Bosgra 2012).
 """
 
 from __future__ import annotations
@@ -34,25 +37,33 @@ def smooth_size(omega: np.ndarray, G: np.ndarray) -> np.ndarray:
     """
     order = np.argsort(omega, kind="stable")
     x, size = omega[order], np.abs(G)[..., order]
-    first, last = np.searchsorted(x, x / np.sqrt(_OCTAVE), "left"), np.searchsorted(x, x * np.sqrt(_OCTAVE), "right")
+    first = np.searchsorted(x, x / np.sqrt(_OCTAVE), "left")
+    last = np.searchsorted(x, x * np.sqrt(_OCTAVE), "right")
     picked = np.unique(np.linspace(0, x.size - 1, min(x.size, _MAX_WINDOWS)).astype(int))
     medians = np.stack([np.median(size[..., first[k] : last[k]], axis=-1) for k in picked], axis=-1)
     log = np.log(np.maximum(medians, np.finfo(float).tiny)).reshape(-1, picked.size)
     out = np.empty(size.shape)
-    out[..., order] = np.exp([np.interp(np.log(x), np.log(x[picked]), row) for row in log]).reshape(size.shape)
+    out[..., order] = np.exp([np.interp(np.log(x), np.log(x[picked]), row) for row in log]).reshape(
+        size.shape
+    )
     return out
 
 
 def mean_size(omega: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """Return (F,) the geometric mean over the entries of smoothed |G|, G (n_y, n_u, F): its slope, in any units."""
+    """Return (F,) the geometric mean over the entries of smoothed |G|, G (n_y, n_u, F): its slope,
+    in any units.
+    """
     return np.asarray(np.exp(np.mean(np.log(smooth_size(omega, G)), axis=(0, 1))))
 
 
-def target_loop(omega: np.ndarray, omega_c: float, smooth: np.ndarray, shape: np.ndarray | float = 1.0) -> np.ndarray:
+def target_loop(
+    omega: np.ndarray, omega_c: float, smooth: np.ndarray, shape: np.ndarray | float = 1.0
+) -> np.ndarray:
     """Return (..., W) |T_c| of a loop with the crossover omega_c [rad/s]; one if omega_c is nan.
 
     |T_c| = 1/sqrt(1 + 1/|L|^2) with |L| = (2 omega_c/omega)^n. Beyond the crossover the loop gain falls by one slope
-    with the controller and by up to one more with the plant: n = 2 for a mass, and n = 1 where |G| is flat.
+    with the controller and by up to one more with the plant: n = 2 for a mass, and n = 1 where |G|
+    is flat.
 
     smooth : (..., W) |G| smoothed; its mean slope beyond the crossover gives n.
     shape : |G| over |G| smoothed: with a smooth controller the loop gain is proportional to it.
@@ -66,7 +77,10 @@ def target_loop(omega: np.ndarray, omega_c: float, smooth: np.ndarray, shape: np
         return np.ones(np.shape(smooth))
     x = omega / (2 * omega_c)
     beyond = x >= 0.5
-    u, level, share = np.log(x[beyond]), np.log(smooth[..., beyond]), 1 / x[beyond]  # each octave counts the same
+    # each octave counts the same
+    u = np.log(x[beyond])
+    level = np.log(smooth[..., beyond])
+    share = 1 / x[beyond]
     u = u - np.average(u, weights=share) if u.size else u
     spread = max(float(share @ u**2), np.finfo(float).tiny)
     n = 1 + np.clip(-(level * share) @ u / spread, 0.0, 1.0)[..., None]
@@ -75,7 +89,8 @@ def target_loop(omega: np.ndarray, omega_c: float, smooth: np.ndarray, shape: np
 
 
 def loop_tolerance(omega: np.ndarray, G: np.ndarray, omega_c: float) -> np.ndarray:
-    """Return (..., F) m = |G| smoothed over an octave, over |T_c|^2: the error of G with the same cost for a loop.
+    """Return (..., F) m = |G| smoothed over an octave, over |T_c|^2: the error of G with the same
+    cost for a loop.
 
     omega : (F,) [rad/s], in any order; G : (..., F).
     """
@@ -83,11 +98,14 @@ def loop_tolerance(omega: np.ndarray, G: np.ndarray, omega_c: float) -> np.ndarr
     return smooth / target_loop(omega, omega_c, smooth) ** 2
 
 
-def most_likely_size(square: np.ndarray, var: np.ndarray, tolerance: np.ndarray) -> tuple[float, float]:
-    """Return the most likely epsilon for given squared residuals, and the negative log likelihood there.
+def most_likely_size(
+    square: np.ndarray, var: np.ndarray, tolerance: np.ndarray
+) -> tuple[float, float]:
+    """Return the most likely epsilon for given squared residuals, and the negative log likelihood
+    there.
 
-    square, var, tolerance : (N,) |G - model|^2, b^2 and m. The likelihood may have several maxima: a grid finds the
-    largest, then its neighbourhood is searched.
+    square, var, tolerance : (N,) |G - model|^2, b^2 and m. The likelihood may have several maxima:
+    a grid finds the largest, then its neighbourhood is searched.
     """
     power = tolerance**2
 
@@ -95,10 +113,8 @@ def most_likely_size(square: np.ndarray, var: np.ndarray, tolerance: np.ndarray)
         total = var + np.exp(2 * log_size) * power
         return float(np.sum(square / total + np.log(total)))
 
-    least, most = (
-        np.log(1e-3 * np.min(np.sqrt(var) / tolerance)),
-        np.log(10 * np.max(np.sqrt(square + var) / tolerance)),
-    )
+    least = np.log(1e-3 * np.min(np.sqrt(var) / tolerance))
+    most = np.log(10 * np.max(np.sqrt(square + var) / tolerance))
     sizes = np.linspace(least, most, _N_SIZES)
     k = int(np.argmin([unlikely(size) for size in sizes]))
     around = sizes[max(k - 1, 0)], sizes[min(k + 1, _N_SIZES - 1)]
@@ -107,9 +123,11 @@ def most_likely_size(square: np.ndarray, var: np.ndarray, tolerance: np.ndarray)
 
 
 def balance(size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows (..., n) and columns (..., m) whose product has the mean squares of the rows and columns of a matrix.
+    """Return rows (..., n) and columns (..., m) whose product has the mean squares of the rows and
+    columns of a matrix.
 
-    size : (..., n, m), not negative. The product does not depend on the units of inputs and outputs.
+    size : (..., n, m), not negative. The product does not depend on the units of inputs and
+    outputs.
     """
     log = np.log(np.maximum(size, _LEAST_ENTRY * np.max(size, axis=(-2, -1), keepdims=True)))
     by_row = np.mean(log, axis=-1, keepdims=True)
@@ -119,4 +137,6 @@ def balance(size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     for _ in range(_N_BALANCE):
         rows = np.mean(square / columns, axis=-1, keepdims=True)
         columns = np.mean(square / rows, axis=-2, keepdims=True)
-    return (np.exp(by_row) * np.sqrt(rows))[..., 0], (np.exp(by_column) * np.sqrt(columns))[..., 0, :]
+    return (np.exp(by_row) * np.sqrt(rows))[..., 0], (np.exp(by_column) * np.sqrt(columns))[
+        ..., 0, :
+    ]

@@ -1,9 +1,11 @@
-"""Standard deviations of poles, zeros, gain and delay of a fit, from the Jacobian of its sample ML cost.
+"""Standard deviations of poles, zeros, gain and delay of a fit, from the Jacobian of its sample ML
+cost.
 
-At the minimum of V = sum |G_k - model_k|^2 / var_k the parameters have the covariance c (J^T J)^-1 / 2. J is the
-Jacobian of the weighted residual, real over imaginary parts. c is the cost over its expectation for known variances:
-one for the right model and known variances, more if the cost exceeds its expectation. The formula holds for small
-deviations. It does not include the error of the class of models.
+At the minimum of V = sum |G_k - model_k|^2 / var_k the parameters have the covariance c (J^T J)^-1
+/ 2. J is the Jacobian of the weighted residual, real over imaginary parts. c is the cost over its
+expectation for known variances: one for the right model and known variances, more if the cost
+exceeds its expectation. The formula holds for small deviations. It does not include the error of
+the class of models.
 """
 
 from __future__ import annotations
@@ -29,12 +31,14 @@ class FitUncertainty:
     cov_poles, cov_zeros : (n, 2, 2) ndarray
         Covariance of real and imaginary part of each; a real one has no imaginary part.
     static_gain, std_static_gain : float
-        Gain at zero frequency [unit of G], infinite for a pole at zero, and its relative standard deviation.
+        Gain at zero frequency [unit of G], infinite for a pole at zero, and its relative standard
+        deviation.
     std_delay : float
         Standard deviation of the delay [s]; nan if it was not estimated.
     separation : (n,) ndarray
-        Distance of each pole to the nearest zero over the standard deviation of that distance. At about one, pole and
-        zero cancel within the scatter. Infinite if no zero is nearer than half the size of the pole.
+        Distance of each pole to the nearest zero over the standard deviation of that distance. At
+        about one, pole and zero cancel within the scatter. Infinite if no zero is nearer than half
+        the size of the pole.
 
     References
     ----------
@@ -115,30 +119,40 @@ def estimate_uncertainty(
     J = stack_real_imaginary(np.column_stack(columns) * (model / std)[:, None])
     size = np.maximum(np.linalg.norm(J, axis=0), 1 / _HUGE)  # a root far away has almost no slope
     _, sv, right = np.linalg.svd(J / size, full_matrices=False)
-    sv = np.maximum(sv, max(1e-14 * sv[0], 1 / _HUGE))  # parameters without influence get a huge standard deviation
+    sv = np.maximum(
+        sv, max(1e-14 * sv[0], 1 / _HUGE)
+    )  # parameters without influence get a huge standard deviation
     half = np.clip(right.T / sv / size[:, None], -_HUGE, _HUGE)
     cov = c / 2 * half @ half.T
     n_z, at_zero = zeros.size, np.zeros(1, complex)
     with np.errstate(divide="ignore", invalid="ignore"):  # a pole at zero
-        static = np.concatenate([[1.0], -partial_fractions(at_zero, zeros)[0], partial_fractions(at_zero, poles)[0]])
+        static = np.concatenate(
+            [[1.0], -partial_fractions(at_zero, zeros)[0], partial_fractions(at_zero, poles)[0]]
+        )
         static_gain = float((gain * np.prod(-zeros) / np.prod(-poles)).real)
         std_static_gain = float(np.linalg.norm(static.real @ half[: static.size]) * np.sqrt(c / 2))
     return FitUncertainty(
         poles=_roots_in_model_plane(poles, dt),
         zeros=_roots_in_model_plane(zeros, dt),
-        cov_poles=_root_covariances(poles, cov[1 + n_z : 1 + n_z + poles.size, 1 + n_z : 1 + n_z + poles.size], dt),
+        cov_poles=_root_covariances(
+            poles, cov[1 + n_z : 1 + n_z + poles.size, 1 + n_z : 1 + n_z + poles.size], dt
+        ),
         cov_zeros=_root_covariances(zeros, cov[1 : 1 + n_z, 1 : 1 + n_z], dt),
         static_gain=static_gain,
         std_static_gain=std_static_gain if np.isfinite(std_static_gain) else float("inf"),
         std_delay=float(np.sqrt(cov[-1, -1])) if free_delay else float("nan"),
-        separation=_separations(zeros, poles, cov[1 : 1 + n_z + poles.size, 1 : 1 + n_z + poles.size]),
+        separation=_separations(
+            zeros, poles, cov[1 : 1 + n_z + poles.size, 1 : 1 + n_z + poles.size]
+        ),
     )
 
 
 def _separations(zeros: np.ndarray, poles: np.ndarray, cov: np.ndarray) -> np.ndarray:
-    """Return (n,) the distance of each pole to its nearest zero over the standard deviation of that distance.
+    """Return (n,) the distance of each pole to its nearest zero over the standard deviation of that
+    distance.
 
-    cov : covariance of the real and imaginary parts of zeros, then poles, conjugates once (as in `partial_fractions`).
+    cov : covariance of the real and imaginary parts of zeros, then poles, conjugates once (as in
+    `partial_fractions`).
     """
     if not zeros.size:
         return np.full(poles.size, np.inf)
@@ -151,7 +165,9 @@ def _separations(zeros: np.ndarray, poles: np.ndarray, cov: np.ndarray) -> np.nd
 
 
 def _root_parts(roots: np.ndarray) -> np.ndarray:
-    """Return (n, 2, n) derivatives of the real and imaginary part of each root by those of real roots and pairs."""
+    """Return (n, 2, n) derivatives of the real and imaginary part of each root by those of real
+    roots and pairs.
+    """
     rows = np.zeros((roots.size, 2, roots.size))
     for i, root in enumerate(roots):
         if root.imag < 0 and i:  # the conjugate of the one before
@@ -164,7 +180,9 @@ def _root_parts(roots: np.ndarray) -> np.ndarray:
 
 
 def _root_covariances(roots: np.ndarray, cov: np.ndarray, dt: float) -> np.ndarray:
-    """Return (n, 2, 2) covariance of real and imaginary part of each root, in the plane of the model."""
+    """Return (n, 2, 2) covariance of real and imaginary part of each root, in the plane of the
+    model.
+    """
     rows = _root_parts(roots)
     out = rows @ cov @ rows.transpose(0, 2, 1)
     if dt:
@@ -180,9 +198,11 @@ def _roots_in_model_plane(roots: np.ndarray, dt: float) -> np.ndarray:
 
 
 def expected_ratio(dof: np.ndarray, n_outputs: int = 1) -> np.ndarray:
-    """Return the mean of |residual|^2 / var on each line, for a variance estimated from `dof` windows.
+    """Return the mean of |residual|^2 / var on each line, for a variance estimated from `dof`
+    windows.
 
-    It is infinite at one window and less: for fewer than two beyond the outputs the value at two is returned.
+    It is infinite at one window and less: for fewer than two beyond the outputs the value at two is
+    returned.
 
     >>> [round(float(mean), 3) for mean in expected_ratio(np.array([0.9, 3.0, 11.0]))]
     [1.5, 1.5, 1.1]
@@ -192,11 +212,13 @@ def expected_ratio(dof: np.ndarray, n_outputs: int = 1) -> np.ndarray:
 
 
 def probability_of_cost(cost: float, dof: np.ndarray, n_parameters: float) -> float:
-    """Return the probability that scatter alone leaves a cost at least as large; nan without variances.
+    """Return the probability that scatter alone leaves a cost at least as large; nan without
+    variances.
 
-    Each |residual|^2 / var is F(2, 2 dof) distributed; their sum has the gamma distribution of the same mean and
-    variance. Neighbouring lines share the windows of their variances. The scatter of these variances averages out only
-    over the number of windows, which is the number of lines over dof.
+    Each |residual|^2 / var is F(2, 2 dof) distributed; their sum has the gamma distribution of the
+    same mean and variance. Neighbouring lines share the windows of their variances. The scatter of
+    these variances averages out only over the number of windows, which is the number of lines over
+    dof.
     """
     if np.isnan(dof).any():
         return float("nan")
@@ -208,17 +230,24 @@ def probability_of_cost(cost: float, dof: np.ndarray, n_parameters: float) -> fl
         return float("nan")
     mean = float(np.sum(ratio)) * left
     own = float(np.sum(ratio**2))
-    shared = float(np.sum(np.where(dof > 1e6, 0.0, ratio**2 * np.minimum(d, d.size) / np.maximum(d - 2, 1))))
+    shared = float(
+        np.sum(np.where(dof > 1e6, 0.0, ratio**2 * np.minimum(d, d.size) / np.maximum(d - 2, 1)))
+    )
     variance = (own + shared) * left
     return float(gammaincc(mean**2 / variance, mean / variance * cost))
 
 
 def format_roots(known: FitUncertainty | None, discrete: bool, unit: str) -> str:
-    """Return poles, zeros and static gain with their standard deviations, one line for each kind; a pair once."""
+    """Return poles, zeros and static gain with their standard deviations, one line for each kind; a
+    pair once.
+    """
     if known is None:
         return ""
     text, unit_of_roots = "", "" if discrete else " rad/s"
-    for name, roots, std in (("poles", known.poles, known.std_poles), ("zeros", known.zeros, known.std_zeros)):
+    for name, roots, std in (
+        ("poles", known.poles, known.std_poles),
+        ("zeros", known.zeros, known.std_zeros),
+    ):
         each = [
             f"{r.real:.4g}" + (f" ± {abs(r.imag):.4g}j" if r.imag else "") + f" (std {sd:.2g})"
             for r, sd in zip(roots, std, strict=True)
@@ -226,8 +255,13 @@ def format_roots(known: FitUncertainty | None, discrete: bool, unit: str) -> str
         ]
         text += f"\n  {name}{unit_of_roots}: {', '.join(each)}" if each else ""
     if known.std_static_gain < _MAX_STATIC_STD:
-        static = f"{known.static_gain:.4g} {unit}".strip() + f" (relative std {known.std_static_gain:.2g})"
+        static = (
+            f"{known.static_gain:.4g} {unit}".strip()
+            + f" (relative std {known.std_static_gain:.2g})"
+        )
     else:
         static = "not determined by the lines"
     text += f"\n  static gain: {static}"
-    return text + ("" if np.isnan(known.std_delay) else f"; delay: std {known.std_delay * 1e3:.2g} ms")
+    return text + (
+        "" if np.isnan(known.std_delay) else f"; delay: std {known.std_delay * 1e3:.2g} ms"
+    )

@@ -1,4 +1,6 @@
-"""The nominal model: a rational function through a measured FRF, every line weighted by its own variance."""
+"""The nominal model: a rational function through a measured FRF, every line weighted by its own
+variance.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,14 @@ from robust.models.fit.rational import (
     map_to_model_plane,
     s_plane_points,
 )
-from robust.models.fit.search import MAX_ROUNDS, SETTLED, START_SIZES, UNLIKELY_COST, FitSearch, FrfData
+from robust.models.fit.search import (
+    MAX_ROUNDS,
+    SETTLED,
+    START_SIZES,
+    UNLIKELY_COST,
+    FitSearch,
+    FrfData,
+)
 from robust.models.fit.shared_poles import (
     ErrorMetric,
     FitOptions,
@@ -68,7 +77,9 @@ Given = TypeVar("Given")
 _MAX_POLES = 40
 _PADE_ORDER, _PADE_ORDER_PER_INPUT = 4, 2  # order for one delay, and for each of several inputs
 _MAX_DELAY_TRIALS, _N_ROUNDS = 41, 12
-_DELAY_TOLERANCE = 1e-7  # in turns at the highest line: a smaller change of a delay ends the refinement
+_DELAY_TOLERANCE = (
+    1e-7  # in turns at the highest line: a smaller change of a delay ends the refinement
+)
 
 
 @value(copy=False)
@@ -87,26 +98,45 @@ class _MatrixFitProblem:
         turn = np.exp(1j * self.omega[:, None] * tau)
         return self.points, self.G * turn[:, None], self.metric.behind_delays(turn)
 
-    def fit_behind_delays(self, tau: np.ndarray, start: SharedPoles | None = None) -> tuple[SharedPoles, float]:
-        """Return the best model behind given delays, from a start or from scratch, with its cost."""
+    def fit_behind_delays(
+        self, tau: np.ndarray, start: SharedPoles | None = None
+    ) -> tuple[SharedPoles, float]:
+        """Return the best model behind given delays, from a start or from scratch, with its
+        cost.
+        """
         points, G, metric = self.without_delays(tau)
         model = start or fit_shared_poles(points, G, metric=metric, **self.options)
         return refine_shared_poles(
-            points, G, metric=metric, model=model, direct=self.options["direct"], stable=self.options["stable"]
+            points,
+            G,
+            metric=metric,
+            model=model,
+            direct=self.options["direct"],
+            stable=self.options["stable"],
         )
 
     def error(self, model: SharedPoles, tau: np.ndarray) -> np.ndarray:
         """Return G minus a model behind delays, (F, n_y, n_u)."""
-        return self.G - model.response(self.points) * np.exp(-1j * self.omega[:, None] * tau)[:, None]
+        return (
+            self.G - model.response(self.points) * np.exp(-1j * self.omega[:, None] * tau)[:, None]
+        )
 
-    def with_class_error(self, model: SharedPoles, tau: np.ndarray) -> tuple[_MatrixFitProblem, float]:
-        """Return the problem at the likeliest size of the error of the class, and the negative log likelihood there."""
+    def with_class_error(
+        self, model: SharedPoles, tau: np.ndarray
+    ) -> tuple[_MatrixFitProblem, float]:
+        """Return the problem at the likeliest size of the error of the class, and the negative log
+        likelihood there.
+        """
         square = np.abs(self.metric.left @ self.error(model, tau) @ self.metric.right) ** 2
         epsilon, unlikely = most_likely_size(square, np.ones(square.shape), self.metric.tolerance)
         return replace(self, metric=replace(self.metric, epsilon=epsilon)), unlikely
 
-    def settle(self, model: SharedPoles, tau: np.ndarray) -> tuple[_MatrixFitProblem, SharedPoles, float]:
-        """Alternate between the model and the size of the class error, from a start; return both with their value."""
+    def settle(
+        self, model: SharedPoles, tau: np.ndarray
+    ) -> tuple[_MatrixFitProblem, SharedPoles, float]:
+        """Alternate between the model and the size of the class error, from a start; return both
+        with their value.
+        """
         last = np.inf
         for _ in range(MAX_ROUNDS):
             weighted, unlikely = self.with_class_error(model, tau)
@@ -117,7 +147,9 @@ class _MatrixFitProblem:
 
 
 def matrices_given(bla: object) -> list[Bla]:
-    """Return the given matrices, for one level or several, with the same channels; an empty list for other input."""
+    """Return the given matrices, for one level or several, with the same channels; an empty list
+    for other input.
+    """
     many = list(bla) if isinstance(bla, list | tuple) else [bla]
     require_same_units(many)
     matrices = [one for one in many if is_matrix(one)]
@@ -128,8 +160,8 @@ def matrices_given(bla: object) -> list[Bla]:
         for name in ("inputs", "outputs"):
             if getattr(one, name) != getattr(matrices[0], name):
                 raise ValueError(
-                    f"bla must be matrices of the same {name}, got {', '.join(getattr(matrices[0], name))} and "
-                    f"{', '.join(getattr(one, name))}"
+                    f"bla must be matrices of the same {name}, got"
+                    f" {', '.join(getattr(matrices[0], name))} and {', '.join(getattr(one, name))}"
                 )
     return matrices
 
@@ -141,8 +173,12 @@ def require_same_units(given: object) -> None:
         for name in ("input_units", "output_units"):
             for pair in zip(getattr(one, name), getattr(other, name), strict=False):
                 if units_differ(*pair):
-                    first, second = (one.unit, other.unit) if one.is_single and other.is_single else pair
-                    raise ValueError(f"bla must be records in the same units, got {first} and {second}")
+                    first, second = (
+                        (one.unit, other.unit) if one.is_single and other.is_single else pair
+                    )
+                    raise ValueError(
+                        f"bla must be records in the same units, got {first} and {second}"
+                    )
 
 
 def require_same_channels(frm: Bla, known: object, of: str) -> None:
@@ -152,7 +188,8 @@ def require_same_channels(frm: Bla, known: object, of: str) -> None:
         unnamed = (), tuple(f"{letter}{i + 1}" for i in range(len(second)))
         if first != second and first not in unnamed and second not in unnamed:
             raise ValueError(
-                f"bla must be a matrix of the same {name} as {of}, {', '.join(first)}, got {', '.join(second)}"
+                f"bla must be a matrix of the same {name} as {of}, {', '.join(first)}, got"
+                f" {', '.join(second)}"
             )
 
 
@@ -169,14 +206,24 @@ def _fit_matrix(
 ) -> NominalFit:
     """Return the fit of a matrix measured at one level or several: one model for all."""
     frm, omega = frms[0], np.concatenate([one.omega for one in frms])
-    n_poles, rank = require_integer("n_poles", n_poles, least=0), require_integer("rank", rank, least=1)
+    n_poles = require_integer("n_poles", n_poles, least=0)
+    rank = require_integer("rank", rank, least=1)
     estimated = isinstance(delay, str)
-    tau = np.zeros(frm.n_inputs) if isinstance(delay, str) else _checked_delays(delay, frm.n_inputs, dt)
+    tau = (
+        np.zeros(frm.n_inputs)
+        if isinstance(delay, str)
+        else _checked_delays(delay, frm.n_inputs, dt)
+    )
     if estimated and delay != "estimate":
-        raise ValueError(f'delay must be a number [s], one for each input, or "estimate", got {short_form(delay)}')
+        raise ValueError(
+            'delay must be a number [s], one for each input, or "estimate", got'
+            f" {short_form(delay)}"
+        )
     _require_fittable(n_poles, omega, dt)
     if n_zeros not in (None, n_poles):
-        raise ValueError(f"n_zeros must be None or n_poles = {n_poles} for several channels, got {n_zeros}")
+        raise ValueError(
+            f"n_zeros must be None or n_poles = {n_poles} for several channels, got {n_zeros}"
+        )
     measured = np.concatenate([one.G for one in frms], axis=2)
     dof = np.minimum(np.concatenate([one.dof for one in frms]), 1e12)
     var = np.concatenate([one.entries(one.cov.bound) for one in frms], axis=2)
@@ -187,22 +234,35 @@ def _fit_matrix(
         omega=omega,
         G=np.moveaxis(measured, 2, 0),
         metric=error_metric(frms, crossover),
-        options={"n_poles": n_poles, "rank": rank, "direct": n_zeros is not None or dt > 0, "stable": stable},
+        options={
+            "n_poles": n_poles,
+            "rank": rank,
+            "direct": n_zeros is not None or dt > 0,
+            "stable": stable,
+        },
     )
-    model, tau = _estimate_input_delays(sought, dt) if estimated else (sought.fit_behind_delays(tau)[0], tau)
+    model, tau = (
+        _estimate_input_delays(sought, dt) if estimated else (sought.fit_behind_delays(tau)[0], tau)
+    )
     n_parameters = model.n_parameters + (frm.n_inputs if estimated and not dt else 0)
     if 2 * measured.size < n_parameters:
-        raise ValueError(f"n_poles must leave at most {2 * measured.size} parameters, got {n_parameters}")
+        raise ValueError(
+            f"n_poles must leave at most {2 * measured.size} parameters, got {n_parameters}"
+        )
     whitened = sought.metric.whiten(sought.error(model, tau))
     expected = frm.n_outputs * frm.n_inputs * np.sum(expected_ratio(dof, frm.n_outputs))
     share, cost = 1 - n_parameters / (2 * measured.size), float(whitened @ whitened)
     # by the distribution for one entry, which is the widest
     p_value = probability_of_cost(
-        cost / expected * np.sum(expected_ratio(dof)), dof, n_parameters / (frm.n_outputs * frm.n_inputs)
+        cost / expected * np.sum(expected_ratio(dof)),
+        dof,
+        n_parameters / (frm.n_outputs * frm.n_inputs),
     )
     unlikelihood = cost * measured.size / expected
     if p_value < UNLIKELY_COST:
-        sought, model, tau, unlikelihood = _fit_with_class_error(sought, model, tau, free=estimated and not dt)
+        sought, model, tau, unlikelihood = _fit_with_class_error(
+            sought, model, tau, free=estimated and not dt
+        )
     residual = np.moveaxis(sought.error(model, tau), 0, 2)
     whitened = replace(sought.metric, epsilon=0.0).whiten(sought.error(model, tau))
     G = with_names(model.state_space(), frm.inputs, frm.outputs)
@@ -230,36 +290,50 @@ def _fit_matrix(
 def _fit_with_class_error(
     sought: _MatrixFitProblem, model: SharedPoles, tau: np.ndarray, *, free: bool
 ) -> tuple[_MatrixFitProblem, SharedPoles, np.ndarray, float]:
-    """Return the likeliest fit of a class with an error: from the fit to scatter alone, and from scratch.
+    """Return the likeliest fit of a class with an error: from the fit to scatter alone, and from
+    scratch.
 
-    free : True if the delays are estimated; they are then estimated again with the error of the class.
+    free : True if the delays are estimated; they are then estimated again with the error of the
+    class.
     """
     begun = [(model, tau)]
     for epsilon in START_SIZES:
-        weighted, delays = replace(sought, metric=replace(sought.metric, epsilon=epsilon)), begun[-1][1]
+        weighted = replace(sought, metric=replace(sought.metric, epsilon=epsilon))
+        delays = begun[-1][1]
         once = free and len(begun) == 1
-        begun.append(_estimate_input_delays(weighted, 0.0) if once else (weighted.fit_behind_delays(delays)[0], delays))
+        begun.append(
+            _estimate_input_delays(weighted, 0.0)
+            if once
+            else (weighted.fit_behind_delays(delays)[0], delays)
+        )
     settled = [(*sought.settle(*start), start[1]) for start in begun]
     weighted, model, unlikelihood, tau = min(settled, key=lambda found: found[2])
     return weighted, model, tau, unlikelihood
 
 
 def _checked_delays(delay: float | np.ndarray, n_inputs: int, dt: float) -> np.ndarray:
-    """Return (n_u,) delays [s] from one number for all inputs or one for each; whole samples in discrete time."""
+    """Return (n_u,) delays [s] from one number for all inputs or one for each; whole samples in
+    discrete time.
+    """
     if np.ndim(delay) == 0:
         tau = np.full(n_inputs, require_nonnegative("delay", delay))
     else:
         tau = require_real_array("delay", delay, ndim=1)
         if tau.size != n_inputs or np.any(tau < 0):
-            raise ValueError(f"delay must be one number or {n_inputs}, one for each input, none negative, got {tau}")
+            raise ValueError(
+                f"delay must be one number or {n_inputs}, one for each input, none negative, got"
+                f" {tau}"
+            )
     return np.array([delay_samples("delay", float(one), dt) * dt for one in tau]) if dt else tau
 
 
 def _estimate_input_delays(sought: _MatrixFitProblem, dt: float) -> tuple[SharedPoles, np.ndarray]:
-    """Return the model and the delays (n_u,) [s] of its inputs, none negative, that explain the phases best.
+    """Return the model and the delays (n_u,) [s] of its inputs, none negative, that explain the
+    phases best.
 
-    The column of each input is scanned first. Then all delays are refined with the model: a Gauss-Newton step of both
-    moves the delays, and the model is fitted again. In discrete time the samples on both sides are tried in turn.
+    The column of each input is scanned first. Then all delays are refined with the model: a
+    Gauss-Newton step of both moves the delays, and the model is fitted again. In discrete time the
+    samples on both sides are tried in turn.
     """
     omega, n_u = sought.omega, sought.G.shape[2]
     tau = np.array([_scan_input_delay(sought, i) for i in range(n_u)])
@@ -293,9 +367,11 @@ def _estimate_input_delays(sought: _MatrixFitProblem, dt: float) -> tuple[Shared
 
 
 def _scan_input_delay(sought: _MatrixFitProblem, i: int) -> float:
-    """Scan the delay [s] of one input by rough fits of its column, up to twice its mean group delay.
+    """Scan the delay [s] of one input by rough fits of its column, up to twice its mean group
+    delay.
 
-    Steps are at least an eighth of a turn at the highest frequency, and there are at most MAX_DELAY_TRIALS of them.
+    Steps are at least an eighth of a turn at the highest frequency, and there are at most
+    MAX_DELAY_TRIALS of them.
     """
     G, omega = sought.G[:, :, i : i + 1], sought.omega
     rises = np.flatnonzero(np.diff(omega) > 0)  # several levels are concatenated
@@ -309,34 +385,48 @@ def _scan_input_delay(sought: _MatrixFitProblem, i: int) -> float:
 
     def cost(tau: float) -> float:
         points, G, metric = one.without_delays(np.array([tau]))
-        residual = metric.whiten(G - fit_by_vector_fitting(points, G, metric=metric, **sought.options).response(points))
+        residual = metric.whiten(
+            G - fit_by_vector_fitting(points, G, metric=metric, **sought.options).response(points)
+        )
         return float(residual @ residual)
 
     return float(min(np.linspace(0.0, longest, n), key=cost))
 
 
 def _delay_step(sought: _MatrixFitProblem, model: SharedPoles, tau: np.ndarray) -> np.ndarray:
-    """Return (n_u,) the change of the delays in a Gauss-Newton step of delays and model together."""
+    """Return (n_u,) the change of the delays in a Gauss-Newton step of delays and model
+    together.
+    """
     points, G, metric = sought.without_delays(tau)
-    turned = 1j * sought.omega[:, None, None] * G  # derivative of each column by its own delay, up to the sign
+    turned = (
+        1j * sought.omega[:, None, None] * G
+    )  # derivative of each column by its own delay, up to the sign
     by_delay = np.array([np.where(np.arange(tau.size) == i, turned, 0.0) for i in range(tau.size)])
-    by_model = response_derivatives(points, model, direct=sought.options["direct"], stable=sought.options["stable"])
+    by_model = response_derivatives(
+        points, model, direct=sought.options["direct"], stable=sought.options["stable"]
+    )
 
     J = metric.whiten(np.concatenate([-by_delay, by_model])).T
     scale = np.maximum(np.linalg.norm(J, axis=0), np.finfo(float).tiny)
-    step = np.linalg.lstsq(J / scale, metric.whiten(G - model.response(points)), rcond=1e-12)[0] / scale
+    step = (
+        np.linalg.lstsq(J / scale, metric.whiten(G - model.response(points)), rcond=1e-12)[0]
+        / scale
+    )
     return np.asarray(step[: tau.size])
 
 
 # ---- ``DesignWarning`` for a fit or a weight that is usable but suspicious.
 
-#: Cost over that of scatter alone, above which a fit to one record is suspicious. A fit with a class error has a larger
-#: cost: 16 for two poles of the rig, where the least cost is below 10.
+# : Cost over that of scatter alone, above which a fit to one record is suspicious. A fit with a
+# class error has a larger : cost: 16 for two poles of the rig, where the least cost is below 10.
 _COST_LIMIT = 20.0
 OUTSIDE_FACTOR = 1.5  # smallest factor outside the band at which a pole is reported
-_HARMLESS_SHARE = 1e-3  # least scatter over |G| in the check; otherwise an exact record would make any model suspicious
+# least scatter over |G| in the check; otherwise an exact record would make any model suspicious
+_HARMLESS_SHARE = 1e-3
 _INTEGRATOR_RATIO = 1e-6  # a pole below this fraction of the first line is an integrator
-_EXCESSIVE_RATIO = 10.0  # mean of |weight| over the radius [dB], above which the weight is suspicious
+_EXCESSIVE_RATIO = (
+    10.0  # mean of |weight| over the radius [dB], above which the weight is suspicious
+)
 
 
 def _warn_of_fit(fit: NominalFit, lines: FrfData, *, one_record: bool) -> None:
@@ -345,30 +435,36 @@ def _warn_of_fit(fit: NominalFit, lines: FrfData, *, one_record: bool) -> None:
     ratio = float(np.sum(np.abs(fit.residual) ** 2 / var)) / fit.expected_cost
     if one_record and ratio > _COST_LIMIT:
         data_warning(
-            f"a nominal model of {fit.G.nstates} poles does not fit the measurement: its cost is {ratio:.3g} times "
-            f"that of scatter alone, and the misfit is added to the radius; {fit.describe_class_error()}",
+            f"a nominal model of {fit.G.nstates} poles does not fit the measurement: its cost is"
+            f" {ratio:.3g} times that of scatter alone, and the misfit is added to the radius;"
+            f" {fit.describe_class_error()}",
             DesignWarning,
         )
     far = _poles_outside(fit.G, omega)
     if far.size:
         where = ", ".join(f"{w / 2 / np.pi:.4g}" for w in far)
         data_warning(
-            f"the nominal model has a pole where nothing was measured, at {where} Hz; the band is "
-            f"{omega.min() / 2 / np.pi:.4g} to {omega.max() / 2 / np.pi:.4g} Hz. "
-            "Measure there if the bound stays below |G| there, which friction may prevent; or use fewer poles if the "
-            "FRF allows it",
+            f"the nominal model has a pole where nothing was measured, at {where} Hz; the band is"
+            f" {omega.min() / 2 / np.pi:.4g} to {omega.max() / 2 / np.pi:.4g} Hz. Measure there if"
+            " the bound stays below |G| there, which friction may prevent; or use fewer poles if"
+            " the FRF allows it",
             DesignWarning,
         )
 
 
 def _poles_outside(G: control.StateSpace, omega: np.ndarray) -> np.ndarray:
-    """Return the sizes [rad/s] of poles outside the band of the lines, one for each pair; without integrators."""
+    """Return the sizes [rad/s] of poles outside the band of the lines, one for each pair; without
+    integrators.
+    """
     p = G.poles()
     with np.errstate(divide="ignore"):
         p = np.log(p.astype(complex)) / G.dt if G.dt else p
     size = np.sort(np.abs(p[p.imag >= 0]))
     low, high = omega.min(), omega.max()
-    return size[((size < low / OUTSIDE_FACTOR) & (size > _INTEGRATOR_RATIO * low)) | (size > high * OUTSIDE_FACTOR)]
+    return size[
+        ((size < low / OUTSIDE_FACTOR) & (size > _INTEGRATOR_RATIO * low))
+        | (size > high * OUTSIDE_FACTOR)
+    ]
 
 
 def checked_weight(
@@ -381,12 +477,15 @@ def checked_weight(
     excess = float(np.mean(20 * np.log10(np.abs(response(weight, omega)) / radius)))
     if excess > _EXCESSIVE_RATIO:
         data_warning(
-            f"the weight of order {weight.nstates} lies {excess:.1f} dB above the radius in the mean over the measured "
-            "lines: the set is much larger than the measurement requires. "
+            f"the weight of order {weight.nstates} lies {excess:.1f} dB above the radius in the"
+            " mean over the measured lines: the set is much larger than the measurement requires. "
             + (
                 "Leave out the order, so that it is chosen"
                 if order is not None and order < MAX_CHOSEN_ORDER
-                else "The radius scatters from line to line, which no weight follows: average more realisations"
+                else (
+                    "The radius scatters from line to line, which no weight follows: average more"
+                    " realisations"
+                )
             ),
             DesignWarning,
         )
@@ -414,24 +513,27 @@ class NominalFit:
     cost : float
         Sum of |residual|^2 / std^2.
     expected_cost : float
-        Expected cost for the right model, with scatter alone; nan without variances. A cost well above it shows
-        undermodelling: `uncertainty` puts the misfit into the radius.
+        Expected cost for the right model, with scatter alone; nan without variances. A cost well
+        above it shows undermodelling: `uncertainty` puts the misfit into the radius.
     n_parameters : int
         Free real parameters.
     class_std : (F,) ndarray, or (n_y, n_u, F)
-        Standard deviation of the error of the model class on each line, estimated with the fit and used in its weights.
-        Zero if scatter explains the residual.
+        Standard deviation of the error of the model class on each line, estimated with the fit and
+        used in its weights. Zero if scatter explains the residual.
     unlikelihood : float
-        Negative log likelihood of the fit, error of the class included, minus that of its scatter alone.
+        Negative log likelihood of the fit, error of the class included, minus that of its scatter
+        alone.
     omega_c : float
         Crossover of the loop that the model is fitted for [rad/s]; nan without one.
     uncertainty : FitUncertainty
-        Standard deviations of poles, zeros, gain and delay; None if the fit was not made by `fit_nominal`.
+        Standard deviations of poles, zeros, gain and delay; None if the fit was not made by
+        `fit_nominal`.
     p_value : float
         Probability that scatter alone leaves a cost at least as large; nan without variances.
     hold : str
-        Hold of the record: "zoh" or "band-limited" if it was accounted for (a continuous model is then the plant
-        without a hold, a discrete one the plant behind a hold of dt), "unknown" if it was not.
+        Hold of the record: "zoh" or "band-limited" if it was accounted for (a continuous model is
+        then the plant without a hold, a discrete one the plant behind a hold of dt), "unknown" if
+        it was not.
     unit, inputs, outputs : str, tuple of str, tuple of str
         Unit of the response, if the record has one; for a matrix the names of its channels.
     warnings : tuple of str
@@ -485,25 +587,33 @@ class NominalFit:
 
     @property
     def criterion(self) -> float:
-        """Return the Bayesian criterion: negative log likelihood plus ln(2 lines)/2 for each parameter."""
+        """Return the Bayesian criterion: negative log likelihood plus ln(2 lines)/2 for each
+        parameter.
+        """
         return float(self.unlikelihood + self.n_parameters / 2 * np.log(2 * self.response.size))
 
     def describe_class_error(self) -> str:
-        """Describe the error of the class as a fraction of |G|: below the crossover, and its maximum."""
+        """Describe the error of the class as a fraction of |G|: below the crossover, and its
+        maximum.
+        """
         channels = tuple(range(self.response.ndim - 1))
-        beyond = np.sum(np.maximum(np.abs(self.residual) ** 2 - np.nan_to_num(self.std) ** 2, 0.0), axis=channels)
+        beyond = np.sum(
+            np.maximum(np.abs(self.residual) ** 2 - np.nan_to_num(self.std) ** 2, 0.0),
+            axis=channels,
+        )
         size = np.sum(np.abs(self.response + self.residual) ** 2, axis=channels)
         share = np.sqrt(beyond / np.maximum(size, np.finfo(float).tiny))
         low, worst = ~(self.omega > self.omega_c), int(np.argmax(share))
         band = "" if np.isnan(self.omega_c) else f" below {format_hertz(self.omega_c)}"
         return (
-            f"error of the class: {np.sqrt(np.mean(share[low] ** 2)):.2g} of |G|{band} (rms over lines), at most "
-            f"{share[worst]:.2g} of |G| at {format_hertz(self.omega[worst])}"
+            f"error of the class: {np.sqrt(np.mean(share[low] ** 2)):.2g} of |G|{band} (rms over"
+            f" lines), at most {share[worst]:.2g} of |G| at {format_hertz(self.omega[worst])}"
         )
 
 
 def frd(bla: Bla) -> control.FrequencyResponseData:
-    """Return the best linear approximation as a python-control FRF, to plot, multiply and compare with models.
+    """Return the best linear approximation as a python-control FRF, to plot, multiply and compare
+    with models.
 
     Parameters
     ----------
@@ -550,45 +660,50 @@ def fit_nominal(
 ) -> NominalFit:
     """Fit a transfer function to a measured FRF: the model a controller is designed on.
 
-    Use this first, with `scan_orders` to choose the number of poles; `uncertainty` then adds the radius around the
-    model.
+    Use this first, with `scan_orders` to choose the number of poles; `uncertainty` then adds the
+    radius around the model.
 
-    Minimises sum |G_k - B/A exp(-j omega_k delay)|^2 / var_k if scatter explains the residual. Otherwise the class of
-    models has an error of its own beside the scatter. Its size epsilon is estimated with the model:
-    sum |G_k - B/A exp(-j omega_k delay)|^2 / (var_k + epsilon^2 m_k^2) + ln(var_k + epsilon^2 m_k^2), m = |G|/|T_c|^2
-    with |G| smoothed over an octave.
+    Minimises sum |G_k - B/A exp(-j omega_k delay)|^2 / var_k if scatter explains the residual.
+    Otherwise the class of models has an error of its own beside the scatter. Its size epsilon is
+    estimated with the model: sum |G_k - B/A exp(-j omega_k delay)|^2 / (var_k + epsilon^2 m_k^2) +
+    ln(var_k + epsilon^2 m_k^2), m = |G|/|T_c|^2 with |G| smoothed over an octave.
 
-    Starts come from vector fitting with that numerator, from two sets of poles and from poles on the peaks, each behind
-    the best delays of a scan. If scatter does not explain their residual, the fit with two poles and two zeros fewer is
-    a further start, with a pair added at its largest residual. Each start is refined by Levenberg-Marquardt over
-    second-order sections in scaled frequency, where every section keeps its digits.
+    Starts come from vector fitting with that numerator, from two sets of poles and from poles on
+    the peaks, each behind the best delays of a scan. If scatter does not explain their residual,
+    the fit with two poles and two zeros fewer is a further start, with a pair added at its largest
+    residual. Each start is refined by Levenberg-Marquardt over second-order sections in scaled
+    frequency, where every section keeps its digits.
 
     Parameters
     ----------
     bla : nlfrf.Bla, list of them or control.FrequencyResponseData
-        The measurement. A list is a plant at several levels or days: one model for all. A matrix gets poles that all
-        entries share and residues of rank one, n_poles states in all, weighted by the covariance.
+        The measurement. A list is a plant at several levels or days: one model for all. A matrix
+        gets poles that all entries share and residues of rank one, n_poles states in all, weighted
+        by the covariance.
     n_poles : int
         Number of poles. `scan_orders` helps to choose.
     n_zeros : int, optional
-        Number of zeros; by default as many as the data show, n_poles - 1 at most. For several channels leave it out,
-        or give n_poles for a direct term.
+        Number of zeros; by default as many as the data show, n_poles - 1 at most. For several
+        channels leave it out, or give n_poles for a direct term.
     delay : float or "estimate"
-        Delay [s] in series; in discrete time a whole number of samples. For several channels also (n_u,), one for each
-        input.
+        Delay [s] in series; in discrete time a whole number of samples. For several channels also
+        (n_u,), one for each input.
     dt : float
         0 for a continuous model, otherwise the sampling time [s] of a discrete one.
     stable : bool
-        Keep every pole strictly stable. Set to False for an unstable plant, measured in closed loop.
+        Keep every pole strictly stable. Set to False for an unstable plant, measured in closed
+        loop.
     std : (F,) ndarray, or (n_y, n_u, F), optional
-        Standard deviation of each line of a FrequencyResponseData, sqrt(E|.|^2) as in `nlfrf.bla_from_frf` (a Bla has
-        its own); `uncertainty` of the same FRF around the fit uses it. Without it, lines are weighted by 1/|G| and
-        there is no expected cost; it is required for several channels.
+        Standard deviation of each line of a FrequencyResponseData, sqrt(E|.|^2) as in
+        `nlfrf.bla_from_frf` (a Bla has its own); `uncertainty` of the same FRF around the fit uses
+        it. Without it, lines are weighted by 1/|G| and there is no expected cost; it is required
+        for several channels.
     rank : int
         Rank of the residues for several channels: 2 for the equal modes of a symmetric machine.
     omega_c : float, optional
-        Crossover [rad/s] of the loop that the model is for. A model with few poles for a machine with many then serves
-        that loop: |T_c| (`target_loop`) is its tolerance. By default |T_c| is one.
+        Crossover [rad/s] of the loop that the model is for. A model with few poles for a machine
+        with many then serves that loop: |T_c| (`target_loop`) is its tolerance. By default |T_c| is
+        one.
 
     Returns
     -------
@@ -597,14 +712,14 @@ def fit_nominal(
     Raises
     ------
     ValueError
-        Orders that do not fit each other or the number of lines, a line where G is zero without `std`, a delay that is
-        not a whole number of samples, lines beyond the Nyquist frequency of `dt`, a crossover outside the lines or
-        at a |G| below its bound.
+        Orders that do not fit each other or the number of lines, a line where G is zero without
+        `std`, a delay that is not a whole number of samples, lines beyond the Nyquist frequency of
+        `dt`, a crossover outside the lines or at a |G| below its bound.
 
     References
     ----------
-    Pintelon & Schoukens, 2nd ed., 9; Gustavsen & Semlyen 1999 (starting values); Goodwin, Gevers & Ninness 1992 (error
-    of the class); de Callafon & Van den Hof 1995 (models for a loop).
+    Pintelon & Schoukens, 2nd ed., 9; Gustavsen & Semlyen 1999 (starting values); Goodwin, Gevers &
+    Ninness 1992 (error of the class); de Callafon & Van den Hof 1995 (models for a loop).
 
     Examples
     --------
@@ -634,12 +749,19 @@ def fit_nominal(
 
 @keep_warnings
 def likeliest_fit(
-    search: FitSearch, bla: Measurement, n_poles: int, n_zeros: int | None, *, fewer: Sequence[Roots] | None = None
+    search: FitSearch,
+    bla: Measurement,
+    n_poles: int,
+    n_zeros: int | None,
+    *,
+    fewer: Sequence[Roots] | None = None,
 ) -> NominalFit:
-    """Return the fit with the given poles; with an open number of zeros, the one with the lowest criterion.
+    """Return the fit with the given poles; with an open number of zeros, the one with the lowest
+    criterion.
 
-    Zeros above the band that the data do not show are dropped: `fewer` are the fits without them, if there are any. A
-    direct term is fitted only on request: through it the whole set above the Nyquist frequency folds down.
+    Zeros above the band that the data do not show are dropped: `fewer` are the fits without them,
+    if there are any. A direct term is fitted only on request: through it the whole set above the
+    Nyquist frequency folds down.
     """
     orders = checked_orders(search, n_poles, n_zeros)
     weighted, roots = search.best_with_class_error(orders)
@@ -718,8 +840,8 @@ def _bla_with_deviation(frf: control.FrequencyResponseData, std: np.ndarray | No
     """Return the `Bla` of an FRF with the standard deviation of its entries."""
     if std is None:
         raise ValueError(
-            f"std must be given with an FRF of {frf.ninputs} inputs and {frf.noutputs} outputs. Or give "
-            "nlfrf.bla_from_frf(...) of it, which also takes a coherence"
+            f"std must be given with an FRF of {frf.ninputs} inputs and {frf.noutputs} outputs. Or"
+            " give nlfrf.bla_from_frf(...) of it, which also takes a coherence"
         )
     G = np.asarray(frf.frdata, dtype=complex)
     several = G.shape[:2] != (1, 1)
@@ -747,14 +869,19 @@ def bla_of_fit(bla: Given, nominal: object) -> Given | Bla:
 def checked_orders(search: FitSearch, n_poles: int, n_zeros: int | None) -> tuple[int, int]:
     """Return numbers of poles and zeros that fit each other and the lines."""
     n_poles = require_integer("n_poles", n_poles, least=0)
-    n_zeros = require_integer("n_zeros", max(n_poles - 1, 0) if n_zeros is None else n_zeros, least=0)
+    n_zeros = require_integer(
+        "n_zeros", max(n_poles - 1, 0) if n_zeros is None else n_zeros, least=0
+    )
     _require_fittable(n_poles, search.lines.omega, search.dt)
     if n_zeros > n_poles:
-        raise ValueError(f"n_zeros must be at most n_poles = {n_poles}, got {n_zeros}: the model must be proper")
+        raise ValueError(
+            f"n_zeros must be at most n_poles = {n_poles}, got {n_zeros}: the model must be proper"
+        )
     n_parameters, most = n_poles + n_zeros + 1 + (search.delay is None), 2 * search.lines.omega.size
     if n_parameters > most:
         raise ValueError(
-            f"n_poles and n_zeros must leave at most {most} parameters, twice the number of lines, got {n_parameters}"
+            f"n_poles and n_zeros must leave at most {most} parameters, twice the number of lines,"
+            f" got {n_parameters}"
         )
     return n_poles, n_zeros
 
@@ -765,32 +892,43 @@ def _require_fittable(n_poles: int, omega: np.ndarray, dt: float) -> None:
         raise ValueError(f"n_poles must be at most {_MAX_POLES}, got {n_poles}")
     if dt and omega.max() * dt >= np.pi:
         raise ValueError(
-            f"dt must put the Nyquist frequency above the last line, {omega.max() / 2 / np.pi:g} Hz, got dt = {dt:g} s "
-            f"with Nyquist {0.5 / dt:g} Hz"
+            f"dt must put the Nyquist frequency above the last line, {omega.max() / 2 / np.pi:g}"
+            f" Hz, got dt = {dt:g} s with Nyquist {0.5 / dt:g} Hz"
         )
 
 
 def _given_lines(
     frf: control.FrequencyResponseData, std: np.ndarray | None, dt: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return omega, G, variance and degrees of freedom of an FRF of another origin; without a std relative errors."""
+    """Return omega, G, variance and degrees of freedom of an FRF of another origin; without a std
+    relative errors.
+    """
     if (frf.ninputs, frf.noutputs) != (1, 1):
-        raise ValueError(f"bla must have one input and one output, got {frf.ninputs} and {frf.noutputs}")
+        raise ValueError(
+            f"bla must have one input and one output, got {frf.ninputs} and {frf.noutputs}"
+        )
     if frf.dt and abs(frf.dt - dt) > SAMPLING_TOLERANCE * frf.dt:
         raise ValueError(f"dt must be that of bla, a sampled FRF at {frf.dt:g} s, got {dt:g} s")
     omega, G = np.asarray(frf.omega, dtype=float), np.asarray(frf.frdata[0, 0], dtype=complex)
     if std is None:
         if np.any(G) and not np.all(G):
             at = omega[np.argmin(np.abs(G))]
-            raise ValueError(f"std must be given where G is zero on a line, where 1/|G| is no weight: at {at:g} rad/s")
+            raise ValueError(
+                f"std must be given where G is zero on a line, where 1/|G| is no weight: at {at:g}"
+                " rad/s"
+            )
         return omega, G, np.abs(G) ** 2 + np.finfo(float).tiny, np.full(G.size, np.nan)
     var = require_real_array("std", std, ndim=1) ** 2
     if var.shape != G.shape or np.any(var <= 0):
-        raise ValueError(f"std must hold one positive number per line ({G.size}), got {short_form(std)}")
+        raise ValueError(
+            f"std must hold one positive number per line ({G.size}), got {short_form(std)}"
+        )
     return omega, G, var, np.full(G.size, np.inf)
 
 
-def _measured_lines(bla: Measurement, std: np.ndarray | None, dt: float, omega_c: float | None) -> FrfData:
+def _measured_lines(
+    bla: Measurement, std: np.ndarray | None, dt: float, omega_c: float | None
+) -> FrfData:
     """Return lines, variances and degrees of freedom of an FRF, with the hold of a model of dt.
 
     The tolerance of each line is that of a loop with the crossover omega_c [rad/s].
@@ -802,10 +940,13 @@ def _measured_lines(bla: Measurement, std: np.ndarray | None, dt: float, omega_c
         many = list(bla) if isinstance(bla, Sequence) else [bla]
         if not many or not all(map(is_single, many)):
             raise ValueError(
-                f"bla must be an nlfrf.Bla, a list of them or a control.FrequencyResponseData, got {short_form(bla)}"
+                "bla must be an nlfrf.Bla, a list of them or a control.FrequencyResponseData, got"
+                f" {short_form(bla)}"
             )
         if std is not None:
-            raise ValueError("std must only be given with a FrequencyResponseData, got it with a Bla")
+            raise ValueError(
+                "std must only be given with a FrequencyResponseData, got it with a Bla"
+            )
         omega = np.concatenate([b.omega for b in many])
         many = [bla_behind_hold(b, dt) for b in many]
         G = np.concatenate([b.G for b in many])
@@ -818,9 +959,14 @@ def _measured_lines(bla: Measurement, std: np.ndarray | None, dt: float, omega_c
         raise ValueError(f"bla must hold positive frequencies only, got {omega.min():g} rad/s")
     # below a millionth of |G| a variance is rounding, and its line would dominate the fit
     floor = (1e-6 * np.abs(G)) ** 2 + (1e-9 * np.abs(G).max()) ** 2
-    dof, crossover = np.where(np.isinf(dof), 1e12, dof), _checked_crossover(omega_c, omega, G, var=var, dof=dof, dt=dt)
+    dof, crossover = (
+        np.where(np.isinf(dof), 1e12, dof),
+        _checked_crossover(omega_c, omega, G, var=var, dof=dof, dt=dt),
+    )
     tolerance = loop_tolerance(omega, G, crossover)
-    if np.isnan(dof).any() and omega_c is not None:  # without a scatter the loop alone weighs the lines
+    if (
+        np.isnan(dof).any() and omega_c is not None
+    ):  # without a scatter the loop alone weighs the lines
         var = tolerance**2
     return FrfData(
         omega=omega,
@@ -834,9 +980,16 @@ def _measured_lines(bla: Measurement, std: np.ndarray | None, dt: float, omega_c
 
 
 def _checked_crossover(
-    omega_c: float | None, omega: np.ndarray, G: np.ndarray, *, var: np.ndarray, dof: np.ndarray, dt: float
+    omega_c: float | None,
+    omega: np.ndarray,
+    G: np.ndarray,
+    *,
+    var: np.ndarray,
+    dof: np.ndarray,
+    dt: float,
 ) -> float:
-    """Return the crossover [rad/s] of a loop, nan for none; refuse one that no model of G (..., F) can serve.
+    """Return the crossover [rad/s] of a loop, nan for none; refuse one that no model of G (..., F)
+    can serve.
 
     var, dof : (..., F), (F,) variance of G, and its degrees of freedom.
     """
@@ -845,24 +998,31 @@ def _checked_crossover(
     omega_c = require_positive("omega_c", omega_c)
     low, high, asked = omega.min(), omega.max(), f"{format_hertz(omega_c)} ({omega_c:.4g} rad/s)"
     if dt and omega_c * dt >= np.pi:
-        raise ValueError(f"omega_c must lie below the Nyquist frequency {format_hertz(np.pi / dt)}, got {asked}")
+        raise ValueError(
+            f"omega_c must lie below the Nyquist frequency {format_hertz(np.pi / dt)}, got {asked}"
+        )
     if not low <= omega_c <= high:
         raise ValueError(
-            f"omega_c must lie in the measured band, {format_hertz(low)} to {format_hertz(high)}, got {asked}"
+            f"omega_c must lie in the measured band, {format_hertz(low)} to {format_hertz(high)},"
+            f" got {asked}"
         )
     k = int(np.argmin(np.abs(omega - omega_c)))
     size = np.abs(G[..., k])
-    bound = np.sqrt(dof[k] * np.expm1(-np.log(0.05) / dof[k]) * var[..., k])  # 95 % quantile of F(2, 2 dof)
+    bound = np.sqrt(
+        dof[k] * np.expm1(-np.log(0.05) / dof[k]) * var[..., k]
+    )  # 95 % quantile of F(2, 2 dof)
     if np.all(size <= bound):
         raise ValueError(
-            f"omega_c must lie where |G| is above its bound, got {asked}, where |G| = {size.max():.3g} and its "
-            f"bound {bound.max():.3g}"
+            f"omega_c must lie where |G| is above its bound, got {asked}, where |G| ="
+            f" {size.max():.3g} and its bound {bound.max():.3g}"
         )
     return omega_c
 
 
 def with_delays(nominal: NominalFit | AnySystem | float) -> tuple[AnySystem | float, float]:
-    """Return a nominal with the delays of its inputs included, and the longest of them [s]; a system unchanged."""
+    """Return a nominal with the delays of its inputs included, and the longest of them [s]; a
+    system unchanged.
+    """
     if not isinstance(nominal, NominalFit):
         return nominal, 0.0
     G, delays = nominal.G, nominal.delays
@@ -878,9 +1038,13 @@ def with_delays(nominal: NominalFit | AnySystem | float) -> tuple[AnySystem | fl
 def single_nominal(
     nominal: NominalFit | AnySystem | float,
 ) -> tuple[control.StateSpace | control.FrequencyResponseData, float]:
-    """Return a nominal with one channel, an FRF or a system, with its delay inside, and that delay [s]."""
+    """Return a nominal with one channel, an FRF or a system, with its delay inside, and that delay
+    [s].
+    """
     plant, delay = with_delays(nominal)
-    return plant if isinstance(plant, control.FrequencyResponseData) else state_space("nominal", plant), delay
+    return (
+        plant if isinstance(plant, control.FrequencyResponseData) else state_space("nominal", plant)
+    ), delay
 
 
 def sampling_time_of(nominal: control.StateSpace | control.FrequencyResponseData) -> float:
@@ -889,7 +1053,8 @@ def sampling_time_of(nominal: control.StateSpace | control.FrequencyResponseData
 
 
 def bla_behind_hold(bla: Bla, dt: float) -> Bla:
-    """Return a BLA as a model of sampling time dt describes it: without a hold (dt = 0), or behind a hold of dt.
+    """Return a BLA as a model of sampling time dt describes it: without a hold (dt = 0), or behind
+    a hold of dt.
 
     The correction is for the `hold` of the record; an unknown hold is left uncorrected.
     """

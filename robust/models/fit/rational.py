@@ -1,4 +1,6 @@
-"""Rational functions through complex frequency data: vector fitting, numerators, Levenberg-Marquardt."""
+"""Rational functions through complex frequency data: vector fitting, numerators,
+Levenberg-Marquardt.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,9 @@ from robust.lti.realisation import order_roots
 
 _FAR_RATIO = 1e12  # a zero beyond this multiple of the largest frequency is at infinity
 _MIN_DAMPING = 1e-8  # a pole with a smaller damping is on the axis
-Roots = tuple[np.ndarray, np.ndarray, float, float, float]  # zeros, poles, gain, delay, cost, all in the s plane
+Roots = tuple[
+    np.ndarray, np.ndarray, float, float, float
+]  # zeros, poles, gain, delay, cost, all in the s plane
 
 
 def vector_fit(
@@ -24,9 +28,10 @@ def vector_fit(
 ) -> np.ndarray:
     """Return poles of a rational function through the data, from starting poles.
 
-    s : (W,) points on the imaginary axis; weight : (W,) multiplies the error; poles : conjugate pairs adjacent,
-    upper one first; n_zeros : degree of the numerator, by default that of the poles. Among the poles of all iterations,
-    those with the smallest residual are returned. Gustavsen & Semlyen, IEEE Trans. Power Delivery 14 (1999).
+    s : (W,) points on the imaginary axis; weight : (W,) multiplies the error; poles : conjugate
+    pairs adjacent, upper one first; n_zeros : degree of the numerator, by default that of the
+    poles. Among the poles of all iterations, those with the smallest residual are returned.
+    Gustavsen & Semlyen, IEEE Trans. Power Delivery 14 (1999).
     """
     weight = weight / np.abs(weight).max()
     n_zeros = poles.size if n_zeros is None else n_zeros
@@ -37,11 +42,14 @@ def vector_fit(
             basis = partial_fractions(s, poles)
             if not np.isfinite(basis).all():  # a pole on a point of the data
                 return best
-            top = stack_real_imaginary(np.column_stack(_numerator_basis(s, weight, poles=poles, n_zeros=n_zeros)[0]))
+            top = stack_real_imaginary(
+                np.column_stack(_numerator_basis(s, weight, poles=poles, n_zeros=n_zeros)[0])
+            )
         below = stack_real_imaginary(-data[:, None] * basis * weight[:, None])
         scale = np.linalg.norm(below, axis=0)
         scale[scale == 0] = 1.0
-        # b is the residual that no numerator over the current poles explains; their relocation explains the rest
+        # b is the residual that no numerator over the current poles explains; their relocation
+        # explains the rest
         q = np.linalg.qr(top)[0]
         left = np.column_stack([below / scale, b])
         left = left - q @ (q.T @ left)
@@ -55,10 +63,14 @@ def vector_fit(
             moved = np.where(moved.real > 0, -moved.conj(), moved)
         # a pole on the axis would coincide with a data point and fit that point only
         moved = np.where(
-            np.abs(moved.real) < _MIN_DAMPING * np.abs(moved), moved.imag * 1j - _MIN_DAMPING * np.abs(moved), moved
+            np.abs(moved.real) < _MIN_DAMPING * np.abs(moved),
+            moved.imag * 1j - _MIN_DAMPING * np.abs(moved),
+            moved,
         )
         moved = order_roots(moved)
-        done = moved.size == poles.size and np.all(np.abs(moved - poles) < 1e-10 * np.abs(poles).max())
+        done = moved.size == poles.size and np.all(
+            np.abs(moved - poles) < 1e-10 * np.abs(poles).max()
+        )
         poles = moved
         if done:
             return poles
@@ -66,7 +78,9 @@ def vector_fit(
 
 
 def partial_fractions(s: np.ndarray, poles: np.ndarray) -> np.ndarray:
-    """Return (W, n) basis 1/(s - p) for real poles, and its two real-coefficient combinations for a pair."""
+    """Return (W, n) basis 1/(s - p) for real poles, and its two real-coefficient combinations for a
+    pair.
+    """
     basis = np.empty((s.size, poles.size), dtype=complex)
     k = 0
     while k < poles.size:
@@ -111,22 +125,29 @@ def fit_numerator(
 ) -> tuple[np.ndarray, float]:
     """Return zeros and gain of the best numerator of the given degree over given poles.
 
-    The polynomial is written in a basis that is orthonormal on the weighted points (Forsythe), so that any
-    degree keeps its digits; its roots are eigenvalues of the recurrence (a comrade matrix).
+    The polynomial is written in a basis that is orthonormal on the weighted points (Forsythe), so
+    that any degree keeps its digits; its roots are eigenvalues of the recurrence (a comrade
+    matrix).
     """
     basis, up = _numerator_basis(s, weight, poles=poles, n_zeros=n_zeros)
     beta = np.linalg.lstsq(
-        stack_real_imaginary(np.column_stack(basis)), stack_real_imaginary(weight * data), rcond=None
+        stack_real_imaginary(np.column_stack(basis)),
+        stack_real_imaginary(weight * data),
+        rcond=None,
     )[0]
     zeros = order_roots(_roots_of_recurrence(beta, up))
-    shape = weight / np.prod(s[:, None] - poles, axis=1) * np.prod(s[:, None] - zeros[None, :], axis=1)
+    shape = (
+        weight / np.prod(s[:, None] - poles, axis=1) * np.prod(s[:, None] - zeros[None, :], axis=1)
+    )
     return zeros, float(np.vdot(shape, weight * data).real / np.vdot(shape, shape).real)
 
 
 def _numerator_basis(
     s: np.ndarray, weight: np.ndarray, *, poles: np.ndarray, n_zeros: int
 ) -> tuple[list[np.ndarray], np.ndarray]:
-    """Return polynomials of increasing degree over the poles, orthonormal on the weighted points; their recurrence."""
+    """Return polynomials of increasing degree over the poles, orthonormal on the weighted points;
+    their recurrence.
+    """
     over = weight / np.prod(s[:, None] - poles, axis=1)
     basis, up = [over / np.linalg.norm(over)], np.zeros(n_zeros + 1)
     for j in range(n_zeros):
@@ -139,8 +160,8 @@ def _numerator_basis(
 def _roots_of_recurrence(beta: np.ndarray, up: np.ndarray) -> np.ndarray:
     """Return roots of sum beta_j p_j with s p_j = up_{j+1} p_{j+1} - up_j p_{j-1}.
 
-    A pencil: if the last coefficients vanish (data of a lower degree), some roots go to infinity and the others keep
-    their digits. Dividing the last row by that coefficient would lose them.
+    A pencil: if the last coefficients vanish (data of a lower degree), some roots go to infinity
+    and the others keep their digits. Dividing the last row by that coefficient would lose them.
     """
     n = beta.size - 1
     if n == 0:
@@ -163,29 +184,43 @@ def stack_real_imaginary(a: np.ndarray) -> np.ndarray:
 def map_to_model_plane(
     zeros: np.ndarray, poles: np.ndarray, gain: float, dt: float, excess: int
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return zeros, poles and gain in the plane of the model: unchanged, or from s to z = (1 + s dt/2)/(1 - s dt/2)."""
+    """Return zeros, poles and gain in the plane of the model: unchanged, or from s to z = (1 + s
+    dt/2)/(1 - s dt/2).
+    """
     if not dt:
         return zeros, poles, gain
     z = order_roots((1 + zeros * dt / 2) / (1 - zeros * dt / 2))
     p = order_roots((1 + poles * dt / 2) / (1 - poles * dt / 2))
-    # s - a = (2/dt) (z - z_a) / ((z + 1)(1 + z_a)/2 ...): collected, each root contributes (1 - a dt/2) / (dt/2)
+    # s - a = (2/dt) (z - z_a) / ((z + 1)(1 + z_a)/2 ...): collected, each root contributes (1 - a
+    # dt/2) / (dt/2)
     scale = np.prod((1 - zeros * dt / 2) / (dt / 2)) / np.prod((1 - poles * dt / 2) / (dt / 2))
     return z, p, float((gain * scale).real * 2.0**excess)
 
 
 def s_plane_points(omega: np.ndarray, dt: float) -> np.ndarray:
-    """Return j omega, or its bilinear image j 2/dt tan(omega dt/2): all models are fitted in the s plane."""
+    """Return j omega, or its bilinear image j 2/dt tan(omega dt/2): all models are fitted in the s
+    plane.
+    """
     return 1j * (2 / dt * np.tan(omega * dt / 2) if dt else omega)
 
 
 def known_factor(omega: np.ndarray, delay: float, *, dt: float, excess: int) -> np.ndarray:
-    """Return the factor that the fit does not choose: the delay and, if discrete, zeros at z = infinity (s = 2/dt)."""
+    """Return the factor that the fit does not choose: the delay and, if discrete, zeros at z =
+    infinity (s = 2/dt).
+    """
     q = np.exp(-1j * omega * delay)
     return q * (1 - s_plane_points(omega, dt) * dt / 2) ** excess if dt else q
 
 
 def zpk_response(
-    omega: np.ndarray, zeros: np.ndarray, *, poles: np.ndarray, gain: float, delay: float, dt: float, excess: int
+    omega: np.ndarray,
+    zeros: np.ndarray,
+    *,
+    poles: np.ndarray,
+    gain: float,
+    delay: float,
+    dt: float,
+    excess: int,
 ) -> np.ndarray:
     """Return (F,) response of the model at the lines."""
     s = s_plane_points(omega, dt)[:, None]

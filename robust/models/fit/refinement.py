@@ -28,17 +28,23 @@ def refine(
     stable: bool = True,
     tolerance: float = CONVERGED,
 ) -> Roots:
-    """Refine by Levenberg-Marquardt on the weighted error, over second-order sections in scaled frequency.
+    """Refine by Levenberg-Marquardt on the weighted error, over second-order sections in scaled
+    frequency.
 
-    factor(delay) multiplies the rational function; the delay itself is refined if omega is given. The refinement ends
-    when a step lowers the cost by no more than a relative tolerance.
+    factor(delay) multiplies the rational function; the delay itself is refined if omega is given.
+    The refinement ends when a step lowers the cost by no more than a relative tolerance.
     """
     zeros, poles, gain, delay, _ = start
     free_delay = omega is not None
     unit = float(np.exp(np.mean(np.log(np.abs(s)))))
     x = s / unit
     theta = np.concatenate(
-        [[1.0], _section_coefficients(zeros / unit), _section_coefficients(poles / unit), [0.0] * free_delay]
+        [
+            [1.0],
+            _section_coefficients(zeros / unit),
+            _section_coefficients(poles / unit),
+            [0.0] * free_delay,
+        ]
     )
     n_zero, n_pole = zeros.size, poles.size
     pole_part = slice(1 + n_zero, 1 + n_zero + n_pole)
@@ -47,7 +53,9 @@ def refine(
     delay_unit = 1 / omega.max() if omega is not None else 0.0
 
     def error(theta: np.ndarray) -> tuple[np.ndarray, float, Callable[[], np.ndarray]]:
-        """Return the weighted error, its sum of squares, and a function for its derivatives by the parameters."""
+        """Return the weighted error, its sum of squares, and a function for its derivatives by the
+        parameters.
+        """
         with np.errstate(all="ignore"):
             tau = delay + (theta[-1] * delay_unit if free_delay else 0.0)
             out = base * theta[0] * factor(tau)
@@ -86,7 +94,8 @@ def refine(
         before, J = cost, derivatives()
         if not np.isfinite(J).all():
             break
-        # squared slopes keep enough digits for the least damping, and cost a tenth of singular values
+        # squared slopes keep enough digits for the least damping, and cost a tenth of singular
+        # values
         H, g = J @ J.T, J @ e
         solve = _damped_solver(H, g, free=(theta > low) | (g > 0))
         while damping < _MAX_DAMPING:
@@ -94,7 +103,9 @@ def refine(
             below = theta + step < low
             if below.any():  # solve again for the others, with these held at their bounds
                 held = np.where(below, low - theta, 0.0)
-                step = np.where(below, held, _damped_solver(H, g - H @ held, free=~below & (step != 0))(damping))
+                step = np.where(
+                    below, held, _damped_solver(H, g - H @ held, free=~below & (step != 0))(damping)
+                )
             trial = np.maximum(theta + step, low)
             e_new, cost_new, derivatives_new = error(trial)
             if cost_new < cost:
@@ -110,23 +121,35 @@ def refine(
     return zeros, poles, base * theta[0] * unit ** float(n_pole - n_zero), tau, cost
 
 
-def _damped_solver(H: np.ndarray, g: np.ndarray, *, free: np.ndarray) -> Callable[[float], np.ndarray]:
-    """Return a function of the damping: the damped least squares step of the free parameters, from J'J and J'e."""
+def _damped_solver(
+    H: np.ndarray, g: np.ndarray, *, free: np.ndarray
+) -> Callable[[float], np.ndarray]:
+    """Return a function of the damping: the damped least squares step of the free parameters, from
+    J'J and J'e.
+    """
     size = np.sqrt(np.diag(H))
     scale = free / np.where(size > 0, size, 1.0)
     squares, axes = np.linalg.eigh(H * scale * scale[:, None])
     along = axes.T @ (g * scale)
 
     def step(damping: float) -> np.ndarray:
-        return np.asarray(axes @ (along / (squares.clip(0.0) + damping * squares[-1] + np.finfo(float).tiny)) * scale)
+        return np.asarray(
+            axes
+            @ (along / (squares.clip(0.0) + damping * squares[-1] + np.finfo(float).tiny))
+            * scale
+        )
 
     return step
 
 
 def _section_coefficients(roots: np.ndarray) -> np.ndarray:
-    """Return section coefficients (c1, c0) of s^2 + c1 s + c0 for each pair, then c0 of a single s + c0."""
+    """Return section coefficients (c1, c0) of s^2 + c1 s + c0 for each pair, then c0 of a single s
+    + c0.
+    """
     pairs, rest = pair_roots(roots)
-    return np.array([c for a, b in pairs for c in (-(a + b).real, (a * b).real)] + [-r.real for r in rest])
+    return np.array(
+        [c for a, b in pairs for c in (-(a + b).real, (a * b).real)] + [-r.real for r in rest]
+    )
 
 
 def _evaluate_sections(x: np.ndarray, theta: np.ndarray, n: int) -> list[np.ndarray]:
@@ -137,7 +160,9 @@ def _evaluate_sections(x: np.ndarray, theta: np.ndarray, n: int) -> list[np.ndar
 
 
 def _relative_slopes(x: np.ndarray, sections: list[np.ndarray], *, out: np.ndarray) -> None:
-    """Write the derivative of each section by each of its parameters, over its value, into out (n, W)."""
+    """Write the derivative of each section by each of its parameters, over its value, into out (n,
+    W).
+    """
     with np.errstate(all="ignore"):
         for k, section in enumerate(sections):
             rows = out[2 * k : 2 * k + 2]
@@ -168,7 +193,8 @@ def _roots_from(theta: np.ndarray, n: int) -> np.ndarray:
 
 @value
 class MagnitudeProblem:
-    """Points x (N,) on the imaginary axis, the log target there, at zero and at infinity (-inf: no target there).
+    """Points x (N,) on the imaginary axis, the log target there, at zero and at infinity (-inf: no
+    target there).
 
     floor (N,) : log of the smallest zero damping allowed near each point (a third of it for poles).
     share (N,) : weight of each point in the mean.
@@ -183,7 +209,9 @@ class MagnitudeProblem:
     log_x: np.ndarray
 
     def excess(self, theta: np.ndarray, log_k: float, order: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return log |W| - target at the points (and at zero and infinity), and its Jacobian (2n+1, .)."""
+        """Return log |W| - target at the points (and at zero and infinity), and its Jacobian (2n+1,
+        .).
+        """
         totals, slopes = log_sections(self.x, theta.reshape(2, order), order)
         N, ends = self.x.size, 2 * bool(np.isfinite(self.low))
         J = np.empty((2 * order + 1, N + ends))
@@ -199,7 +227,9 @@ class MagnitudeProblem:
         return e, J
 
     def shares(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return weights for each excess, zero at the ends; for negative excess at least an even share."""
+        """Return weights for each excess, zero at the ends; for negative excess at least an even
+        share.
+        """
         share = np.zeros(self.x.size + 2 * bool(np.isfinite(self.low)))
         share[: self.x.size] = self.share
         return share, np.maximum(share, 1 / self.x.size)
@@ -225,14 +255,22 @@ class MagnitudeProblem:
         return theta
 
     def coarsen(self, most: int) -> MagnitudeProblem:
-        """Return the same target on fewer points: both ends of each group, with its highest target."""
+        """Return the same target on fewer points: both ends of each group, with its highest
+        target.
+        """
         if self.x.size <= 1.2 * most:
             return self
-        # groups are even over the index, over log frequency (lines of a multisine crowd at the top of the band), and
-        # over the variation of the smoothed target
+        # groups are even over the index, over log frequency (lines of a multisine crowd at the top
+        # of the band), and over the variation of the smoothed target
         width = max(1, self.x.size // 150)
-        smooth = np.convolve(np.pad(self.target, width, mode="edge"), np.ones(width) / width, mode="same")[width:-width]
-        steps = [np.ones(self.x.size - 1), np.diff(self.log_x), np.sqrt(np.abs(np.diff(smooth)) + 1e-12)]
+        smooth = np.convolve(
+            np.pad(self.target, width, mode="edge"), np.ones(width) / width, mode="same"
+        )[width:-width]
+        steps = [
+            np.ones(self.x.size - 1),
+            np.diff(self.log_x),
+            np.sqrt(np.abs(np.diff(smooth)) + 1e-12),
+        ]
         travelled = np.concatenate([[0.0], np.cumsum(sum(step / step.sum() for step in steps))])
         edges = np.searchsorted(travelled, np.linspace(0, travelled[-1], most // 2 + 1)[1:-1])
         edges = np.unique(np.concatenate([[0], edges, [self.x.size]]))
@@ -264,9 +302,16 @@ class MagnitudeProblem:
 
 
 def magnitude_problem(
-    x: np.ndarray, target: np.ndarray, *, ends: bool, free: bool = False, share: np.ndarray | None = None
+    x: np.ndarray,
+    target: np.ndarray,
+    *,
+    ends: bool,
+    free: bool = False,
+    share: np.ndarray | None = None,
 ) -> MagnitudeProblem:
-    """Return the problem on all points; `ends` adds zero and infinity; `free` lets zeros hide between points."""
+    """Return the problem on all points; `ends` adds zero and infinity; `free` lets zeros hide
+    between points.
+    """
     log_x = np.log(x)
     return MagnitudeProblem(
         x=x,
@@ -280,12 +325,16 @@ def magnitude_problem(
 
 
 def _damping_floor(log_x: np.ndarray) -> np.ndarray:
-    """Return the log of the smallest damping that leaves no notch, and no unseen peak, between two points."""
+    """Return the log of the smallest damping that leaves no notch, and no unseen peak, between two
+    points.
+    """
     return np.log(np.clip(np.gradient(log_x), 1e-6, 0.5))
 
 
 def log_sections(x: np.ndarray, theta: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return sums (..., N) of log |section(j x)| for parameters (..., n), and their Jacobians (..., n, N)."""
+    """Return sums (..., N) of log |section(j x)| for parameters (..., n), and their Jacobians (...,
+    n, N).
+    """
     m = n - n % 2
     shape = theta.shape[:-1]
     total, slopes = np.zeros((*shape, x.size)), np.empty((*shape, n, x.size))
@@ -317,7 +366,9 @@ def zeros_and_poles(theta: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarr
 
 
 def section_logarithms(roots: np.ndarray) -> np.ndarray:
-    """Return log frequency and log damping of each pair of stable roots (real ones paired too), log size of one."""
+    """Return log frequency and log damping of each pair of stable roots (real ones paired too), log
+    size of one.
+    """
     pairs, rest = pair_roots(roots)
     theta: list[float] = []
     for a, b in pairs:
@@ -329,7 +380,10 @@ def section_logarithms(roots: np.ndarray) -> np.ndarray:
 def _roots_of_logarithms(theta: np.ndarray, n: int) -> np.ndarray:
     """Return the n stable roots with these logarithms."""
     m, coefficients = n - n % 2, np.exp(theta)
-    coefficients[:m:2], coefficients[1:m:2] = 2 * np.exp(theta[:m:2] + theta[1:m:2]), np.exp(2 * theta[:m:2])
+    coefficients[:m:2], coefficients[1:m:2] = (
+        2 * np.exp(theta[:m:2] + theta[1:m:2]),
+        np.exp(2 * theta[:m:2]),
+    )
     roots = _roots_from(coefficients, n)
     # an exponential underflows to zero, and a stable root must not be zero
     return order_roots(np.minimum(roots.real, -1e-12) + 1j * roots.imag)
@@ -351,7 +405,9 @@ def _descend_newton(
     n_iterations: int,
     small: float,
 ) -> tuple[np.ndarray, float]:
-    """Minimise by Newton's method with the exact Hessian, negative curvatures reversed, damped until it descends."""
+    """Minimise by Newton's method with the exact Hessian, negative curvatures reversed, damped
+    until it descends.
+    """
     e, J = problem.excess(theta, log_k, order)
     value, first, second = objective(e)
     damping = 1e-3
@@ -381,7 +437,9 @@ def _descend_newton(
 def section_hessian(
     problem: MagnitudeProblem, theta: np.ndarray, *, order: int, first: np.ndarray, J: np.ndarray
 ) -> np.ndarray:
-    """Return the Hessian (2n, 2n) of sum first * excess by the parameters: a block for each section."""
+    """Return the Hessian (2n, 2n) of sum first * excess by the parameters: a block for each
+    section.
+    """
     N, m = problem.x.size, order - order % 2
     c, slopes = first[:N], J[:-1, :N].reshape(2, order, N)
     sign = np.array([[1.0], [-1.0]])  # for zeros and poles of W
@@ -389,18 +447,23 @@ def section_hessian(
     linear, square = np.add.reduce(weighted, axis=-1), sign * np.vecdot(weighted, slopes)
     out = np.diag(2 * (linear - square).ravel())
     if m:
-        # for a pair: w^4 over the square of the section is its slope by zeta times w^2 / (2 zeta x)^2
+        # for a pair: w^4 over the square of the section is its slope by zeta times w^2 / (2 zeta
+        # x)^2
         w, zeta = slice(0, m, 2), slice(1, m, 2)
         by_zeta = slopes[:, zeta]
         mixed = 2 * (linear[:, zeta] - sign * np.vecdot(weighted[:, w], by_zeta))
         first_of = np.arange(2 * order).reshape(2, order)[:, w]
-        out[first_of, first_of] += np.exp(2 * (theta[first_of] - theta[first_of + 1])) * (by_zeta @ (c / problem.x**2))
+        out[first_of, first_of] += np.exp(2 * (theta[first_of] - theta[first_of + 1])) * (
+            by_zeta @ (c / problem.x**2)
+        )
         out[first_of, first_of + 1] = out[first_of + 1, first_of] = mixed
     return out
 
 
 def asymmetric_cost(problem: MagnitudeProblem, below: float) -> Objective:
-    """Return the sum of squares of the log excess, with negative excess weighted below^2 times as much."""
+    """Return the sum of squares of the log excess, with negative excess weighted below^2 times as
+    much.
+    """
     share, least = problem.shares()
 
     def objective(e: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
@@ -413,7 +476,9 @@ def asymmetric_cost(problem: MagnitudeProblem, below: float) -> Objective:
 def fit_asymmetric(
     problem: MagnitudeProblem, theta: np.ndarray, *, order: int, below: float, n_iterations: int
 ) -> tuple[np.ndarray, float]:
-    """Return the least squares fit of the log excess, with negative excess weighted below^2 times as much."""
+    """Return the least squares fit of the log excess, with negative excess weighted below^2 times
+    as much.
+    """
     return _descend_newton(
         problem,
         theta,
@@ -425,21 +490,26 @@ def fit_asymmetric(
     )
 
 
-_PLACES, _DAMPINGS = 15, (-2.0, 0.0)  # places of each kind, log damping; more of either did not help over 70 radii
+# places of each kind, log damping; more of either did not help over 70 radii
+_PLACES = 15
+_DAMPINGS = (-2.0, 0.0)
 _MAX_SPLIT = 0.7
 
 
 def sections_that_pay(
     problem: MagnitudeProblem, fit: tuple[np.ndarray, float], *, order: int, more: int, below: float
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the two places at which one more section of `more` states lowers the asymmetric cost most, with the split.
+    """Return the two places at which one more section of `more` states lowers the asymmetric cost
+    most, with the split.
 
-    A section whose zeros cancel its poles is split by a Newton step with all other parameters free: the Schur
-    complement of its block of the Hessian, the others at their optimum. Places lie evenly over the points and over log
-    frequency.
+    A section whose zeros cancel its poles is split by a Newton step with all other parameters free:
+    the Schur complement of its block of the Hessian, the others at their optimum. Places lie evenly
+    over the points and over log frequency.
     """
     N, ends = problem.x.size, np.linspace(0, 1, _PLACES)
-    places = np.concatenate([np.quantile(problem.log_x, ends), np.quantile(problem.log_x[[0, -1]], ends)])
+    places = np.concatenate(
+        [np.quantile(problem.log_x, ends), np.quantile(problem.log_x[[0, -1]], ends)]
+    )
     grid = np.array([(w, zeta)[:more] for w in places for zeta in _DAMPINGS])
     e, J = problem.excess(*fit, order)
     first, second = asymmetric_cost(problem, below)(e)[1:]
@@ -452,7 +522,11 @@ def sections_that_pay(
     H[np.diag_indices_from(H)] *= 1.001
     through = coupling @ np.linalg.pinv(H, hermitian=True)
     block = weighted @ slopes.mT
-    schur = block - through @ coupling.mT + 1e-3 * np.trace(block, axis1=1, axis2=2)[:, None, None] * np.eye(more)
+    schur = (
+        block
+        - through @ coupling.mT
+        + 1e-3 * np.trace(block, axis1=1, axis2=2)[:, None, None] * np.eye(more)
+    )
     slope = slopes @ first - through @ (J @ first)
     split = -np.linalg.solve(schur, slope[..., None])[..., 0]
     gain = -np.vecdot(split, slope)
@@ -470,7 +544,9 @@ def polish_by_barrier(
     barriers: tuple[float, ...],
     n_iterations: int,
 ) -> tuple[np.ndarray, float]:
-    """Minimise the mean of a nonnegative excess: a logarithmic barrier, lowered step by step, then to the target."""
+    """Minimise the mean of a nonnegative excess: a logarithmic barrier, lowered step by step, then
+    to the target.
+    """
     log_k += 0.02 - float(problem.excess(theta, log_k, order)[0].min())
     share, weight = problem.shares()
     for mu in barriers:
@@ -478,9 +554,19 @@ def polish_by_barrier(
         def objective(e: np.ndarray, mu: float = mu) -> tuple[float, np.ndarray, np.ndarray]:
             if not e.min() > 0:
                 return np.inf, e, e
-            return float(share @ e - mu * (weight @ np.log(e))), share - mu * weight / e, mu * weight / (e * e)
+            return (
+                float(share @ e - mu * (weight @ np.log(e))),
+                share - mu * weight / e,
+                mu * weight / (e * e),
+            )
 
         theta, log_k = _descend_newton(
-            problem, theta, log_k=log_k, order=order, objective=objective, n_iterations=n_iterations, small=1e-3 * mu
+            problem,
+            theta,
+            log_k=log_k,
+            order=order,
+            objective=objective,
+            n_iterations=n_iterations,
+            small=1e-3 * mu,
         )
     return theta, log_k - float(problem.excess(theta, log_k, order)[0].min())

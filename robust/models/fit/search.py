@@ -1,4 +1,6 @@
-"""Starts for the fit of a rational function with a delay: scanned delays, vector fitting, fits with fewer poles."""
+"""Starts for the fit of a rational function with a delay: scanned delays, vector fitting, fits with
+fewer poles.
+"""
 
 from __future__ import annotations
 
@@ -27,30 +29,44 @@ _N_TRIALS = 41  # delays of a scan in continuous time; half as many again in sam
 _N_PLACES = 128  # frequencies at which a further pole and zero are tried
 _DAMPINGS = 0.01, 0.05, 0.25  # dampings tried for a further pair
 _MIN_LOG_DISTANCE = 0.2  # between two frequencies that are tried
-_SHARES = 1.0, 0.3, 0.1, 0.0  # fractions of the linear least squares step; at 0 the cost is that of the smaller fit
+_SHARES = (
+    1.0,
+    0.3,
+    0.1,
+    0.0,
+)  # fractions of the linear least squares step; at 0 the cost is that of the smaller fit
 _ZERO_FAR = 1e6  # a zero at this multiple of the highest line has no effect
 _N_DELAYS = 3  # delays of a scan that are refined
 _N_RELOCATIONS, _N_ROUGH = 12, 4  # iterations of vector fitting; those to compare delays
 _SAME_COST = 1e-6  # relative difference of the costs of equal starts
 _LIKELY_COST = 0.05  # probability of a cost above which the search stops
-UNLIKELY_COST = 0.01  # probability of a cost below which scatter does not explain it: the class has an error
-#: Starting sizes of the error of the class, over |G| in mid band: from the largest possible misfit to one that has no
-#: effect on any loop. On the machines of benchmarks.nominal three starts found the same as seven.
+UNLIKELY_COST = (
+    0.01  # probability of a cost below which scatter does not explain it: the class has an error
+)
+# : Starting sizes of the error of the class, over |G| in mid band: from the largest possible misfit
+# to one that has no : effect on any loop. On the machines of benchmarks.nominal three starts found
+# the same as seven.
 START_SIZES = 1.0, 1e-2, 1e-4
 _ROUGH = 1e-3  # relative change of a cost, enough to compare starts
-SETTLED, MAX_ROUNDS = 1e-3, 30  # change of the log likelihood that ends the rounds of fit and size; their number
+# change of the log likelihood that ends the rounds of fit and size; their number
+SETTLED = 1e-3
+MAX_ROUNDS = 30
 
 
 @value
 class FrfData:
-    """Measured lines of one or several concatenated records, and the tolerance for the error of the class on each."""
+    """Measured lines of one or several concatenated records, and the tolerance for the error of the
+    class on each.
+    """
 
-    # omega, G, var, dof: (F,) lines [rad/s], FRF, its variance and the degrees of freedom of that variance
+    # omega, G, var, dof: (F,) lines [rad/s], FRF, its variance and the degrees of freedom of that
+    # variance
     omega: np.ndarray
     G: np.ndarray
     var: np.ndarray
     dof: np.ndarray
-    # (F,) m of `loop_tolerance` [unit of G], the relative size of the error of the class on each line
+    # (F,) m of `loop_tolerance` [unit of G], the relative size of the error of the class on each
+    # line
     tolerance: np.ndarray
     omega_c: float  # crossover [rad/s] of the loop behind the tolerance, nan for none
     epsilon: float = 0.0  # size of the error of the class, in units of the tolerance
@@ -64,7 +80,9 @@ class FrfData:
 
 @value(copy=False)
 class FitSearch:
-    """The search for the best rational function of any order through measured lines; it keeps what it found."""
+    """The search for the best rational function of any order through measured lines; it keeps what
+    it found.
+    """
 
     lines: FrfData  # the measured lines
     dt: float  # sampling time of the model [s], 0 for a continuous one
@@ -83,9 +101,9 @@ class FitSearch:
     def best(self, orders: tuple[int, int], *, starts: tuple[Roots, ...] = ()) -> Roots:
         """Return the best fit with (n_poles, n_zeros): from given starts, from scratch, and grown.
 
-        If scatter does not explain the fit from scratch, it is also grown from the fit with two poles and two zeros
-        fewer, and cut from vector fitting with two more. No fit costs more than an earlier one with fewer poles and as
-        many fewer zeros.
+        If scatter does not explain the fit from scratch, it is also grown from the fit with two
+        poles and two zeros fewer, and cut from vector fitting with two more. No fit costs more than
+        an earlier one with fewer poles and as many fewer zeros.
         """
         if orders not in self.found:
             n, m = orders
@@ -98,8 +116,13 @@ class FitSearch:
                 if not self.explained(best) or smaller[4] < best[4]:
                     best = self.best_of(_further_roots(self, smaller, k), best)
             if not self.explained(best) and n and 2 * self.lines.omega.size > n + m + 7:
-                larger = [_vector_fitted(self, (n + 2, m + 2), best[3], spacing) for spacing in ("log", "linear")]
-                best = self.best_of([start for roots in larger for start in _fewer_roots(self, roots, 2)], best)
+                larger = [
+                    _vector_fitted(self, (n + 2, m + 2), best[3], spacing)
+                    for spacing in ("log", "linear")
+                ]
+                best = self.best_of(
+                    [start for roots in larger for start in _fewer_roots(self, roots, 2)], best
+                )
             self.found[orders] = best
         return self.found[orders]
 
@@ -111,24 +134,32 @@ class FitSearch:
         for n in range(int(np.sum(np.abs(zeros) <= highest)), zeros.size):
             kept, gone = zeros[:n], zeros[n:]
             if np.sum(gone.imag > 0) == np.sum(gone.imag < 0):  # only whole pairs
-                start = self.with_cost(order_roots(kept), poles, gain * float(np.prod(-gone).real), tau)
+                start = self.with_cost(
+                    order_roots(kept), poles, gain * float(np.prod(-gone).real), tau
+                )
                 fits.append(self.refine(start))
         return fits
 
     def offer(self, orders: tuple[int, int], fewer: Roots) -> None:
-        """Replace a fit by one with fewer zeros, padded with zeros far above the band, if that costs less."""
+        """Replace a fit by one with fewer zeros, padded with zeros far above the band, if that
+        costs less.
+        """
         zeros, poles, gain, tau, _ = fewer
         n, far = orders[1] - zeros.size, _ZERO_FAR * self.lines.omega.max()
-        padded = self.with_cost(np.concatenate([zeros, np.full(n, -far)]), poles, gain / far**n, tau)
+        padded = self.with_cost(
+            np.concatenate([zeros, np.full(n, -far)]), poles, gain / far**n, tau
+        )
         self.found[orders] = min(padded, self.found[orders], key=lambda roots: roots[4])
 
     def n_parameters(self, roots: Roots) -> int:
         return roots[0].size + roots[1].size + 1 + (self.delay is None)
 
     def improve_from_above(self) -> None:
-        """Start every fit that scatter does not explain from those with more poles and zeros, without their weakest.
+        """Start every fit that scatter does not explain from those with more poles and zeros,
+        without their weakest.
 
-        A fit that becomes cheaper than one with more poles is the start to grow the larger one again.
+        A fit that becomes cheaper than one with more poles is the start to grow the larger one
+        again.
         """
         for n, m in sorted(self.found, reverse=True):
             for k in (1, 2):
@@ -139,10 +170,16 @@ class FitSearch:
             for k in (1, 2):
                 smaller = self.found.get((n - k, m - k))
                 if smaller is not None and smaller[4] < self.found[n, m][4]:
-                    self.found[n, m] = self.best_of(_further_roots(self, smaller, k), self.found[n, m])
+                    self.found[n, m] = self.best_of(
+                        _further_roots(self, smaller, k), self.found[n, m]
+                    )
 
-    def best_of(self, starts: list[Roots], best: Roots | None = None, *, tolerance: float = CONVERGED) -> Roots:
-        """Return the best of the refined starts and of a given fit; equal starts are refined once."""
+    def best_of(
+        self, starts: list[Roots], best: Roots | None = None, *, tolerance: float = CONVERGED
+    ) -> Roots:
+        """Return the best of the refined starts and of a given fit; equal starts are refined
+        once.
+        """
         tried: list[float] = []
         for start in sorted(starts, key=lambda roots: roots[4]):
             if all(abs(start[4] - cost) > _SAME_COST * cost for cost in tried):
@@ -154,7 +191,9 @@ class FitSearch:
         return best
 
     def probability(self, roots: Roots) -> float:
-        """Return the probability that scatter and the error of the class leave a cost at least as large."""
+        """Return the probability that scatter and the error of the class leave a cost at least as
+        large.
+        """
         return probability_of_cost(roots[4], self.lines.dof, self.n_parameters(roots))
 
     def explained(self, roots: Roots) -> bool:
@@ -162,18 +201,25 @@ class FitSearch:
         return self.probability(roots) > _LIKELY_COST
 
     def with_class_error(self, epsilon: float, delay: float | None) -> FitSearch:
-        """Return a search with an error of the class in the weights of the lines; `delay` [s] is fixed unless None."""
-        return replace(self, lines=replace(self.lines, epsilon=epsilon), delay=delay, found={}, begun={})
+        """Return a search with an error of the class in the weights of the lines; `delay` [s] is
+        fixed unless None.
+        """
+        return replace(
+            self, lines=replace(self.lines, epsilon=epsilon), delay=delay, found={}, begun={}
+        )
 
     def best_with_class_error(self, orders: tuple[int, int]) -> tuple[FitSearch, Roots]:
-        """Return the best fit and the search that weighed its lines: this one if scatter explains the residual.
+        """Return the best fit and the search that weighed its lines: this one if scatter explains
+        the residual.
 
-        Otherwise the error of the class is estimated with the model, from the fit to the scatter alone and from scratch
-        at several sizes of that error. If that leads to a fit that scatter explains, the class has no error after
-        all.
+        Otherwise the error of the class is estimated with the model, from the fit to the scatter
+        alone and from scratch at several sizes of that error. If that leads to a fit that scatter
+        explains, the class has no error after all.
         """
         roots = self.found[orders] if orders in self.found else self.begin(orders)
-        if not self.probability(roots) < UNLIKELY_COST:  # without variances the error of the class is not separable
+        if (
+            not self.probability(roots) < UNLIKELY_COST
+        ):  # without variances the error of the class is not separable
             return self, self.best(orders)
         begun = [roots]
         for k, epsilon in enumerate(START_SIZES):
@@ -188,7 +234,8 @@ class FitSearch:
         return self, self.best(orders, starts=(alone,))
 
     def settle(self, roots: Roots, tolerance: float = CONVERGED) -> tuple[FitSearch, Roots]:
-        """Return the most likely fit near a start, with the search at the most likely size of the class error.
+        """Return the most likely fit near a start, with the search at the most likely size of the
+        class error.
 
         Size and model are optimised in turn; no step lowers the likelihood of both together.
         """
@@ -206,7 +253,8 @@ class FitSearch:
     def unlikelihood(self, roots: Roots) -> float:
         """Return the negative log likelihood of a fit minus that of its scatter alone.
 
-        The cost is in units of its expectation for estimated variances; without variances the likeliest one is used.
+        The cost is in units of its expectation for estimated variances; without variances the
+        likeliest one is used.
         """
         cost, dof = roots[4], self.lines.dof
         if np.isnan(dof).any():
@@ -217,15 +265,29 @@ class FitSearch:
     def response(self, roots: Roots) -> np.ndarray:
         zeros, poles, gain, tau, _ = roots
         return zpk_response(
-            self.lines.omega, zeros, poles=poles, gain=gain, delay=tau, dt=self.dt, excess=poles.size - zeros.size
+            self.lines.omega,
+            zeros,
+            poles=poles,
+            gain=gain,
+            delay=tau,
+            dt=self.dt,
+            excess=poles.size - zeros.size,
         )
 
     def with_cost(self, zeros: np.ndarray, poles: np.ndarray, gain: float, tau: float) -> Roots:
         model = self.response((zeros, poles, gain, tau, np.nan))
-        return zeros, poles, gain, tau, float(np.sum(np.abs(self.lines.G - model) ** 2 / self.lines.total_var))
+        return (
+            zeros,
+            poles,
+            gain,
+            tau,
+            float(np.sum(np.abs(self.lines.G - model) ** 2 / self.lines.total_var)),
+        )
 
     def refine(self, start: Roots, tolerance: float = CONVERGED) -> Roots:
-        """Return the fit refined from a start by Levenberg and Marquardt's method; a delay in samples stays."""
+        """Return the fit refined from a start by Levenberg and Marquardt's method; a delay in
+        samples stays.
+        """
         excess = start[1].size - start[0].size
 
         def factor(tau: float) -> np.ndarray:
@@ -246,17 +308,24 @@ class FitSearch:
         """Return starts from scratch, at the given delay or at those of the smallest cost."""
         if self.delay is None:
             delays = _trial_delays(self.lines, self.dt)
-            rough = [_vector_fitted(self, orders, float(tau), "log", n_iterations=_N_ROUGH) for tau in delays]
+            rough = [
+                _vector_fitted(self, orders, float(tau), "log", n_iterations=_N_ROUGH)
+                for tau in delays
+            ]
             best = sorted(rough, key=lambda roots: roots[4])[:_N_DELAYS]
             starts = [_vector_fitted(self, orders, roots[3], "log") for roots in best]
             starts.sort(key=lambda roots: roots[4])
         else:
             starts = [_vector_fitted(self, orders, self.delay, "log")]
-        return starts + [_vector_fitted(self, orders, starts[0][3], spacing) for spacing in ("linear", "peaks")]
+        return starts + [
+            _vector_fitted(self, orders, starts[0][3], spacing) for spacing in ("linear", "peaks")
+        ]
 
 
 def _trial_delays(lines: FrfData, dt: float) -> np.ndarray:
-    """Return delays [s] from zero to twice the mean group delay, or to one turn at the highest line."""
+    """Return delays [s] from zero to twice the mean group delay, or to one turn at the highest
+    line.
+    """
     order = np.argsort(lines.omega, kind="stable")
     phase = np.unwrap(np.angle(lines.G[order]))
     omega = lines.omega[order]
@@ -269,7 +338,12 @@ def _trial_delays(lines: FrfData, dt: float) -> np.ndarray:
 
 
 def _vector_fitted(
-    search: FitSearch, orders: tuple[int, int], tau: float, spacing: str, *, n_iterations: int = _N_RELOCATIONS
+    search: FitSearch,
+    orders: tuple[int, int],
+    tau: float,
+    spacing: str,
+    *,
+    n_iterations: int = _N_RELOCATIONS,
 ) -> Roots:
     """Return a fit by vector fitting behind a delay [s], or with poles on the peaks."""
     lines, (n_poles, n_zeros) = search.lines, orders
@@ -285,7 +359,13 @@ def _vector_fitted(
         # an extreme variance ratio stalls the relocation; the refinement uses the true one
         tame = np.maximum(weight, 1e-3 * weight.max())
         poles = vector_fit(
-            s, data, weight=tame, poles=poles, n_zeros=n_zeros, n_iterations=n_iterations, stable=search.stable
+            s,
+            data,
+            weight=tame,
+            poles=poles,
+            n_zeros=n_zeros,
+            n_iterations=n_iterations,
+            stable=search.stable,
         )
         poles = np.where(np.abs(poles) < 1e-6 * low, -1e-6 * low, poles)
     return _with_numerator(search, poles, n_zeros, tau)
@@ -302,7 +382,9 @@ def _with_numerator(search: FitSearch, poles: np.ndarray, n_zeros: int, tau: flo
 
 
 def _poles_on_peaks(s: np.ndarray, data: np.ndarray, n: int) -> np.ndarray:
-    """Return (n,) lightly damped poles on the highest peaks, at least a fifth of their frequency apart."""
+    """Return (n,) lightly damped poles on the highest peaks, at least a fifth of their frequency
+    apart.
+    """
     x, size = np.abs(s), np.abs(data)
     poles: list[complex] = [-np.exp(np.mean(np.log(x)))] if n % 2 else []
     while len(poles) < n:
@@ -313,10 +395,12 @@ def _poles_on_peaks(s: np.ndarray, data: np.ndarray, n: int) -> np.ndarray:
 
 
 def _further_roots(search: FitSearch, roots: Roots, k: int) -> list[Roots]:
-    """Return starts with one (k = 1) or two further poles and as many zeros, at the largest effect on the residual.
+    """Return starts with one (k = 1) or two further poles and as many zeros, at the largest effect
+    on the residual.
 
-    A factor 1 + (a s + b)/(s^2 + 2 zeta w s + w^2), or 1 + b/(s + w), is linear in a and b. The value of a place is
-    the reduction of the residual by a, b and small steps of all fitted parameters, in least squares.
+    A factor 1 + (a s + b)/(s^2 + 2 zeta w s + w^2), or 1 + b/(s + w), is linear in a and b. The
+    value of a place is the reduction of the residual by a, b and small steps of all fitted
+    parameters, in least squares.
     """
     lines, (zeros, poles, gain, tau, _) = search.lines, roots
     s, model = s_plane_points(lines.omega, search.dt), search.response(roots)
@@ -358,7 +442,9 @@ def _further_roots(search: FitSearch, roots: Roots, k: int) -> list[Roots]:
         above = np.array([0, a, b * at] if k == 2 else [0, b * at])
         shares = [
             search.with_cost(
-                order_roots(np.concatenate([zeros, np.roots(below + share * above)]).astype(complex)),
+                order_roots(
+                    np.concatenate([zeros, np.roots(below + share * above)]).astype(complex)
+                ),
                 order_roots(np.concatenate([poles, np.roots(below)]).astype(complex)),
                 gain,
                 tau,
@@ -370,7 +456,9 @@ def _further_roots(search: FitSearch, roots: Roots, k: int) -> list[Roots]:
 
 
 def _fewer_roots(search: FitSearch, roots: Roots, k: int) -> list[Roots]:
-    """Return the cheapest start without one real pole (k = 1) or one pair, and with as many zeros fewer."""
+    """Return the cheapest start without one real pole (k = 1) or one pair, and with as many zeros
+    fewer.
+    """
     zeros, poles, _, tau, _ = roots
     pairs, rest = pair_roots(poles)
     real = np.array([*rest, *(p for pair in pairs for p in pair if p.imag == 0)])

@@ -1,13 +1,15 @@
-"""A matrix of rational functions with shared poles and residues of low rank, fitted to a measured matrix.
+"""A matrix of rational functions with shared poles and residues of low rank, fitted to a measured
+matrix.
 
     G(s) = sum_r C_r B_r^T / (s - p_r) + conjugates (+ D),    C_r (n_y, rank), B_r (n_u, rank)
 
-minimises sum_k || C_k^-1/2 (G_k - G(j omega_k)) gamma_k^-1/2 ||_F^2. On line k, C_k (n_y, n_y) and gamma_k (n_u, n_u)
-are the covariance of the scatter of G at its outputs and at its inputs. The error of the class of models is added to it
-as in `robust.models.fit.class_error`. All entries of a machine share its poles, and a mode has one shape:
-residues have rank one, and n poles make n states, not n n_u. The start is vector fitting with poles shared by all
-entries and residues cut to their rank. Then follows Levenberg-Marquardt on p, C and B, with least-norm steps, because
-C_r/a and a B_r are the same model (Gustavsen & Semlyen 1999; PS 9).
+minimises sum_k || C_k^-1/2 (G_k - G(j omega_k)) gamma_k^-1/2 ||_F^2. On line k, C_k (n_y, n_y) and
+gamma_k (n_u, n_u) are the covariance of the scatter of G at its outputs and at its inputs. The
+error of the class of models is added to it as in `robust.models.fit.class_error`. All entries of a
+machine share its poles, and a mode has one shape: residues have rank one, and n poles make n
+states, not n n_u. The start is vector fitting with poles shared by all entries and residues cut to
+their rank. Then follows Levenberg-Marquardt on p, C and B, with least-norm steps, because C_r/a and
+a B_r are the same model (Gustavsen & Semlyen 1999; PS 9).
 """
 
 from __future__ import annotations
@@ -24,7 +26,12 @@ from nlfrf import Bla
 from nlfrf._base.values import value
 from robust.lti.realisation import order_roots
 from robust.models.fit.class_error import balance, loop_tolerance
-from robust.models.fit.rational import partial_fractions, relocated_poles, stack_real_imaginary, starting_poles
+from robust.models.fit.rational import (
+    partial_fractions,
+    relocated_poles,
+    stack_real_imaginary,
+    starting_poles,
+)
 
 _N_RELOCATIONS, _N_STEPS = 15, 60
 _MIN_POLE_DISTANCE = 1e-6  # damping below which a starting pole is moved off the axis
@@ -36,8 +43,11 @@ _MIN_EIGENVALUE_RATIO = 1e-3  # least eigenvalue of a covariance over its larges
 class SharedPoles:
     """Poles with their residues as products."""
 
-    poles: np.ndarray  # (n,) complex poles in the upper half plane, each with its conjugate, and real ones
-    # left, right: (n, n_y, rank) or (n, n_u, rank) complex residue r is left[r] right[r]^T; real for a real pole
+    poles: (
+        np.ndarray
+    )  # (n,) complex poles in the upper half plane, each with its conjugate, and real ones
+    # left, right: (n, n_y, rank) or (n, n_u, rank) complex residue r is left[r] right[r]^T; real
+    # for a real pole
     left: np.ndarray
     right: np.ndarray
     direct: np.ndarray  # (n_y, n_u) D
@@ -46,17 +56,23 @@ class SharedPoles:
         """Return (F, n_y, n_u) at omega [rad/s]."""
         up, down = self.pole_fractions(omega)
         residues = self.left @ np.swapaxes(self.right, 1, 2)
-        both = np.einsum("fr,rij->fij", up, residues) + np.einsum("fr,rij->fij", down, residues.conj())
+        both = np.einsum("fr,rij->fij", up, residues) + np.einsum(
+            "fr,rij->fij", down, residues.conj()
+        )
         return both + self.direct
 
     def pole_fractions(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return (F, n) 1/(s - p), and 1/(s - p*) which is zero for a real pole."""
         s = 1j * omega[:, None]
-        return 1 / (s - self.poles), np.where(self.poles.imag == 0, 0.0, 1 / (s - self.poles.conj()))
+        return 1 / (s - self.poles), np.where(
+            self.poles.imag == 0, 0.0, 1 / (s - self.poles.conj())
+        )
 
     @property
     def n_parameters(self) -> int:
-        """Return the number of free real parameters: scaling C against B costs rank^2 of each residue."""
+        """Return the number of free real parameters: scaling C against B costs rank^2 of each
+        residue.
+        """
         n_y, rank = self.left.shape[1:]
         each = 1 + rank * (n_y + self.right.shape[1]) - rank**2
         real = self.poles.imag == 0
@@ -82,13 +98,16 @@ class SharedPoles:
 
 @value(copy=False, kw_only=False)
 class ErrorMetric:
-    """Weight of the error of a measured matrix: by its scatter, and by the tolerance for the error of the class."""
+    """Weight of the error of a measured matrix: by its scatter, and by the tolerance for the error
+    of the class.
+    """
 
-    # left, right: (F, n_y, n_y) or (F, n_u, n_u) complex factors for which left E right has independent entries for an
-    # error E: scatter has variance one in each
+    # left, right: (F, n_y, n_y) or (F, n_u, n_u) complex factors for which left E right has
+    # independent entries for an error E: scatter has variance one in each
     left: np.ndarray
     right: np.ndarray
-    # (F, n_y, n_u) standard deviation of the entries of left E right for an error of the class of size one
+    # (F, n_y, n_u) standard deviation of the entries of left E right for an error of the class of
+    # size one
     tolerance: np.ndarray
     entry_tolerance: np.ndarray  # (F, n_y, n_u) the same for the entries of E [unit of G]
     epsilon: float = 0.0  # size of the error of the class
@@ -99,8 +118,11 @@ class ErrorMetric:
         return 1 + (self.epsilon * self.tolerance) ** 2
 
     def whiten(self, E: np.ndarray) -> np.ndarray:
-        """Return errors (..., F, n_y, n_u) in units of their standard deviation, real over imaginary."""
-        # one product for each line, left E right = (left kron right^T) vec E: thousands of 2 x 2 products are slower
+        """Return errors (..., F, n_y, n_u) in units of their standard deviation, real over
+        imaginary.
+        """
+        # one product for each line, left E right = (left kron right^T) vec E: thousands of 2 x 2
+        # products are slower
         n = E.shape[-2] * E.shape[-1]
         errors = np.moveaxis(E.reshape(-1, len(self.left), n), 0, -1)  # (F, n, errors)
         scaled = self._factor @ errors / np.sqrt(self.total_var).reshape(-1, n, 1)
@@ -115,7 +137,9 @@ class ErrorMetric:
         return product.reshape(-1, n, n)
 
     def entry_std(self) -> np.ndarray:
-        """Return (F, n_y, n_u) standard deviation of the error of each entry, given the errors of the others."""
+        """Return (F, n_y, n_u) standard deviation of the error of each entry, given the errors of
+        the others.
+        """
         rows, columns = (np.swapaxes(np.abs(root) ** 2, 1, 2) for root in (self.left, self.right))
         return np.asarray(1 / np.sqrt(rows @ (1 / self.total_var) @ columns))
 
@@ -125,11 +149,12 @@ class ErrorMetric:
 
 
 def error_metric(frms: list[Bla], omega_c: float) -> ErrorMetric:
-    """Return the metric of the errors of concatenated measured matrices, for a loop with the crossover omega_c.
+    """Return the metric of the errors of concatenated measured matrices, for a loop with the
+    crossover omega_c.
 
-    The tolerance of an entry is the product of the size of its row and its column (`balance`), over |T_c|^2. The
-    scatter in any direction is at least a thirtieth of the largest, and a millionth of |G|: a smaller variance is
-    rounding, or one nonlinearity alone, and would dominate the fit.
+    The tolerance of an entry is the product of the size of its row and its column (`balance`), over
+    |T_c|^2. The scatter in any direction is at least a thirtieth of the largest, and a millionth of
+    |G|: a smaller variance is rounding, or one nonlinearity alone, and would dominate the fit.
     """
     parts = []
     for frm in frms:
@@ -139,29 +164,40 @@ def error_metric(frms: list[Bla], omega_c: float) -> ErrorMetric:
         parts.append(
             (
                 hermitian_power(
-                    np.moveaxis(frm.cov.bound, 2, 0), -0.5, share=_MIN_EIGENVALUE_RATIO, least=rounding[:, None]
+                    np.moveaxis(frm.cov.bound, 2, 0),
+                    -0.5,
+                    share=_MIN_EIGENVALUE_RATIO,
+                    least=rounding[:, None],
                 ),
                 hermitian_power(gamma, -0.5, share=_MIN_EIGENVALUE_RATIO),
             )
         )
     left, right = (np.concatenate(roots) for roots in zip(*parts, strict=True))
     tolerance = loop_tolerance(
-        np.concatenate([frm.omega for frm in frms]), np.concatenate([frm.G for frm in frms], axis=2), omega_c
+        np.concatenate([frm.omega for frm in frms]),
+        np.concatenate([frm.G for frm in frms], axis=2),
+        omega_c,
     )
     rows, columns = balance(np.moveaxis(tolerance, 2, 0))
     # in directions in which scatter and error of the class are both uncorrelated
     of_rows, forth = np.linalg.eigh(left * rows[:, None] ** 2 @ _conjugate(left))
     of_columns, back = np.linalg.eigh(_conjugate(right) * columns[:, None] ** 2 @ right)
     power = np.maximum(of_rows, 0.0)[:, :, None] * np.maximum(of_columns, 0.0)[:, None]
-    return ErrorMetric(_conjugate(forth) @ left, right @ back, np.sqrt(power), rows[:, :, None] * columns[:, None])
+    return ErrorMetric(
+        _conjugate(forth) @ left, right @ back, np.sqrt(power), rows[:, :, None] * columns[:, None]
+    )
 
 
 def _conjugate(X: np.ndarray) -> np.ndarray:
     return np.asarray(np.swapaxes(X, 1, 2).conj())
 
 
-def hermitian_power(X: np.ndarray, power: float, *, share: float = 0.0, least: np.ndarray | float = 0.0) -> np.ndarray:
-    """Return (F, n, n) powers of Hermitian matrices; eigenvalues are at least `share` of the largest, and `least`."""
+def hermitian_power(
+    X: np.ndarray, power: float, *, share: float = 0.0, least: np.ndarray | float = 0.0
+) -> np.ndarray:
+    """Return (F, n, n) powers of Hermitian matrices; eigenvalues are at least `share` of the
+    largest, and `least`.
+    """
     values, vectors = np.linalg.eigh(X)
     values = np.maximum(values, np.maximum(share * values[:, -1:], least))
     return np.asarray(vectors * values[:, None] ** power @ np.swapaxes(vectors, 1, 2).conj())
@@ -191,7 +227,9 @@ def fit_shared_poles(
     fits = []
     for spacing in ("log", "linear"):
         start = fit_by_vector_fitting(omega, G, metric=metric, **kind, spacing=spacing)
-        fits.append(refine_shared_poles(omega, G, metric=metric, model=start, direct=direct, stable=stable))
+        fits.append(
+            refine_shared_poles(omega, G, metric=metric, model=start, direct=direct, stable=stable)
+        )
     return min(fits, key=lambda found: found[1])[0]
 
 
@@ -221,9 +259,17 @@ def fit_by_vector_fitting(
 
 
 def _relocate_shared_poles(
-    omega: np.ndarray, G: np.ndarray, *, std: np.ndarray, poles: np.ndarray, direct: bool, stable: bool
+    omega: np.ndarray,
+    G: np.ndarray,
+    *,
+    std: np.ndarray,
+    poles: np.ndarray,
+    direct: bool,
+    stable: bool,
 ) -> np.ndarray:
-    """Return poles shared by all entries, by vector fitting; the own unknowns of each entry are projected off first."""
+    """Return poles shared by all entries, by vector fitting; the own unknowns of each entry are
+    projected off first.
+    """
     s, n = 1j * omega, poles.size
     if not n:
         return poles
@@ -235,10 +281,8 @@ def _relocate_shared_poles(
         for j, i in np.ndindex(G.shape[1:]):
             weight = 1 / std[:, j, i]
             Q, _ = np.linalg.qr(stack_real_imaginary(own * weight[:, None]))
-            A, b = (
-                stack_real_imaginary(-G[:, j, i, None] * basis * weight[:, None]),
-                stack_real_imaginary(G[:, j, i] * weight),
-            )
+            A = stack_real_imaginary(-G[:, j, i, None] * basis * weight[:, None])
+            b = stack_real_imaginary(G[:, j, i] * weight)
             rest = b - Q @ (Q.T @ b)
             rows.append(A - Q @ (Q.T @ A))
             aims.append(rest)
@@ -251,7 +295,9 @@ def _relocate_shared_poles(
         if stable:
             moved = np.where(moved.real > 0, -moved.conj(), moved)
         moved = np.where(
-            np.abs(moved.real) < _MIN_POLE_DISTANCE * np.abs(moved), moved - _MIN_POLE_DISTANCE * np.abs(moved), moved
+            np.abs(moved.real) < _MIN_POLE_DISTANCE * np.abs(moved),
+            moved - _MIN_POLE_DISTANCE * np.abs(moved),
+            moved,
         )
         poles = order_roots(moved)
     return best
@@ -270,7 +316,10 @@ def _residues_of_rank(
         weight = 1 / std[:, j, i]
         A = stack_real_imaginary(own * weight[:, None])
         scale = np.maximum(np.linalg.norm(A, axis=0), np.finfo(float).tiny)
-        solution[:, j, i] = np.linalg.lstsq(A / scale, stack_real_imaginary(G[:, j, i] * weight), rcond=None)[0] / scale
+        solution[:, j, i] = (
+            np.linalg.lstsq(A / scale, stack_real_imaginary(G[:, j, i] * weight), rcond=None)[0]
+            / scale
+        )
     kept, left, right = [], [], []
     rank, k = min(rank, n_y, n_u), 0
     while k < poles.size:
@@ -301,14 +350,17 @@ def refine_shared_poles(
     direct: bool,
     stable: bool,
 ) -> tuple[SharedPoles, float]:
-    """Refine poles, residues and D by Levenberg-Marquardt; a stable pole has the log of its real part as parameter."""
+    """Refine poles, residues and D by Levenberg-Marquardt; a stable pole has the log of its real
+    part as parameter.
+    """
 
     residual = metric.whiten(G - model.response(omega))
     cost, damping = float(residual @ residual), 1e-3
     for _ in range(_N_STEPS):
         J = metric.whiten(response_derivatives(omega, model, direct=direct, stable=stable)).T
         scale = np.maximum(np.linalg.norm(J, axis=0), np.finfo(float).tiny)
-        # J has far more rows than columns: the triangle of [J residual] has its singular values, and U' residual
+        # J has far more rows than columns: the triangle of [J residual] has its singular values,
+        # and U' residual
         triangle = np.asarray(np.linalg.qr(np.column_stack([J / scale, residual]), mode="r"))
         U, sizes, Vh = np.linalg.svd(triangle[:, :-1], full_matrices=False)
         along, improved = U.T @ triangle[:, -1], False
@@ -331,8 +383,12 @@ def refine_shared_poles(
     return model, cost
 
 
-def response_derivatives(omega: np.ndarray, model: SharedPoles, *, direct: bool, stable: bool) -> np.ndarray:
-    """Return (n_parameters, F, n_y, n_u) derivatives of the response by the parameters of `_step_parameters`."""
+def response_derivatives(
+    omega: np.ndarray, model: SharedPoles, *, direct: bool, stable: bool
+) -> np.ndarray:
+    """Return (n_parameters, F, n_y, n_u) derivatives of the response by the parameters of
+    `_step_parameters`.
+    """
     up, down = model.pole_fractions(omega)
     out = []
     for r, p in enumerate(model.poles):
@@ -341,8 +397,14 @@ def response_derivatives(omega: np.ndarray, model: SharedPoles, *, direct: bool,
         first, second = up[:, r, None, None], down[:, r, None, None]
 
         def both(X: np.ndarray, a: np.ndarray, z: np.ndarray, real: bool) -> list[np.ndarray]:
-            """Return derivatives by real and imaginary part of a number that multiplies X, and its conjugate."""
-            return [a * X + z * X.conj()] if real else [a * X + z * X.conj(), 1j * (a * X - z * X.conj())]
+            """Return derivatives by real and imaginary part of a number that multiplies X, and its
+            conjugate.
+            """
+            return (
+                [a * X + z * X.conj()]
+                if real
+                else [a * X + z * X.conj(), 1j * (a * X - z * X.conj())]
+            )
 
         by_pole = both(R, first**2, second**2, real)
         by_pole[0] = by_pole[0] * (p.real if stable else 1.0)  # p = -exp(alpha) + j beta
@@ -354,11 +416,17 @@ def response_derivatives(omega: np.ndarray, model: SharedPoles, *, direct: bool,
                 out += both(np.outer(c[:, k], np.eye(b.shape[0])[i]), first, second, real)
     if direct:
         n_y, n_u = model.direct.shape
-        out += [np.broadcast_to(np.outer(a, b), (omega.size, n_y, n_u)) for a in np.eye(n_y) for b in np.eye(n_u)]
+        out += [
+            np.broadcast_to(np.outer(a, b), (omega.size, n_y, n_u))
+            for a in np.eye(n_y)
+            for b in np.eye(n_u)
+        ]
     return np.array(out, dtype=complex).reshape(len(out), omega.size, *model.direct.shape)
 
 
-def _step_parameters(model: SharedPoles, step: np.ndarray, *, direct: bool, stable: bool) -> SharedPoles:
+def _step_parameters(
+    model: SharedPoles, step: np.ndarray, *, direct: bool, stable: bool
+) -> SharedPoles:
     poles, left, right, at = model.poles.copy(), model.left.copy(), model.right.copy(), 0
 
     def take(real: bool) -> complex:

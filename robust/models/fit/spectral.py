@@ -1,9 +1,12 @@
-"""Weights that are matrices: W stable and minimum phase, with W W* above a Hermitian matrix at every frequency.
+"""Weights that are matrices:
 
-W W* = Z + Z* with Z = M_0 + sum_k M_k/(s - p_k) is linear in the real M_k. So the smallest W_l W_l* and W_r* W_r that
-cover every matrix follow from one convex program. The factor W follows from a Riccati equation (the positive-real
-lemma; Anderson & Vongpanitlerd, Network Analysis and Synthesis, 1973). W_l carries the size: a scalar weight w = prod
-(s - z)/(s - p) follows its trace, and W_l = w V, where V is near one in size and has its poles at the zeros z.
+W stable and minimum phase, with W W* above a Hermitian matrix at every frequency.
+
+W W* = Z + Z* with Z = M_0 + sum_k M_k/(s - p_k) is linear in the real M_k. So the smallest W_l W_l*
+and W_r* W_r that cover every matrix follow from one convex program. The factor W follows from a
+Riccati equation (the positive-real lemma; Anderson & Vongpanitlerd, Network Analysis and Synthesis,
+1973). W_l carries the size: a scalar weight w = prod (s - z)/(s - p) follows its trace, and W_l = w
+V, where V is near one in size and has its poles at the zeros z.
 """
 
 from __future__ import annotations
@@ -25,20 +28,31 @@ if TYPE_CHECKING:
     import cvxpy
 
 _BAND_MARGIN = 3.0  # factor outside the band within which a pole may lie
-_POLE_SPACING = 0.1  # least relative distance between poles, so that their fractions differ; closer ones are moved
-_ACTIVE_SHARE = 0.5  # share of the largest gain at a line above which a matrix is a constraint of the fit
+# least relative distance between poles, so that their fractions differ; closer ones are moved
+_POLE_SPACING = 0.1
+_ACTIVE_SHARE = (
+    0.5  # share of the largest gain at a line above which a matrix is a constraint of the fit
+)
 _LIFT = 1e-9
-#: Steps of SCS where CLARABEL fails, as for matrices of rank one: the set is lifted over every plant in any case.
-#: With 300, 1000 and 3000 steps the weights of one such family came to 1.013, 1.003 and 1.010 of the smallest.
+# : Steps of SCS where CLARABEL fails, as for matrices of rank one: the set is lifted over every
+# plant in any case. : With 300, 1000 and 3000 steps the weights of one such family came to 1.013,
+# 1.003 and 1.010 of the smallest.
 _SPECTRUM_STEPS = 1000
-_RAISED = (1e-3, 3e-3, 0.01, 0.03, 0.1)  # of the trace, added in every direction so that W has an inverse
+_RAISED = (
+    1e-3,
+    3e-3,
+    0.01,
+    0.03,
+    0.1,
+)  # of the trace, added in every direction so that W has an inverse
 _MIN_DIRECT = 1e-12  # smallest over largest gain of W at infinite frequency: its inverse is proper
 
 
 def fit_matrix_weights(
     omega: np.ndarray, E: np.ndarray, *, L: np.ndarray, R: np.ndarray, order: int, dt: float
 ) -> tuple[control.StateSpace, control.StateSpace]:
-    """Fit stable minimum-phase W_l and W_r so that W_l Delta W_r covers every E, as little above L and R as possible.
+    """Fit stable minimum-phase W_l and W_r so that W_l Delta W_r covers every E, as little above L
+    and R as possible.
 
     Parameters
     ----------
@@ -84,29 +98,49 @@ def fit_matrix_weights(
     traces = np.einsum("wii->w", L).real / size, np.einsum("wii->w", R).real
     gains = largest_gains(E, L, R)
     active = gains > _ACTIVE_SHARE * gains.max(axis=0)
-    found = _fit_spectra(x, E / np.sqrt(size)[:, None, None], active, poles=(zeros, poles), traces=traces)
-    factors = _exchange_poles(_spectral_factor(zeros, found[0]), zeros, poles), _spectral_factor(poles, found[1])
+    found = _fit_spectra(
+        x, E / np.sqrt(size)[:, None, None], active, poles=(zeros, poles), traces=traces
+    )
+    factors = (
+        _exchange_poles(_spectral_factor(zeros, found[0]), zeros, poles),
+        _spectral_factor(poles, found[1]),
+    )
     sides = []
     for W in factors:
         matrices = (W.A * unit, W.B * unit, W.C, W.D)
-        sides.append(control.StateSpace(*(to_discrete(*matrices) if dt else matrices), dt, remove_useless_states=False))
+        sides.append(
+            control.StateSpace(
+                *(to_discrete(*matrices) if dt else matrices), dt, remove_useless_states=False
+            )
+        )
     W_l, V_r = sides  # W_r is the transpose of V_r: V V* covers the conjugate of R
     W_r = control.StateSpace(V_r.A.T, V_r.C.T, V_r.B.T, V_r.D.T, dt, remove_useless_states=False)
     left, right = (np.moveaxis(response_by_channel(W, omega), 2, 0) for W in (W_l, W_r))
     Delta = np.linalg.solve(left, divide_right(E, right))
     lift = float(np.linalg.norm(Delta, 2, (2, 3)).max()) * (1 + _LIFT)
-    return control.StateSpace(W_l.A, W_l.B, W_l.C * lift, W_l.D * lift, dt, remove_useless_states=False), W_r
+    return (
+        control.StateSpace(
+            W_l.A, W_l.B, W_l.C * lift, W_l.D * lift, dt, remove_useless_states=False
+        ),
+        W_r,
+    )
 
 
 def largest_gains(E: np.ndarray, L: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """Return (...) gains of W_l^-1 E W_r^-1, with L = W_l W_l* and R = W_r* W_r positive definite."""
-    left, right = np.linalg.cholesky(L), np.linalg.cholesky(R)  # W_l, and W_r*, because R = W_r* W_r
+    """Return (...) gains of W_l^-1 E W_r^-1, with L = W_l W_l* and R = W_r* W_r positive
+    definite.
+    """
+    # W_l, and W_r*, because R = W_r* W_r
+    left = np.linalg.cholesky(L)
+    right = np.linalg.cholesky(R)
     Delta = divide_right(np.linalg.solve(left, E), np.swapaxes(right.conj(), -1, -2))
     return np.asarray(np.linalg.norm(Delta, 2, (-2, -1)))
 
 
 def _clip_roots(roots: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return the roots clipped to the neighbourhood of the band; beyond it no line constrains the weight."""
+    """Return the roots clipped to the neighbourhood of the band; beyond it no line constrains the
+    weight.
+    """
     size = np.abs(roots)
     return roots * np.clip(size, x[0] / _BAND_MARGIN, x[-1] * _BAND_MARGIN) / size
 
@@ -123,7 +157,9 @@ def _space_roots(roots: np.ndarray, taken: np.ndarray) -> np.ndarray:
 
 
 class _SpectrumVariable:
-    """Z + Z* at lines, at zero, at infinity and between lines, in that order; linear in the real unknowns M_k."""
+    """Z + Z* at lines, at zero, at infinity and between lines, in that order; linear in the real
+    unknowns M_k.
+    """
 
     def __init__(self, x: np.ndarray, poles: np.ndarray, n: int) -> None:
         import cvxpy as cp
@@ -141,7 +177,9 @@ class _SpectrumVariable:
 
         flip = np.arange(self.n**2).reshape(self.n, self.n).T.ravel()
         Z, Y = self.basis[k].real @ self.M, self.basis[k].imag @ self.M
-        real, imaginary = (cp.reshape(part, (self.n, self.n), order="C") for part in (Z + Z[flip], Y - Y[flip]))
+        real, imaginary = (
+            cp.reshape(part, (self.n, self.n), order="C") for part in (Z + Z[flip], Y - Y[flip])
+        )
         return real, imaginary
 
     @property
@@ -160,7 +198,9 @@ def _fit_spectra(
     poles: tuple[np.ndarray, np.ndarray],
     traces: tuple[np.ndarray, np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the M_k of both spectra, over E (M, W, n, m) where active (M, W), also at zero and infinite frequency."""
+    """Return the M_k of both spectra, over E (M, W, n, m) where active (M, W), also at zero and
+    infinite frequency.
+    """
     import cvxpy as cp
 
     n, m = E.shape[2:]
@@ -168,7 +208,9 @@ def _fit_spectra(
     constraints, cost = [], 0
     for k in range(2 * x.size + 1):
         (L, L_j), (R, R_j) = (side.at(k) for side in sides)
-        line = 0 if k == x.size else min(k, x.size - 1)  # zero takes the first line, infinity the last
+        line = (
+            0 if k == x.size else min(k, x.size - 1)
+        )  # zero takes the first line, infinity the last
         if k < x.size:
             cost += cp.trace(L) / traces[0][k] + cp.trace(R) / traces[1][k]
         if k > x.size + 1:
@@ -184,11 +226,15 @@ def _fit_spectra(
         found = [side.value for side in sides]
         if found[0] is not None and found[1] is not None:
             return found[0], found[1]
-    raise WeightOrderError(f"order must allow a weight that covers the matrices, got none with {poles[0].size} poles")
+    raise WeightOrderError(
+        f"order must allow a weight that covers the matrices, got none with {poles[0].size} poles"
+    )
 
 
 def _spectral_factor(poles: np.ndarray, M: np.ndarray) -> control.StateSpace:
-    """Return W, stable and minimum phase, with W W* = Z + Z*, Z = M_0 + sum over the fractions of the poles."""
+    """Return W, stable and minimum phase, with W W* = Z + Z*, Z = M_0 + sum over the fractions of
+    the poles.
+    """
     n = M.shape[1]
     A, B = _fraction_states(poles, n)
     C = np.hstack([np.zeros((n, 0)), *M[1:]])
@@ -204,27 +250,42 @@ def _spectral_factor(poles: np.ndarray, M: np.ndarray) -> control.StateSpace:
             X = solve_continuous_are(A.T, C.T, np.zeros_like(A), -direct, s=-B)
         except (np.linalg.LinAlgError, ValueError):
             continue
-        return control.StateSpace(A, (B - X @ C.T) @ np.linalg.inv(root), C, root, remove_useless_states=False)
-    raise WeightOrderError(f"order must allow a weight that covers the matrices, got none with {poles.size} poles")
+        return control.StateSpace(
+            A, (B - X @ C.T) @ np.linalg.inv(root), C, root, remove_useless_states=False
+        )
+    raise WeightOrderError(
+        f"order must allow a weight that covers the matrices, got none with {poles.size} poles"
+    )
 
 
 def _fraction_states(poles: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Return A and B whose states are the `partial_fractions` of the poles, each of n inputs."""
-    sections = [[[p.real, p.imag], [-p.imag, p.real]] if p.imag else [[p.real]] for p in poles[poles.imag >= 0]]
-    inputs = np.concatenate([np.zeros(0), *([2.0, 0.0] if p.imag else [1.0] for p in poles[poles.imag >= 0])])
+    sections = [
+        [[p.real, p.imag], [-p.imag, p.real]] if p.imag else [[p.real]]
+        for p in poles[poles.imag >= 0]
+    ]
+    inputs = np.concatenate(
+        [np.zeros(0), *([2.0, 0.0] if p.imag else [1.0] for p in poles[poles.imag >= 0])]
+    )
     A = block_diag(*sections) if sections else np.zeros((0, 0))
     return np.kron(A, np.eye(n)), np.kron(inputs[:, None], np.eye(n))
 
 
-def _exchange_poles(V: control.StateSpace, zeros: np.ndarray, poles: np.ndarray) -> control.StateSpace:
-    """Return V prod (s - z)/(s - p) for a V whose poles are the zeros z: by its residues at the poles p."""
+def _exchange_poles(
+    V: control.StateSpace, zeros: np.ndarray, poles: np.ndarray
+) -> control.StateSpace:
+    """Return V prod (s - z)/(s - p) for a V whose poles are the zeros z: by its residues at the
+    poles p.
+    """
     n = V.noutputs
     A, B = _fraction_states(poles, n)
     C = [np.zeros((n, 0))]
     for p in poles[poles.imag >= 0]:
         others = poles[poles != p]
         residue = (
-            np.prod(p - zeros) / np.prod(p - others) * (V.C @ np.linalg.solve(p * np.eye(V.nstates) - V.A, V.B) + V.D)
+            np.prod(p - zeros)
+            / np.prod(p - others)
+            * (V.C @ np.linalg.solve(p * np.eye(V.nstates) - V.A, V.B) + V.D)
         )
         C += [residue.real, residue.imag] if p.imag else [residue.real]
     return control.StateSpace(A, B, np.hstack(C), V.D, remove_useless_states=False)

@@ -1,9 +1,10 @@
 """The smallest W_l and W_r at each frequency for which W_l Delta W_r covers several matrices.
 
 With L = W_l W_l* and R = W_r* W_r a matrix E is W_l Delta W_r, sigma(Delta) <= 1, if and only if
-[[R, E*], [E, L]] >= 0 (Schur complement). So the smallest pair, by tr L + tr R, is a convex program. Scaling L up and R
-down by one factor leaves the set unchanged: at the optimum the traces are equal, and tr L + tr R = 2 sqrt(tr L tr R).
-For one matrix E alone L = (E E*)^1/2, R = (E* E)^1/2, and the optimum is the sum of its singular values.
+[[R, E*], [E, L]] >= 0 (Schur complement). So the smallest pair, by tr L + tr R, is a convex
+program. Scaling L up and R down by one factor leaves the set unchanged: at the optimum the traces
+are equal, and tr L + tr R = 2 sqrt(tr L tr R). For one matrix E alone L = (E E*)^1/2, R = (E*
+E)^1/2, and the optimum is the sum of its singular values.
 """
 
 from __future__ import annotations
@@ -13,12 +14,14 @@ import numpy as np
 from robust.models.fit.spectral import largest_gains
 from robust.proofs.search.programs import SOLVERS, solve_program
 
-#: Least eigenvalue of L and R over the mean one: the weights have an inverse, at the cost of a thousandth of the trace.
+# : Least eigenvalue of L and R over the mean one: the weights have an inverse, at the cost of a
+# thousandth of the trace.
 _EIGENVALUE_FLOOR = 1e-3
 
 
 def smallest_block_weights(E: np.ndarray, *, full: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return L (W, n, n) and R (W, m, m) of least tr L + tr R that cover all E (M, W, n, m), diagonal or full.
+    """Return L (W, n, n) and R (W, m, m) of least tr L + tr R that cover all E (M, W, n, m),
+    diagonal or full.
 
     The solution of the solver is not trusted: both are scaled until every E is covered.
 
@@ -53,18 +56,24 @@ def smallest_block_weights(E: np.ndarray, *, full: bool) -> tuple[np.ndarray, np
                 break
         else:  # without a solution: a larger set than necessary, but a valid one
             found = [np.eye(2 * n), np.eye(2 * m)]
-        halves = (x[: len(x) // 2, : len(x) // 2] + 1j * x[len(x) // 2 :, : len(x) // 2] for x in found)
+        halves = (
+            x[: len(x) // 2, : len(x) // 2] + 1j * x[len(x) // 2 :, : len(x) // 2] for x in found
+        )
         left, right = (_raise_eigenvalues((x + x.conj().T) / 2) * size for x in halves)
         excess = np.max(largest_gains(E, left, right))
         return left * excess, right * excess
 
     solved = [solve_at(E[:, k]) for k in range(E.shape[1])]
     left, right = (np.array(side) for side in zip(*solved, strict=True))
-    traces = np.sqrt(np.einsum("wii->w", left).real / np.einsum("wii->w", right).real)[:, None, None]
+    traces = np.sqrt(np.einsum("wii->w", left).real / np.einsum("wii->w", right).real)[
+        :, None, None
+    ]
     return left / traces, right * traces
 
 
 def _raise_eigenvalues(X: np.ndarray) -> np.ndarray:
     """Return a Hermitian matrix (n, n) with its eigenvalues raised to a floor."""
     values, vectors = np.linalg.eigh(X)
-    return np.asarray((vectors * np.maximum(values, _EIGENVALUE_FLOOR * values.mean())) @ vectors.conj().T)
+    return np.asarray(
+        (vectors * np.maximum(values, _EIGENVALUE_FLOOR * values.mean())) @ vectors.conj().T
+    )

@@ -1,7 +1,8 @@
 """Normalised coprime factors of a plant, and the plants with perturbed factors.
 
-G = N M^-1, both stable, N~ N + M~ M = 1 on the axis. For one input and output let [M~; -N~], made stable by an
-all-pass, be the complement of [N; M]. A plant whose factors differ by at most eps < 1 at a frequency is there
+G = N M^-1, both stable, N~ N + M~ M = 1 on the axis. For one input and output let [M~; -N~], made
+stable by an all-pass, be the complement of [N; M]. A plant whose factors differ by at most eps < 1
+at a frequency is there
 
     G_p = (G + t Delta)/(1 - G* t Delta),     t = eps/sqrt(1 - eps^2),  |Delta| <= 1,
 
@@ -28,8 +29,12 @@ from robust.lti.norms import continuous_image, hinf_norm, stabilising_riccati, t
 from robust.lti.realisation import state_space
 from robust.lti.truncation import gramian_root
 
-_HIDDEN_MODE_RATIO = 1e-14  # Hankel singular value over the largest one, below which a mode is removed
-_FACTOR_TOLERANCE = 1e-8  # largest chordal distance between the plant and the quotient of its factors
+_HIDDEN_MODE_RATIO = (
+    1e-14  # Hankel singular value over the largest one, below which a mode is removed
+)
+_FACTOR_TOLERANCE = (
+    1e-8  # largest chordal distance between the plant and the quotient of its factors
+)
 
 
 def invertible_scaling(
@@ -37,7 +42,9 @@ def invertible_scaling(
     W: control.StateSpace | control.TransferFunction,
     nominal: control.StateSpace | control.FrequencyResponseData,
 ) -> control.StateSpace:
-    """Return a scaling of the plant, stable with a stable inverse, on the time base of the plant; or refuse it."""
+    """Return a scaling of the plant, stable with a stable inverse, on the time base of the plant;
+    or refuse it.
+    """
     W = state_space(name, 1.0 if W is None else W)
     if (
         not is_constant(W)
@@ -45,14 +52,19 @@ def invertible_scaling(
         and timebase(W) != timebase(nominal)
     ):
         raise ValueError(
-            f"{name} must have the sampling time of the nominal, {timebase(nominal):g} s, got {timebase(W):g} s"
+            f"{name} must have the sampling time of the nominal, {timebase(nominal):g} s, got"
+            f" {timebase(W):g} s"
         )
     d = W.D[0, 0]
-    inverse = None if d == 0 else control.StateSpace(W.A - W.B @ W.C / d, W.B / d, W.C / d, [[1 / d]], W.dt)
+    inverse = (
+        None
+        if d == 0
+        else control.StateSpace(W.A - W.B @ W.C / d, W.B / d, W.C / d, [[1 / d]], W.dt)
+    )
     if inverse is None or not is_stable(W) or not is_stable(inverse):
         raise ValueError(
-            f"{name} must be stable with a stable inverse and a direct term, got {W.nstates} states and D = {d:g}. "
-            "For an integrator take (s + a)/(s + b) with b small"
+            f"{name} must be stable with a stable inverse and a direct term, got {W.nstates} states"
+            f" and D = {d:g}. For an integrator take (s + a)/(s + b) with b small"
         )
     return W
 
@@ -62,13 +74,14 @@ def require_below_one(weight: control.StateSpace) -> None:
     largest, where = hinf_norm(weight)
     if largest >= 1:
         raise ValueError(
-            f"weight must stay below one for the coprime form, got {largest:.4g} at {where:.4g} rad/s. "
-            "Another scaling W1, W2, a smaller radius or a higher order may help"
+            f"weight must stay below one for the coprime form, got {largest:.4g} at {where:.4g}"
+            " rad/s. Another scaling W1, W2, a smaller radius or a higher order may help"
         )
 
 
 def chord(radius: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Return (W,) the smallest eps that covers a disc about G, |G| = size: its point nearest to zero is the farthest.
+    """Return (W,) the smallest eps that covers a disc about G, |G| = size: its point nearest to
+    zero is the farthest.
 
     >>> float(chord(np.array([0.5]), np.array([1.0]))[0])              # from 1 to 1/2: 0.5/sqrt(2 * 1.25)
     0.31622776601683794
@@ -82,16 +95,19 @@ def tangent(w: np.ndarray) -> np.ndarray:
 
 
 def coprime_factors(name: str, G: control.StateSpace) -> tuple[Matrices, np.ndarray]:
-    """Return [N; M] as matrices in continuous time (a discrete plant by the bilinear map), and their Gramian X.
+    """Return [N; M] as matrices in continuous time (a discrete plant by the bilinear map), and
+    their Gramian X.
 
-    For several inputs and outputs G = N M^-1; transpose the factors of the transposed plant for left factors.
+    For several inputs and outputs G = N M^-1; transpose the factors of the transposed plant for
+    left factors.
     """
     A, B, C, D = _scaled_continuous_plant(G)
     R = np.eye(G.ninputs) + D.T @ D
     X = stabilising_riccati(A, B, Q=C.T @ C, R=R, S=C.T @ D)
     if X is None:
         raise ValueError(
-            f"{name} must be stabilisable and detectable, got a plant whose Riccati equation has no solution"
+            f"{name} must be stabilisable and detectable, got a plant whose Riccati equation has no"
+            " solution"
         )
     F = -np.linalg.solve(R, D.T @ C + B.T @ X)
     values, vectors = np.linalg.eigh(R)
@@ -104,7 +120,9 @@ def _scaled_continuous_plant(G: control.StateSpace) -> Matrices:
 
 
 def _scale_states(matrices: Matrices) -> Matrices:
-    """Scale the states of a system, because the Riccati equation of a companion form may be ill-conditioned."""
+    """Scale the states of a system, because the Riccati equation of a companion form may be
+    ill-conditioned.
+    """
     A, B, C, D = matrices
     if not A.size:
         return matrices
@@ -133,10 +151,12 @@ def factor_systems(G: control.StateSpace) -> tuple[control.StateSpace, control.S
 
 
 def factors_with_complement(G: control.StateSpace) -> tuple[Matrices, np.ndarray, np.ndarray]:
-    """Return [N; M], and B, D of its complement, which has the same A and C: both columns together are all-pass.
+    """Return [N; M], and B, D of its complement, which has the same A and C: both columns together
+    are all-pass.
 
-    The states have X = 1 as Gramian, so the conditions are A + A' + C'C = 0 and B = -C'D, without the inverse of X.
-    They hold to the last bit; the remaining rounding affects N/M only, which is compared with the plant.
+    The states have X = 1 as Gramian, so the conditions are A + A' + C'C = 0 and B = -C'D, without
+    the inverse of X. They hold to the last bit; the remaining rounding affects N/M only, which is
+    compared with the plant.
     """
     factors, X = coprime_factors("nominal", G)
     A, C = _output_normal_form(factors, X)
@@ -148,7 +168,9 @@ def factors_with_complement(G: control.StateSpace) -> tuple[Matrices, np.ndarray
 
 
 def _output_normal_form(factors: Matrices, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return A and C of the factors in states with unit Gramian, from balanced states without hidden modes."""
+    """Return A and C of the factors in states with unit Gramian, from balanced states without
+    hidden modes.
+    """
     A, B, C, _ = factors
     if not A.size:
         return A, C
@@ -160,7 +182,9 @@ def _output_normal_form(factors: Matrices, X: np.ndarray) -> tuple[np.ndarray, n
 
 
 def _require_exact_factors(G: control.StateSpace, factors: Matrices, poles: np.ndarray) -> None:
-    """Refuse factors whose quotient is not the plant: plants made from them would lie outside the set."""
+    """Refuse factors whose quotient is not the plant: plants made from them would lie outside the
+    set.
+    """
     if not poles.size:
         return
     fast, slow = np.abs(poles).max(), max(np.abs(poles).min(), 1e-12 * np.abs(poles).max())
@@ -170,8 +194,8 @@ def _require_exact_factors(G: control.StateSpace, factors: Matrices, poles: np.n
     off = float(np.max(np.abs(N - plant * M) / np.hypot(1, np.abs(plant))))
     if not off <= _FACTOR_TOLERANCE:
         raise ValueError(
-            f"nominal must have coprime factors that floating point resolves, got factors with an error of {off:.2g} "
-            "(numerical failure). Other units or fewer states may help"
+            "nominal must have coprime factors that floating point resolves, got factors with an"
+            f" error of {off:.2g} (numerical failure). Other units or fewer states may help"
         )
 
 
@@ -185,21 +209,28 @@ def plant_of_perturbed_factors(G: control.StateSpace, X: control.StateSpace) -> 
     C, D = np.hstack([C, D_across @ C_X]), D + D_across @ D_X
     d = D[1, 0]
     if abs(d) < 1e-9:
-        raise ValueError("form must leave the perturbed plant proper, got a factor M of zero at infinite frequency")
+        raise ValueError(
+            "form must leave the perturbed plant proper, got a factor M of zero at infinite"
+            " frequency"
+        )
     A, B, C, D = A - B @ C[1:] / d, B / d, C[:1] - D[:1] @ C[1:] / d, D[:1] / d
     dt = timebase(G)
     return control.StateSpace(*(to_discrete(A, B, C, D) if dt and len(A) else (A, B, C, D)), dt)
 
 
 def tangent_system(w: control.StateSpace) -> control.StateSpace:
-    """Return a stable system with the gain |w|/sqrt(1 - |w|^2): w over the spectral factor of 1 - |w|^2."""
+    """Return a stable system with the gain |w|/sqrt(1 - |w|^2): w over the spectral factor of 1 -
+    |w|^2.
+    """
     dt = timebase(w)
     A, B, C, D = _scale_states(continuous_image(w) if w.nstates else (w.A, w.B, w.C, w.D))
-    # 1 - |w|^2 = |V|^2 with V = (A, B, gain, root), from the same equation with R = D'D - 1, which is negative
+    # 1 - |w|^2 = |V|^2 with V = (A, B, gain, root), from the same equation with R = D'D - 1, which
+    # is negative
     Y = stabilising_riccati(A, B, Q=C.T @ C, R=D.T @ D - 1, S=C.T @ D) if D[0, 0] ** 2 < 1 else None
     if Y is None:
         raise ValueError(
-            "weight must stay below one at all frequencies to make plants of the set, got one that reaches it"
+            "weight must stay below one at all frequencies to make plants of the set, got one that"
+            " reaches it"
         )
     root = np.sqrt(1 - D.T @ D)
     gain, back = -(B.T @ Y + D.T @ C) / root, 1 / root
@@ -208,11 +239,17 @@ def tangent_system(w: control.StateSpace) -> control.StateSpace:
 
 
 def coprime_phase_offset(G: control.StateSpace, w: control.StateSpace, omega: float) -> complex:
-    """Return the phase factor of Delta between `plant_of_perturbed_factors` with `tangent_system` and the formula."""
+    """Return the phase factor of Delta between `plant_of_perturbed_factors` with `tangent_system`
+    and the formula.
+    """
     (A, B, C, D), B_across, D_across = factors_with_complement(G)
     dt = timebase(G)
     s = 1j * np.tan(omega * dt / 2) if dt else 1j * omega
-    resolved = np.linalg.solve(s * np.eye(len(A)) - A, np.hstack([B, B_across])) if len(A) else np.zeros((0, 2))
+    resolved = (
+        np.linalg.solve(s * np.eye(len(A)) - A, np.hstack([B, B_across]))
+        if len(A)
+        else np.zeros((0, 2))
+    )
     both = C @ resolved + np.hstack([D, D_across])
     at = np.array([omega])
     inside = both[0, 1] / both[1, 0] * response(tangent_system(w), at)[0]

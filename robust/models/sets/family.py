@@ -1,13 +1,15 @@
-"""Sets from families of plants with several channels: systems, FRFs, or both; the nominal is given or found.
+"""Sets from families of plants with several channels: systems, FRFs, or both; the nominal is given
+or found.
 
-At each frequency `block_weights` gives the smallest W_l and W_r that cover the deviation of every member; stable
-minimum-phase weights are fitted above them. The forms are compared by one measure: the largest sigma(W_r X W_l) over
-frequency. X is the transfer matrix seen by Delta in the loop: T, S, G^-1 T or S G, for T = omega_B/(s + omega_B) in
-every channel. Below one that loop is robust for the set (SP 8.6). The form with the smallest measure is the least
-demanding one for a controller.
+At each frequency `block_weights` gives the smallest W_l and W_r that cover the deviation of every
+member; stable minimum-phase weights are fitted above them. The forms are compared by one measure:
+the largest sigma(W_r X W_l) over frequency. X is the transfer matrix seen by Delta in the loop: T,
+S, G^-1 T or S G, for T = omega_B/(s + omega_B) in every channel. Below one that loop is robust for
+the set (SP 8.6). The form with the smallest measure is the least demanding one for a controller.
 
-Members need not have stable deviations. If they have as many poles in the right half plane as the nominal (in an
-inverse form: zeros), det(I + L) of each has the winding number of the nominal, as in the proof for a stable Delta.
+Members need not have stable deviations. If they have as many poles in the right half plane as the
+nominal (in an inverse form: zeros), det(I + L) of each has the winding number of the nominal, as in
+the proof for a stable Delta.
 """
 
 from __future__ import annotations
@@ -38,10 +40,14 @@ from robust.models.sets.radius import MIN_RADIUS_RATIO, Extrapolation, fit_cover
 from robust.pages.text import format_table
 
 _WEIGHTS = DIAGONAL, _FULL = ("diagonal", "full")
-_N_LINES, _BAND_RATIO = 50, 30.0  # lines over the band of all poles, and the factor by which they extend it
+# lines over the band of all poles, and the factor by which they extend it
+_N_LINES = 50
+_BAND_RATIO = 30.0
 _HALF_WIDTHS = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])  # lines at a resonance
 _MAX_LINES = 160
-_FAR_RATIOS = np.array([10.0, 100.0, 1e3, 1e4])  # factors outside the band of all poles at which members are checked
+_FAR_RATIOS = np.array(
+    [10.0, 100.0, 1e3, 1e4]
+)  # factors outside the band of all poles at which members are checked
 _MAX_CONDITION = 1e9  # condition number above which the inverse of a plant is rounding
 _MAX_RISE = 100.0  # far deviation over the largest on the lines, above which it has no limit
 MAX_ROUNDS = 3  # rounds that add the frequencies at which a member lies outside between the lines
@@ -50,7 +56,8 @@ LIFT = 1 + 1e-6  # factor beyond the proved lift, for the rounding of lifted wei
 FAMILY_ORDER = 4  # default order of the weights
 TOLERANCE = 1e-3  # between both bounds of the size of Delta
 MAX_LIFT = 1.5  # above it no proper weight of the order covers the deviations
-#: Numbers of poles tried for a nominal; the first with a misfit below this share of the spread is taken.
+# : Numbers of poles tried for a nominal; the first with a misfit below this share of the spread is
+# taken.
 _NOMINAL_ORDERS, _MISFIT_SHARE = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16), 0.1
 _MIN_SPREAD = 1e-3  # least spread, over the largest entry on a line
 
@@ -60,7 +67,8 @@ class _Family:
     """Members and nominal of a family on common lines, and the members that are systems."""
 
     omega: np.ndarray  # (W,) lines [rad/s]
-    # (M, W, n_y, n_u) complex members, FRFs before systems; nan for an FRF on a line that it does not have
+    # (M, W, n_y, n_u) complex members, FRFs before systems; nan for an FRF on a line that it does
+    # not have
     G_p: np.ndarray
     G: np.ndarray  # (W, n_y, n_u) complex the nominal
     nominal: control.StateSpace
@@ -72,25 +80,36 @@ class _Family:
         return len(self.systems) == len(self.G_p)
 
     def deviations(self, form: str) -> np.ndarray:
-        """Return (M, W, n, m) the W_l Delta W_r of each member; refuse a form that has none for one of them."""
+        """Return (M, W, n, m) the W_l Delta W_r of each member; refuse a form that has none for one
+        of them.
+        """
         row, (n_y, n_u) = BLOCK_FORMS[form], self.G.shape[1:]
         if row.needs_square_plant and n_y != n_u:
-            raise ValueError(f"form must be elements or additive for a plant that is not square, got {n_y} by {n_u}")
+            raise ValueError(
+                f"form must be elements or additive for a plant that is not square, got {n_y} by"
+                f" {n_u}"
+            )
         require_equal_roots(form, (self.nominal, *self.systems), inverse=row.inverse)
         if row.needs_square_plant:
             known = np.where(np.isnan(self.G_p), self.G, self.G_p)
-            singular = ~np.all(np.linalg.cond(np.concatenate([self.G[None], known])) < _MAX_CONDITION, axis=0)
+            singular = ~np.all(
+                np.linalg.cond(np.concatenate([self.G[None], known])) < _MAX_CONDITION, axis=0
+            )
             if singular.any():
                 raise ValueError(
-                    f"form must be elements or additive for a plant that is nearly singular, got {form} and one at "
-                    f"{self.omega[singular.argmax()]:.4g} rad/s"
+                    "form must be elements or additive for a plant that is nearly singular, got"
+                    f" {form} and one at {self.omega[singular.argmax()]:.4g} rad/s"
                 )
         E = _between_lines(row.deviation(self.G_p, self.G), self.omega)
         ends, members, nominal = _decided_responses(form, self, self.ends)
         far = row.deviation(members, nominal) if ends.size else np.zeros(0)
-        if not np.isfinite(E).all() or np.max(np.abs(far), initial=0.0) > _MAX_RISE * np.abs(E).max():
+        if (
+            not np.isfinite(E).all()
+            or np.max(np.abs(far), initial=0.0) > _MAX_RISE * np.abs(E).max()
+        ):
             raise ValueError(
-                f"form must leave every deviation finite at all frequencies, got {form} with an infinite one"
+                f"form must leave every deviation finite at all frequencies, got {form} with an"
+                " infinite one"
             )
         return E
 
@@ -102,8 +121,11 @@ class _Family:
         return ends[ends < np.pi / dt] if dt else ends
 
 
-def _decided_responses(form: str, family: _Family, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the frequencies at which rounding does not dominate the deviations, with members and nominal there.
+def _decided_responses(
+    form: str, family: _Family, omega: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the frequencies at which rounding does not dominate the deviations, with members and
+    nominal there.
 
     Far outside the band a plant may be almost singular, and its inverse is rounding.
     """
@@ -112,7 +134,9 @@ def _decided_responses(form: str, family: _Family, omega: np.ndarray) -> tuple[n
     nominal = _on_lines(family.nominal, omega)
     if form != ELEMENTS and BLOCK_FORMS[form].needs_square_plant:
         with np.errstate(all="ignore"):
-            decided = np.all(np.linalg.cond(np.concatenate([nominal[None], members])) < _MAX_CONDITION, axis=0)
+            decided = np.all(
+                np.linalg.cond(np.concatenate([nominal[None], members])) < _MAX_CONDITION, axis=0
+            )
         omega, members, nominal = omega[decided], members[:, decided], nominal[decided]
     return omega, members, nominal
 
@@ -127,7 +151,8 @@ class _FormRanking:
         Bandwidth of the loop for the comparison [rad/s].
     forms : tuple of str
     measures : (n,) ndarray
-        Largest sigma(W_r X W_l) over frequency, X being the T or S of the form; below one the loop is robust.
+        Largest sigma(W_r X W_l) over frequency, X being the T or S of the form; below one the loop
+        is robust.
     omega : (n,) ndarray
         Frequency of this maximum [rad/s].
     refused : tuple of str
@@ -157,7 +182,9 @@ class _FormRanking:
 
     def __str__(self) -> str:
         rows = zip(self.forms, self.measures, self.omega, strict=True)
-        return format_table([(form, f"{size:.3f} at {omega:.4g} rad/s") for form, size, omega in rows])
+        return format_table(
+            [(form, f"{size:.3f} at {omega:.4g} rad/s") for form, size, omega in rows]
+        )
 
 
 def choose_form(
@@ -171,7 +198,8 @@ def choose_form(
 
     The loop has a given bandwidth. The form that demands least comes first.
 
-    Use this before `uncertainty` if you do not know where the uncertainty of a plant with several channels acts.
+    Use this before `uncertainty` if you do not know where the uncertainty of a plant with several
+    channels acts.
 
     Parameters
     ----------
@@ -199,7 +227,8 @@ def choose_form(
 
     Examples
     --------
-    Gains of both outputs with errors up to 20 %, behind an ill-conditioned plant: uncertainty of its output.
+    Gains of both outputs with errors up to 20 %, behind an ill-conditioned plant: uncertainty of
+    its output.
 
     >>> G = control.ss([[-1.0]], [[1.0, -1.0]], [[1.0], [1.2]], np.eye(2) * 0.01)
     >>> plants = [control.ss(G.A, G.B, np.diag(k) @ G.C, np.diag(k) @ G.D) for k in ([0.8, 1.2], [1.2, 0.8])]
@@ -224,9 +253,19 @@ def _rank_forms(family: _Family, omega_B: float, *, full: bool) -> _FormRanking:
         X = row.weighed(family.G, S, T)
         size = np.linalg.norm(np.swapaxes(right, 1, 2).conj() @ X @ left, 2, (1, 2))
         traces = np.einsum("wii->w", L).real
-        found.append((float(f"{size.max():.3g}"), traces.max() / traces.min(), form, size.max(), size.argmax()))
+        found.append(
+            (
+                float(f"{size.max():.3g}"),
+                traces.max() / traces.min(),
+                form,
+                size.max(),
+                size.argmax(),
+            )
+        )
     if not found:
-        raise ValueError(f"plants must have a set in one of the forms, got none: {'; '.join(refused)}")
+        raise ValueError(
+            f"plants must have a set in one of the forms, got none: {'; '.join(refused)}"
+        )
     found.sort()  # forms of equal measure: the one with the flattest weight comes first
     _, _, forms, measures, at = zip(*found, strict=True)
     return _FormRanking(
@@ -244,37 +283,60 @@ def is_full(weights: str) -> bool:
 
 
 def find_plants(given: object) -> list[AnySystem]:
-    """Return the plants (FRFs or systems) in the argument, with equal numbers of channels; none for Blas."""
+    """Return the plants (FRFs or systems) in the argument, with equal numbers of channels; none for
+    Blas.
+    """
     many = list(given) if isinstance(given, list | tuple) else [given]
     if not any(map(_is_plant, many)):
         return []
     is_matrix = any(_is_plant(one) and count_channels(one) != (1, 1) for one in many)
-    other = next((one for one in many if not _is_plant(one) or (count_channels(one) != (1, 1)) != is_matrix), None)
+    other = next(
+        (one for one in many if not _is_plant(one) or (count_channels(one) != (1, 1)) != is_matrix),
+        None,
+    )
     if other is not None:
         which = "with several channels " if is_matrix else ""
-        raise ValueError(f"bla must be all plants {which}(systems or FRFs), got {short_form(other)}")
+        raise ValueError(
+            f"bla must be all plants {which}(systems or FRFs), got {short_form(other)}"
+        )
     return many
 
 
 def _is_plant(part: object) -> bool:
-    return isinstance(part, control.FrequencyResponseData | control.StateSpace | control.TransferFunction)
+    return isinstance(
+        part, control.FrequencyResponseData | control.StateSpace | control.TransferFunction
+    )
 
 
 def _make_family(plants: object, nominal: NominalFit | AnySystem | None) -> _Family:
-    """Return the family on the lines of its FRFs, which must be the same, or else on lines about its poles."""
+    """Return the family on the lines of its FRFs, which must be the same, or else on lines about
+    its poles.
+    """
     many = find_plants(plants)
     if not many or count_channels(many[0]) == (1, 1):
-        raise ValueError(f"plants must be systems or FRFs with several inputs and outputs, got {short_form(plants)}")
+        raise ValueError(
+            "plants must be systems or FRFs with several inputs and outputs, got"
+            f" {short_form(plants)}"
+        )
     shape = count_channels(many[0])
     frfs = [plant for plant in many if isinstance(plant, control.FrequencyResponseData)]
-    systems = [multivariable("bla", plant) for plant in many if not isinstance(plant, control.FrequencyResponseData)]
+    systems = [
+        multivariable("bla", plant)
+        for plant in many
+        if not isinstance(plant, control.FrequencyResponseData)
+    ]
     given = None if nominal is None else _nominal_system(nominal)
     known = systems if given is None else [given, *systems]
     dt = timebase(known[0]) if known else float(frfs[0].dt or 0)
     if frfs:
         omega = np.asarray(frfs[0].omega, dtype=float)
-        if any(len(frf.omega) != omega.size or not np.allclose(frf.omega, omega, rtol=1e-9) for frf in frfs):
-            raise ValueError("bla must be FRFs on the same lines, got different lines: interpolate them first")
+        if any(
+            len(frf.omega) != omega.size or not np.allclose(frf.omega, omega, rtol=1e-9)
+            for frf in frfs
+        ):
+            raise ValueError(
+                "bla must be FRFs on the same lines, got different lines: interpolate them first"
+            )
     else:
         omega = _lines_of_systems(known)
     G_p = _members_on_lines([*frfs, *systems], omega, tuple(known), shape)
@@ -285,22 +347,34 @@ def _make_family(plants: object, nominal: NominalFit | AnySystem | None) -> _Fam
             f"nominal must have {shape[0]} outputs and {shape[1]} inputs as the plants, "
             f"got {given.noutputs} and {given.ninputs}"
         )
-    return _Family(omega=omega, G_p=G_p, G=_on_lines(given, omega), nominal=given, systems=tuple(systems))
+    return _Family(
+        omega=omega, G_p=G_p, G=_on_lines(given, omega), nominal=given, systems=tuple(systems)
+    )
 
 
 def _nominal_system(nominal: NominalFit | AnySystem) -> control.StateSpace:
     if isinstance(nominal, NominalFit):
         nominal = nominal.G
     if isinstance(nominal, control.FrequencyResponseData):
-        raise ValueError("nominal must be a system or a NominalFit for plants with several channels, got an FRF")
+        raise ValueError(
+            "nominal must be a system or a NominalFit for plants with several channels, got an FRF"
+        )
     return multivariable("nominal", nominal)
 
 
 def _members_on_lines(
-    many: Sequence[AnySystem], omega: np.ndarray, clocks: tuple[AnySystem, ...], shape: tuple[int, int]
+    many: Sequence[AnySystem],
+    omega: np.ndarray,
+    clocks: tuple[AnySystem, ...],
+    shape: tuple[int, int],
 ) -> np.ndarray:
     """Return (M, W, n_y, n_u) responses of the members."""
-    return np.array([np.moveaxis(frequency_response("bla", plant, omega, clocks, shape)[1], 2, 0) for plant in many])
+    return np.array(
+        [
+            np.moveaxis(frequency_response("bla", plant, omega, clocks, shape)[1], 2, 0)
+            for plant in many
+        ]
+    )
 
 
 def _on_lines(system: control.StateSpace, omega: np.ndarray) -> np.ndarray:
@@ -309,7 +383,9 @@ def _on_lines(system: control.StateSpace, omega: np.ndarray) -> np.ndarray:
 
 
 def _lines_of_systems(systems: Sequence[control.StateSpace]) -> np.ndarray:
-    """Return frequencies (W,) [rad/s] over the band of all poles and beyond, dense at each resonance."""
+    """Return frequencies (W,) [rad/s] over the band of all poles and beyond, dense at each
+    resonance.
+    """
     dt = max(map(timebase, systems))
     s = np.concatenate([to_s_plane(poles_of(system), timebase(system)) for system in systems])
     s = s[np.isfinite(s) & (np.abs(s) > 0)]
@@ -318,14 +394,20 @@ def _lines_of_systems(systems: Sequence[control.StateSpace]) -> np.ndarray:
     top = np.pi / dt * (1 - 1e-9) if dt else np.inf
     sharp = s[(np.abs(s.real) < 0.3 * np.abs(s)) & (s.imag > 0)]
     at = (sharp.imag[:, None] + np.abs(sharp.real)[:, None] * _HALF_WIDTHS).ravel()
-    at = np.sort(at)[:: max(1, at.size // (_MAX_LINES - _N_LINES) + 1)] if at.size > _MAX_LINES - _N_LINES else at
+    at = (
+        np.sort(at)[:: max(1, at.size // (_MAX_LINES - _N_LINES) + 1)]
+        if at.size > _MAX_LINES - _N_LINES
+        else at
+    )
     low, high = size.min() / _BAND_RATIO, min(size.max() * _BAND_RATIO, top)
     omega = np.concatenate([np.geomspace(low, high, _N_LINES), at])
     return np.unique(omega[(omega >= low) & (omega <= high)])
 
 
 def _find_nominal(G_p: np.ndarray, omega: np.ndarray, dt: float) -> control.StateSpace:
-    """Fit the mean response of the members by the lowest order whose misfit is small compared with their spread."""
+    """Fit the mean response of the members by the lowest order whose misfit is small compared with
+    their spread.
+    """
     mean = G_p.mean(axis=0)
     spread = np.abs(G_p - mean).max(axis=0)
     spread = np.maximum(
@@ -339,7 +421,9 @@ def _find_nominal(G_p: np.ndarray, omega: np.ndarray, dt: float) -> control.Stat
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", DataWarning)  # the order is only a trial
-                fit = fit_nominal(control.frd(np.moveaxis(mean, 0, 2), omega), n_poles=n, std=std, dt=dt)
+                fit = fit_nominal(
+                    control.frd(np.moveaxis(mean, 0, 2), omega), n_poles=n, std=std, dt=dt
+                )
         except ValueError:  # more parameters than lines
             break
         misfit = float(np.sqrt(np.mean(np.abs(fit.residual / std) ** 2)))
@@ -348,10 +432,12 @@ def _find_nominal(G_p: np.ndarray, omega: np.ndarray, dt: float) -> control.Stat
         if misfit < 1:
             break
     if best is None:
-        raise ValueError(f"nominal must be given for FRFs on {omega.size} lines, which are too few to find one")
+        raise ValueError(
+            f"nominal must be given for FRFs on {omega.size} lines, which are too few to find one"
+        )
     if least > 1 / _MISFIT_SHARE:
         data_warning(
-            f"nominal must be near the middle of the plants for a small set, and the one found is "
+            "nominal must be near the middle of the plants for a small set, and the one found is "
             f"{_MISFIT_SHARE * least:.2g} times their spread away from it: give a nominal",
             DesignWarning,
         )
@@ -371,7 +457,9 @@ def make_family_set(
 ) -> UncertaintyModel:
     """Return the set of a family, in the requested form or in the one with the smallest measure."""
     family, full, chosen = _make_family(plants, nominal), is_full(weights), ""
-    if not np.any(np.abs(family.G_p - family.G).max(axis=(0, 2, 3)) > 1e-9 * np.abs(family.G).max(axis=(1, 2))):
+    if not np.any(
+        np.abs(family.G_p - family.G).max(axis=(0, 2, 3)) > 1e-9 * np.abs(family.G).max(axis=(1, 2))
+    ):
         raise ValueError("bla must hold a plant other than the nominal, got none that differs")
     if form in (AUTO, DEFAULT_FORM):
         bandwidth = (
@@ -381,29 +469,56 @@ def make_family_set(
         )
         ranking = _rank_forms(family, bandwidth, full=full)
         form = ranking.best
-        chosen = f"; chosen from {len(ranking.forms)} forms by the weight times |T| or |S| at {bandwidth:.3g} rad/s"
+        chosen = (
+            f"; chosen from {len(ranking.forms)} forms by the weight times |T| or |S| at"
+            f" {bandwidth:.3g} rad/s"
+        )
     require_choice("form", form, (*MATRIX_FORMS, AUTO))
     if form == ELEMENTS and full:
-        raise ValueError('weights must be "diagonal" for elements, which have a weight each, got "full"')
+        raise ValueError(
+            'weights must be "diagonal" for elements, which have a weight each, got "full"'
+        )
     if family.is_parametric:
         rules = Extrapolation()
-    hold = partial(_hold_family, family, form, order=order, rules=rules, perturbation=perturbation, chosen=chosen)
+    hold = partial(
+        _hold_family,
+        family,
+        form,
+        order=order,
+        rules=rules,
+        perturbation=perturbation,
+        chosen=chosen,
+    )
     if not full:
         return hold(full=False)
     try:
         return hold(full=True)
     except ValueError as error:
         model = hold(full=False)
-        data_warning(f"weights were made diagonal for these plants: with full weights, {error}", DesignWarning)
+        data_warning(
+            f"weights were made diagonal for these plants: with full weights, {error}",
+            DesignWarning,
+        )
         return model
 
 
 def _hold_family(
-    family: _Family, form: str, *, full: bool, order: int, rules: Extrapolation, perturbation: str, chosen: str
+    family: _Family,
+    form: str,
+    *,
+    full: bool,
+    order: int,
+    rules: Extrapolation,
+    perturbation: str,
+    chosen: str,
 ) -> UncertaintyModel:
-    """Return a set in a form that covers every member; refuse if weights of the order are too far off."""
+    """Return a set in a form that covers every member; refuse if weights of the order are too far
+    off.
+    """
     for round_ in range(MAX_ROUNDS):
-        model = _fit_set(family, form, full=full, order=order, rules=rules, perturbation=perturbation)
+        model = _fit_set(
+            family, form, full=full, order=order, rules=rules, perturbation=perturbation
+        )
         reach = _reach_of_members(model, family)
         outside = reach.sizes > CLOSE_LIFT
         if not outside.any() or round_ == MAX_ROUNDS - 1:
@@ -412,8 +527,9 @@ def _hold_family(
     lift, at = float(reach.sizes.max()), float(reach.omega[reach.sizes.argmax()])
     if not lift < MAX_LIFT:
         raise ValueError(
-            f"form and order must allow stable proper weights over every deviation, got {form} of order {order} with a "
-            f"plant {lift:.3g} times as far from the nominal as the weights reach, at {at:.3g} rad/s"
+            f"form and order must allow stable proper weights over every deviation, got {form} of"
+            f" order {order} with a plant {lift:.3g} times as far from the nominal as the weights"
+            f" reach, at {at:.3g} rad/s"
         )
     return _lift_set(
         model,
@@ -425,7 +541,8 @@ def _hold_family(
 
 def _add_lines(family: _Family, omega: np.ndarray) -> _Family:
     """Return a family on more lines; its FRFs are unknown (nan) there."""
-    lines, n = np.unique(np.concatenate([family.omega, omega])), len(family.G_p) - len(family.systems)
+    lines = np.unique(np.concatenate([family.omega, omega]))
+    n = len(family.G_p) - len(family.systems)
     G_p = np.full((len(family.G_p), lines.size, *family.G.shape[1:]), np.nan, dtype=complex)
     G_p[:n, np.searchsorted(lines, family.omega)] = family.G_p[:n]
     for k, system in enumerate(family.systems):
@@ -436,20 +553,26 @@ def _add_lines(family: _Family, omega: np.ndarray) -> _Family:
 def _between_lines(E: np.ndarray, omega: np.ndarray) -> np.ndarray:
     """Return deviations (M, W, n, m), with that of the nearest line where a member is unknown."""
     known = ~np.isnan(E).any(axis=(2, 3))
-    nearest = [np.flatnonzero(row)[np.abs(omega[row] - omega[:, None]).argmin(axis=1)] for row in known]
+    nearest = [
+        np.flatnonzero(row)[np.abs(omega[row] - omega[:, None]).argmin(axis=1)] for row in known
+    ]
     return np.array([member[at] for member, at in zip(E, nearest, strict=True)])
 
 
 def _fit_set(
     family: _Family, form: str, *, full: bool, order: int, rules: Extrapolation, perturbation: str
 ) -> UncertaintyModel:
-    """Return the set with weights above the smallest ones on the lines; W_l carries the rule outside them."""
+    """Return the set with weights above the smallest ones on the lines; W_l carries the rule
+    outside them.
+    """
     dt, omega = timebase(family.nominal), family.omega
     if form == ELEMENTS:
         away = np.abs(_between_lines(family.G_p - family.G, omega)).max(axis=0)
         rows = away.transpose(2, 1, 0).reshape(-1, omega.size)
         rows = np.maximum(rows, MIN_RADIUS_RATIO * rows.max())
-        right = tuple(fit_covering_weight(omega, row, order=order, rules=rules, dt=dt) for row in rows)
+        right = tuple(
+            fit_covering_weight(omega, row, order=order, rules=rules, dt=dt) for row in rows
+        )
         return UncertaintyModel(
             nominal=family.nominal,
             form=form,
@@ -479,15 +602,29 @@ def _fit_set(
         left, right = (W_l,), (W_r,)
         rows = np.minimum(rows, _gains_of_weights(W_l, W_r, omega))
     else:
-        left = tuple(fit_covering_weight(omega, row, order=order, rules=rules, dt=dt) for row in rows[:n])
-        right = tuple(fit_covering_weight(omega, row, order=order, rules=Extrapolation(), dt=dt) for row in rows[n:])
+        left = tuple(
+            fit_covering_weight(omega, row, order=order, rules=rules, dt=dt) for row in rows[:n]
+        )
+        right = tuple(
+            fit_covering_weight(omega, row, order=order, rules=Extrapolation(), dt=dt)
+            for row in rows[n:]
+        )
     return UncertaintyModel(
-        nominal=family.nominal, form=form, omega=omega, radius=rows, left=left, right=right, perturbation=perturbation
+        nominal=family.nominal,
+        form=form,
+        omega=omega,
+        radius=rows,
+        left=left,
+        right=right,
+        perturbation=perturbation,
     )
 
 
-def _extend_lines(omega: np.ndarray, rules: Extrapolation, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return lines continued outside the band, the nearest measured line to each, and the growth of a deviation there.
+def _extend_lines(
+    omega: np.ndarray, rules: Extrapolation, dt: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return lines continued outside the band, the nearest measured line to each, and the growth of
+    a deviation there.
 
     The lines are unchanged if the rule is flat, because the fit is flat by itself.
     """
@@ -498,15 +635,21 @@ def _extend_lines(omega: np.ndarray, rules: Extrapolation, dt: float) -> tuple[n
     return wide, nearest, factor
 
 
-def _gains_of_weights(W_l: control.StateSpace, W_r: control.StateSpace, omega: np.ndarray) -> np.ndarray:
+def _gains_of_weights(
+    W_l: control.StateSpace, W_r: control.StateSpace, omega: np.ndarray
+) -> np.ndarray:
     """Return (n + m, W) norms of the rows of W_l and of the columns of W_r."""
     sides = (response_by_channel(W, omega) for W in (W_l, W_r))
-    return np.concatenate([np.linalg.norm(side, axis=axis) for side, axis in zip(sides, (1, 0), strict=True)])
+    return np.concatenate(
+        [np.linalg.norm(side, axis=axis) for side, axis in zip(sides, (1, 0), strict=True)]
+    )
 
 
 @value
 class _Reach:
-    """Size of Delta for each member (M,), its frequency [rad/s] (M,), and a description of the frequencies checked."""
+    """Size of Delta for each member (M,), its frequency [rad/s] (M,), and a description of the
+    frequencies checked.
+    """
 
     sizes: np.ndarray
     omega: np.ndarray
@@ -514,22 +657,31 @@ class _Reach:
 
 
 def _reach_of_members(model: UncertaintyModel, family: _Family) -> _Reach:
-    """Return the largest Delta of each member: for an FRF on its lines, for a system proved at all frequencies."""
+    """Return the largest Delta of each member: for an FRF on its lines, for a system proved at all
+    frequencies.
+    """
     n, known = len(family.G_p) - len(family.systems), ~np.isnan(family.G_p)
     far = model.normalized_distance(family.omega, np.where(known, family.G_p, family.G), family.G)
     sizes, omega = far.max(axis=1), family.omega[far.argmax(axis=1)]
     where = {f"FRFs at their {int(known[0, :, 0, 0].sum())} lines"} if n else set()
     for k, system in enumerate(family.systems, start=n):
-        found = [deviation.bound(float(omega[k]), TOLERANCE) for deviation in model.deviations(system)]
+        found = [
+            deviation.bound(float(omega[k]), TOLERANCE) for deviation in model.deviations(system)
+        ]
         largest = max(found, key=lambda one: (one.upper, one.lower))
         if largest.is_proved or largest.lower > sizes[k]:
-            sizes[k], omega[k] = largest.upper if largest.is_proved else largest.lower, largest.omega
+            sizes[k], omega[k] = (
+                largest.upper if largest.is_proved else largest.lower,
+                largest.omega,
+            )
         at = "all" if largest.is_proved else f"{family.omega.size}"
         where.add(f"systems at {at} frequencies{f' ({largest.reason})' * (not largest.is_proved)}")
     return _Reach(sizes=sizes, omega=omega, where=f"each inside, {' and '.join(sorted(where))}")
 
 
-def _lift_set(model: UncertaintyModel, factor: float, *, source: str, extrapolation: str) -> UncertaintyModel:
+def _lift_set(
+    model: UncertaintyModel, factor: float, *, source: str, extrapolation: str
+) -> UncertaintyModel:
     """Return a set enlarged by a factor, with its source and extrapolation."""
     raised = tuple(
         control.StateSpace(w.A, w.B, w.C * factor, w.D * factor, w.dt, remove_useless_states=False)

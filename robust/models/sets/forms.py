@@ -1,4 +1,5 @@
-"""The forms of uncertainty, one row each: the perturbed plant and its loop, for a perturbation of gain one.
+"""The forms of uncertainty, one row each: the perturbed plant and its loop, for a perturbation of
+gain one.
 
     form                    set of plants, |Delta| <= 1      S_p = S (1 + a Delta)/(1 + b Delta)
     multiplicative          G (1 + w Delta)                  a = 0      b = w T
@@ -7,9 +8,9 @@
     inverse-additive        G / (1 + w G Delta)              a = w G    b = w G S
     coprime                 (G + t Delta)/(1 - G* t Delta)   a = -t G*  b = t (K - G*) S,  t = w / sqrt(1 - |w|^2)
 
-(SP 7.4, 7.5 and 8.2.3. The last is (N + Delta_N)/(M + Delta_M), G = N/M normalised, |[Delta_N, Delta_M]| <= |w|; for a
-scaled plant W G stands for G and K/W for K: SP 4.1.5, 9.4.1.) No other module branches on the name of a form: every
-difference between forms is a field of its row.
+(SP 7.4, 7.5 and 8.2.3. The last is (N + Delta_N)/(M + Delta_M), G = N/M normalised, |[Delta_N,
+Delta_M]| <= |w|; for a scaled plant W G stands for G and K/W for K: SP 4.1.5, 9.4.1.) No other
+module branches on the name of a form: every difference between forms is a field of its row.
 """
 
 from __future__ import annotations
@@ -23,7 +24,13 @@ from nlfrf._base.arguments import inverse_unit
 from nlfrf._base.values import value
 from robust.lti.connections import feedback, in_parallel, in_series, inverse_system, one_plus
 from robust.lti.lti import divide_right
-from robust.models.sets.coprime import chord, coprime_phase_offset, plant_of_perturbed_factors, tangent, tangent_system
+from robust.models.sets.coprime import (
+    chord,
+    coprime_phase_offset,
+    plant_of_perturbed_factors,
+    tangent,
+    tangent_system,
+)
 
 Array = np.ndarray
 
@@ -33,56 +40,83 @@ PERTURBATIONS = ("LTI", "statistical", "operator")
 
 @value
 class Form:
-    """One way in which Delta enters the plant; G, w, K, Delta below are (W,) responses unless stated otherwise."""
+    """One way in which Delta enters the plant; G, w, K, Delta below are (W,) responses unless
+    stated otherwise.
+    """
 
     name: str  # name in the interface
     perturbed: Callable[[Array, Array, Array], Array]  # complex the perturbed plant
     # the same as a system
-    perturbed_system: Callable[[control.StateSpace, control.StateSpace, control.StateSpace], control.StateSpace]
+    perturbed_system: Callable[
+        [control.StateSpace, control.StateSpace, control.StateSpace], control.StateSpace
+    ]
     deviation: Callable[[Array, Array], Array]  # complex the w Delta that turns G into G_p
-    # factor from a radius in the plane of G to one in this form; center and absolute are |G| and that radius
+    # factor from a radius in the plane of G to one in this form; center and absolute are |G| and
+    # that radius
     radius_scale: Callable[[Array, Array], Array]
-    radius_limit: Callable[[Array], Array]  # radius in the plane of G at and above which the form has no radius
+    radius_limit: Callable[
+        [Array], Array
+    ]  # radius in the plane of G at and above which the form has no radius
     # a, b: complex coefficients of S_p = S (1 + a Delta)/(1 + b Delta)
     a: Callable[[Array, Array, Array, Array], Array]
     b: Callable[[Array, Array, Array, Array], Array]
-    # |w| as a relative deviation of the plant (inverse: of 1/plant), size = |G|; None if it is not relative
+    # |w| as a relative deviation of the plant (inverse: of 1/plant), size = |G|; None if it is not
+    # relative
     relative_weight: Callable[[Array, Array], Array] | None
     # factors of q = b (1 + L). N and M denote the coprime factors, whose q is not a product.
     rs_factors: tuple[str, ...]
     inverse: bool  # True if Delta is in the denominator: the set is unbounded where |w| reaches one
     vanishes_with_plant: bool  # True if the deviation is zero where G is zero
-    delay_order: int  # number of times that Delta acts before delay and hold of the plant while b includes them
-    # the closed-loop function that w weighs, as `mixsyn` names its weights; "" if it is none of them
+    # number of times that Delta acts before delay and hold of the plant while b includes them
+    delay_order: int
+    # the closed-loop function that w weighs, as `mixsyn` names its weights; "" if it is none of
+    # them
     weighted_transfer: str
     matlab_expression: str  # expression for the uncertain plant in MATLAB's Robust Control Toolbox
-    # the measure of robust stability from responses, as a Python expression (SP 7.5; coprime: Vinnicombe)
+    # the measure of robust stability from responses, as a Python expression (SP 7.5; coprime:
+    # Vinnicombe)
     python_measure: str
     # measure of robust stability, proportional to |w|: stable if and only if it is below one
     rs_measure: Callable[[Array, Array], Array] = lambda w, b: np.abs(b)
-    scale_for: Callable[[Array, Array], Array] = lambda w, x: x  # factor on w that scales a and b by a factor x
-    # complex Delta of `perturbed` over Delta of `perturbed_system` at omega [rad/s], for the same plant
-    phase_offset: Callable[[control.StateSpace, control.StateSpace, float], complex] = lambda G, w, omega: 1.0
-    depends_on_units: bool = False  # True if the set depends on the units of the plant, which is then scaled
+    scale_for: Callable[[Array, Array], Array] = lambda w, x: (
+        x
+    )  # factor on w that scales a and b by a factor x
+    # complex Delta of `perturbed` over Delta of `perturbed_system` at omega [rad/s], for the same
+    # plant
+    phase_offset: Callable[[control.StateSpace, control.StateSpace, float], complex] = (
+        lambda G, w, omega: 1.0
+    )
+    depends_on_units: bool = (
+        False  # True if the set depends on the units of the plant, which is then scaled
+    )
 
     def unit_of(self, unit: str) -> str:
-        """Return the unit of a radius in this form, from that of the plant; empty if dimensionless or unknown."""
-        two, one = (float(self.radius_scale(np.array([c]), np.array([c / 2]))[0]) for c in (4.0, 2.0))
+        """Return the unit of a radius in this form, from that of the plant; empty if dimensionless
+        or unknown.
+        """
+        two, one = (
+            float(self.radius_scale(np.array([c]), np.array([c / 2]))[0]) for c in (4.0, 2.0)
+        )
         power = 1 + round(np.log2(two / one))
         return unit if power == 1 else inverse_unit(unit) if unit and power == -1 else ""
 
     def radius_factor(self, omega: Array, absolute: Array, center: Array) -> Array:
-        """Return (W,) the factor from an absolute radius to the radius in this form; refuse one without."""
+        """Return (W,) the factor from an absolute radius to the radius in this form; refuse one
+        without.
+        """
         if self.vanishes_with_plant and np.any(center == 0):
-            raise ValueError(f"nominal must not vanish on a line for the {self.name} form, got zero")
+            raise ValueError(
+                f"nominal must not vanish on a line for the {self.name} form, got zero"
+            )
         with np.errstate(divide="ignore"):
             used = absolute / self.radius_limit(center)
         if np.any(used >= 1):
             k = int(np.argmax(used))
             limit = "|G| + 1/|G| of the scaled plant" if self.depends_on_units else "|G|"
             raise ValueError(
-                f"form must be multiplicative or additive if the radius reaches {limit}, got {self.name} with a "
-                f"radius of {absolute[k] / center[k]:.3g} |G| at {omega[k] / 2 / np.pi:.4g} Hz"
+                f"form must be multiplicative or additive if the radius reaches {limit}, got"
+                f" {self.name} with a radius of {absolute[k] / center[k]:.3g} |G| at"
+                f" {omega[k] / 2 / np.pi:.4g} Hz"
             )
         return self.radius_scale(center, absolute)
 
@@ -91,7 +125,9 @@ class Form:
         if self.relative_weight is None:  # on the Riemann sphere angles add up
             angle, away = np.arctan(size), np.arcsin(np.minimum(w, 1))
             high = np.minimum(angle + away, np.pi / 2)
-            return np.tan(np.maximum(angle - away, 0)), np.where(high < np.pi / 2, np.tan(high), np.inf)
+            return np.tan(np.maximum(angle - away, 0)), np.where(
+                high < np.pi / 2, np.tan(high), np.inf
+            )
         w = self.relative_weight(w, size)
         if not self.inverse:
             return size - size * w, size + size * w
@@ -146,7 +182,9 @@ FORMS = {
         Form(
             name="inverse-multiplicative",
             perturbed=lambda G, w, Delta: G / (1 + w * Delta),
-            perturbed_system=lambda G, w, D: in_series(inverse_system(one_plus(in_series(D, w))), G),
+            perturbed_system=lambda G, w, D: in_series(
+                inverse_system(one_plus(in_series(D, w))), G
+            ),
             deviation=lambda G_p, G: (G - G_p) / G_p,
             radius_scale=lambda center, absolute: 1 / (center - absolute),
             radius_limit=lambda center: center,
@@ -181,9 +219,15 @@ FORMS = {
         ),
         Form(
             name="coprime",
-            perturbed=lambda G, w, Delta: (G + tangent(w) * Delta) / (1 - np.conj(G) * tangent(w) * Delta),
-            perturbed_system=lambda G, w, D: plant_of_perturbed_factors(G, in_series(D, tangent_system(w))),
-            deviation=lambda G_p, G: (G_p - G) / np.sqrt((1 + np.abs(G) ** 2) * (1 + np.abs(G_p) ** 2)),
+            perturbed=lambda G, w, Delta: (
+                (G + tangent(w) * Delta) / (1 - np.conj(G) * tangent(w) * Delta)
+            ),
+            perturbed_system=lambda G, w, D: plant_of_perturbed_factors(
+                G, in_series(D, tangent_system(w))
+            ),
+            deviation=lambda G_p, G: (
+                (G_p - G) / np.sqrt((1 + np.abs(G) ** 2) * (1 + np.abs(G_p) ** 2))
+            ),
             radius_scale=lambda center, absolute: chord(absolute, center) / absolute,
             radius_limit=lambda center: center + 1 / center,
             a=lambda w, G, K, S: -tangent(w) * np.conj(G),
@@ -195,7 +239,9 @@ FORMS = {
             delay_order=0,
             weighted_transfer="",
             matlab_expression="(N + W * [1 0] * Delta) / (M + W * [0 1] * Delta) / Ws",
-            python_measure="abs(W / (1 + G * K)) * np.hypot(1, abs(Ws * G)) * np.hypot(1, abs(K / Ws))",
+            python_measure=(
+                "abs(W / (1 + G * K)) * np.hypot(1, abs(Ws * G)) * np.hypot(1, abs(K / Ws))"
+            ),
             rs_measure=lambda w, b: np.sqrt(np.abs(b) ** 2 * (1 - np.abs(w) ** 2) + np.abs(w) ** 2),
             scale_for=lambda w, x: x / np.sqrt(1 + (x**2 - 1) * np.abs(w) ** 2),
             phase_offset=coprime_phase_offset,
@@ -205,7 +251,8 @@ FORMS = {
 }
 
 
-# ---- Forms for a plant with several inputs and outputs; matrices G, G_p, S, T below are (..., n, n) responses.
+# ---- Forms for a plant with several inputs and outputs; matrices G, G_p, S, T below are (..., n,
+# n) responses.
 
 
 @value
@@ -213,17 +260,20 @@ class MatrixForm:
     """One way in which W_l Delta W_r, a full block, enters a plant with several channels."""
 
     name: str  # name in the interface
-    # reads, acts: the signals that W_r reads and on which W_l Delta acts: those of the plant input or of the plant
-    # output
+    # reads, acts: the signals that W_r reads and on which W_l Delta acts: those of the plant input
+    # or of the plant output
     reads: str
     acts: str
-    # True if Delta closes a loop: its output is subtracted from a signal that W_r reads behind that place
+    # True if Delta closes a loop: its output is subtracted from a signal that W_r reads behind that
+    # place
     inverse: bool
     deviation: Callable[[Array, Array], Array]
     weighed: Callable[[Array, Array, Array], Array]
     one_channel: str  # the corresponding form for one channel
     matlab_expression: str  # expression for the uncertain plant in MATLAB's Robust Control Toolbox
-    python_measure: str  # the response between W_l and W_r in the loop, as a Python expression (SP 8.6)
+    python_measure: (
+        str  # the response between W_l and W_r in the loop, as a Python expression (SP 8.6)
+    )
 
     @property
     def needs_square_plant(self) -> bool:
@@ -232,7 +282,9 @@ class MatrixForm:
 
     @property
     def factors(self) -> tuple[str, str]:
-        """Return L and R of E = L W_l Delta W_r R, the difference of plant G_p and nominal G: "", "G" or "G_p"."""
+        """Return L and R of E = L W_l Delta W_r R, the difference of plant G_p and nominal G: "",
+        "G" or "G_p".
+        """
         left = ("G_p" if self.inverse else "G") if self.acts == "u" else ""
         right = ("G_p" if self.inverse and not left else "G") if self.reads == "y" else ""
         return left, right
@@ -319,10 +371,21 @@ DEFAULT_FORM = "multiplicative"
 
 
 def reduce_to_one_channel(
-    form: str, left: Sequence[control.StateSpace], *, right: Sequence[control.StateSpace], radius: Array
+    form: str,
+    left: Sequence[control.StateSpace],
+    *,
+    right: Sequence[control.StateSpace],
+    radius: Array,
 ) -> dict[str, str | control.StateSpace | Array]:
-    """Return form, weight and radius for one channel, from a set in a matrix form around a plant with one channel."""
-    if form not in MATRIX_FORMS or len(right) != 1 or len(left) != (form != ELEMENTS) or radius.ndim != 2:
+    """Return form, weight and radius for one channel, from a set in a matrix form around a plant
+    with one channel.
+    """
+    if (
+        form not in MATRIX_FORMS
+        or len(right) != 1
+        or len(left) != (form != ELEMENTS)
+        or radius.ndim != 2
+    ):
         return {}
     weight = in_series(*right, *left) if left else right[0]
     one = ADDITIVE if form == ELEMENTS else BLOCK_FORMS[form].one_channel
@@ -334,8 +397,8 @@ def relative_radius(form: str, w: Array, size: Array) -> Array:
     row = FORMS[form]
     if row.relative_weight is None:
         raise ValueError(
-            f"form must be a relative deviation of the plant here, got {form}. Design with another form of the same "
-            "measurement, or with ncfsyn, and check with this form"
+            f"form must be a relative deviation of the plant here, got {form}. Design with another"
+            " form of the same measurement, or with ncfsyn, and check with this form"
         )
     return row.relative_weight(w, size)
 
@@ -343,7 +406,9 @@ def relative_radius(form: str, w: Array, size: Array) -> Array:
 def perturbed_sensitivity_terms(
     form: str, w: Array, *, G: Array, K: Array, W: Array | float = 1.0
 ) -> tuple[Array, Array, Array]:
-    """Return S, a, b of the perturbed sensitivity S_p = S (1 + a Delta)/(1 + b Delta), from responses."""
+    """Return S, a, b of the perturbed sensitivity S_p = S (1 + a Delta)/(1 + b Delta), from
+    responses.
+    """
     row = FORMS[form]
     with np.errstate(all="ignore"):
         S = 1 / (1 + G * K)
@@ -352,14 +417,20 @@ def perturbed_sensitivity_terms(
 
 
 def plant_numerator(form: str, w: Array, *, G: Array, W: Array | float = 1.0) -> Array:
-    """Return (W,) g of G_p = (G + g Delta)/(1 + a Delta), from responses; G is scaled by W if the form is."""
+    """Return (W,) g of G_p = (G + g Delta)/(1 + a Delta), from responses; G is scaled by W if the
+    form is.
+    """
     row, one = FORMS[form], np.ones_like(G)
     G, K = (W * G, one / W) if row.depends_on_units else (G, one)
     return row.b(w, G, K, one) - row.a(w, G, K, one)  # b - a S = g K S holds for every K
 
 
-def loop_discs(form: str, w: Array, *, G: Array, K: Array, W: Array | float = 1.0) -> tuple[Array, Array]:
-    """Return centre and radius of the disc that L fills over the set; nan if it fills the outside of a disc."""
+def loop_discs(
+    form: str, w: Array, *, G: Array, K: Array, W: Array | float = 1.0
+) -> tuple[Array, Array]:
+    """Return centre and radius of the disc that L fills over the set; nan if it fills the outside
+    of a disc.
+    """
     row, L = FORMS[form], G * K
     G, K = (W * G, K / W) if row.depends_on_units else (G, K)
     one = np.ones_like(L)

@@ -1,10 +1,11 @@
-"""Several uncertainties at once: systems joined by the names of their signals, perturbations attached by name.
+"""Several uncertainties at once: systems joined by the names of their signals, perturbations
+attached by name.
 
     systems   any control systems with named inputs and outputs: an input is the sum of all outputs with its name
     blocks    drives = Delta (size reads), |Delta| <= 1: the signals that a perturbation reads and drives, its size
 
-The result is N with the perturbations pulled out, partitioned for `robust.mu.upper`, `robust.mu.certify`
-and `check_structure`.
+The result is N with the perturbations pulled out, partitioned for `robust.mu.upper`,
+`robust.mu.certify` and `check_structure`.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ from robust.mu.blocks import KINDS
 
 #: Remedy for a block that reads an input which no system drives, as in an open loop.
 _PASS_ON = (
-    ", which no system drives: add control.ss([], [], [], [[1]], inputs='{0}_in', outputs='{0}') to the systems, and "
-    "'{0}_in' to the inputs"
+    ", which no system drives: add control.ss([], [], [], [[1]], inputs='{0}_in', outputs='{0}') to"
+    " the systems, and '{0}_in' to the inputs"
 )
 
 
@@ -42,15 +43,16 @@ class Block:
     size : float or control.StateSpace
         Size of the perturbation at |Delta| = 1: a number, or a stable weight over frequency.
     kind : str
-        "full": any matrix of gain at most one. "repeated": one complex number times the identity. "real": one real
-        number in [-1, 1] times the identity, a parameter.
+        "full": any matrix of gain at most one. "repeated": one complex number times the identity.
+        "real": one real number in [-1, 1] times the identity, a parameter.
     perturbation : str
         Claimed class of Delta, as for `UncertaintyModel`: "LTI", "statistical" or "operator".
 
     Raises
     ------
     ValueError
-        A kind or class that does not exist, a size that is unstable, reads and drives that do not fit the kind.
+        A kind or class that does not exist, a size that is unstable, reads and drives that do not
+        fit the kind.
 
     References
     ----------
@@ -74,17 +76,23 @@ class Block:
         for name in ("reads", "drives"):
             object.__setattr__(self, name, _checked_signals(name, getattr(self, name)))
         if self.kind != "full" and len(self.reads) != len(self.drives):
-            raise ValueError(f"drives must name as many signals as reads for a {self.kind} block, {len(self.reads)}")
+            raise ValueError(
+                f"drives must name as many signals as reads for a {self.kind} block,"
+                f" {len(self.reads)}"
+            )
         size = multivariable("size", self.size)
         if (size.ninputs, size.noutputs) != (1, 1) or not is_stable(size):
             raise ValueError(
-                f"size must be a number or a stable weight with one input and output, got {short_form(self.size)}"
+                "size must be a number or a stable weight with one input and output, got"
+                f" {short_form(self.size)}"
             )
         object.__setattr__(self, "size", size)
 
     @property
     def shape(self) -> tuple[int, int] | tuple[int, int, str]:
-        """Return the block as `robust.mu.upper` takes it: rows, columns, and the kind unless it is full."""
+        """Return the block as `robust.mu.upper` takes it: rows, columns, and the kind unless it is
+        full.
+        """
         lengths = (len(self.reads), len(self.drives))
         return lengths if self.kind == "full" else (*lengths, self.kind)
 
@@ -104,8 +112,9 @@ class UncertainSystem:
     Fields
     ------
     N : control.StateSpace
-        From (signals that the blocks drive, inputs) to (signals that the blocks read, outputs), sizes included. Its
-        signals have the names of `inputs` and `outputs`; those of a block begin with its name: "actuator:u".
+        From (signals that the blocks drive, inputs) to (signals that the blocks read, outputs),
+        sizes included. Its signals have the names of `inputs` and `outputs`; those of a block begin
+        with its name: "actuator:u".
     blocks : dict of str to Block
         In the order of the partition of N.
     inputs, outputs : tuple of str
@@ -137,7 +146,9 @@ class UncertainSystem:
         )
 
     def _signals(self) -> tuple[list[str], list[str]]:
-        """Return names for the signals that the blocks read and drive: that of the block, then that of the signal."""
+        """Return names for the signals that the blocks read and drive: that of the block, then that
+        of the signal.
+        """
         named = self.blocks.items()
         return (
             [f"{name}:{signal}" for name, block in named for signal in block.reads],
@@ -151,7 +162,9 @@ class UncertainSystem:
 
     @property
     def with_performance(self) -> list[tuple[int, int] | tuple[int, int, str]]:
-        """Return `structure` and a full block from outputs to inputs: mu < 1 keeps that gain below one."""
+        """Return `structure` and a full block from outputs to inputs: mu < 1 keeps that gain below
+        one.
+        """
         return [*self.structure, (len(self.outputs), len(self.inputs))]
 
     @property
@@ -161,15 +174,21 @@ class UncertainSystem:
         cols = sum(block[1] for block in self.structure)
         N = self.N
         read, driven = self._signals()
-        return control.StateSpace(N.A, N.B[:, :cols], N.C[:rows], N.D[:rows, :cols], N.dt, inputs=driven, outputs=read)
+        return control.StateSpace(
+            N.A, N.B[:, :cols], N.C[:rows], N.D[:rows, :cols], N.dt, inputs=driven, outputs=read
+        )
 
     def perturbation_by_name(self, delta: np.ndarray) -> dict[str, float]:
-        """Return for each block of a perturbation (drives, reads) its number if it is real, else its norm."""
+        """Return for each block of a perturbation (drives, reads) its number if it is real, else
+        its norm.
+        """
         parts, r, c = {}, 0, 0
         for name, block in self.blocks.items():
             n, m = block.shape[:2]
             part = delta[c : c + m, r : r + n]
-            parts[name] = float(part[0, 0].real if block.kind == "real" else np.linalg.norm(part, 2))
+            parts[name] = float(
+                part[0, 0].real if block.kind == "real" else np.linalg.norm(part, 2)
+            )
             r, c = r + n, c + m
         return parts
 
@@ -183,18 +202,20 @@ def interconnection(
 ) -> UncertainSystem:
     """Join systems by the names of their signals and pull the perturbations out.
 
-    Use this for a loop with several uncertainties, or with uncertain parameters; check it with `check_structure`.
+    Use this for a loop with several uncertainties, or with uncertain parameters; check it with
+    `check_structure`.
 
     Parameters
     ----------
     systems : list of control.StateSpace or TransferFunction
-        Systems with named inputs and outputs (`control.ss(..., inputs=, outputs=)`, `control.summing_junction`). Every
-        input is the sum of the outputs with the same name, of the blocks that drive it and of the external input with
-        the same name.
+        Systems with named inputs and outputs (`control.ss(..., inputs=, outputs=)`,
+        `control.summing_junction`). Every input is the sum of the outputs with the same name, of
+        the blocks that drive it and of the external input with the same name.
     blocks : dict of str to Block
         The perturbations, by name.
     inputs, outputs : str or list of str
-        External inputs and outputs: the gain between them is the performance; weights are systems like any other.
+        External inputs and outputs: the gain between them is the performance; weights are systems
+        like any other.
 
     Returns
     -------
@@ -203,7 +224,8 @@ def interconnection(
     Raises
     ------
     ValueError
-        An unknown signal, an input without a source, different sampling times, an algebraic loop without a solution.
+        An unknown signal, an input without a source, different sampling times, an algebraic loop
+        without a solution.
 
     References
     ----------
@@ -211,7 +233,8 @@ def interconnection(
 
     Examples
     --------
-    A lag with uncertain pole and a multiplicative perturbation at its input, under proportional control:
+    A lag with uncertain pole and a multiplicative perturbation at its input, under proportional
+    control:
 
     >>> lag = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["u", "pole"], outputs="y")
     >>> K = control.ss([], [], [], [[4.0]], inputs="e", outputs="u")
@@ -225,9 +248,15 @@ def interconnection(
     ['pole:pole', 'actuator:u']
     """
     if not isinstance(systems, Sequence) or not systems:
-        raise ValueError(f"systems must hold at least one system, as a list, got {short_form(systems)}")
-    if not isinstance(blocks, Mapping) or not all(isinstance(block, Block) for block in blocks.values()):
-        raise ValueError(f"blocks must be named blocks, {{name: Block(...)}}, got {short_form(blocks)}")
+        raise ValueError(
+            f"systems must hold at least one system, as a list, got {short_form(systems)}"
+        )
+    if not isinstance(blocks, Mapping) or not all(
+        isinstance(block, Block) for block in blocks.values()
+    ):
+        raise ValueError(
+            f"blocks must be named blocks, {{name: Block(...)}}, got {short_form(blocks)}"
+        )
     inputs, outputs = _checked_signals("inputs", inputs), _checked_signals("outputs", outputs)
     if bool(inputs) != bool(outputs):
         raise ValueError("outputs must be given together with inputs, got only one of them")
@@ -241,24 +270,31 @@ def interconnection(
     _require_known_signals(named_in, named_out, read=read, external=external)
     N = join_by_name(parts, (), external=external, looked_at=read)
     if weights:
-        size = block_diagonal([*weights, control.StateSpace([], [], [], np.eye(len(outputs)), dt)], dt)
+        size = block_diagonal(
+            [*weights, control.StateSpace([], [], [], np.eye(len(outputs)), dt)], dt
+        )
         N = in_series(N, size, dt=dt)
     return UncertainSystem(N=N, blocks=dict(blocks), inputs=inputs, outputs=outputs)
 
 
-def _require_known_signals(named_in: list[str], named_out: list[str], *, read: list[str], external: list[str]) -> None:
+def _require_known_signals(
+    named_in: list[str], named_out: list[str], *, read: list[str], external: list[str]
+) -> None:
     """Refuse unknown signals, and inputs without a source."""
     for label in read:
         if label not in named_out:
             raise ValueError(
-                f"blocks and outputs must read outputs of the systems ({', '.join(named_out)}), got {label!r}"
-                + (_PASS_ON.format(label) if label in named_in else "")
+                f"blocks and outputs must read outputs of the systems ({', '.join(named_out)}), got"
+                f" {label!r}" + (_PASS_ON.format(label) if label in named_in else "")
             )
     for label in external:
         if label not in named_in:
             raise ValueError(
-                f"blocks and inputs must drive inputs of the systems ({', '.join(named_in)}), got {label!r}"
+                f"blocks and inputs must drive inputs of the systems ({', '.join(named_in)}), got"
+                f" {label!r}"
             )
     for label in named_in:
         if label not in {*named_out, *external}:
-            raise ValueError(f"systems must have every input driven, got none that drives {label!r}")
+            raise ValueError(
+                f"systems must have every input driven, got none that drives {label!r}"
+            )

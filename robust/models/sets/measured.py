@@ -20,11 +20,15 @@ from robust.models.sets.records import Origin
 
 #: Any object with an FRF on its lines.
 FrfSource: TypeAlias = UncertaintyModel | Bla | control.FrequencyResponseData
-_RATE_RATIO = 1.5  # largest rate of the record over that of the controller at which the holds may be the same
+_RATE_RATIO = (
+    1.5  # largest rate of the record over that of the controller at which the holds may be the same
+)
 
 
 def origin_of(model: FrfSource) -> Bla | Origin | control.FrequencyResponseData:
-    """Return the object with hold, sampling frequency and unit: a Bla itself, the origin of a set, an FRF (without)."""
+    """Return the object with hold, sampling frequency and unit: a Bla itself, the origin of a set,
+    an FRF (without).
+    """
     return model.origin if isinstance(model, UncertaintyModel) else model
 
 
@@ -34,8 +38,11 @@ def frf_sampling_time(model: FrfSource) -> float:
     return float(getattr(source, "dt", 0) or 0)
 
 
-def hold_and_delay_factor(model: FrfSource, omega: np.ndarray, *, dt: float, delay: float) -> np.ndarray:
-    """Return (W,) the factor that an FRF lacks: the delay, and a zero-order hold if only the controller is sampled.
+def hold_and_delay_factor(
+    model: FrfSource, omega: np.ndarray, *, dt: float, delay: float
+) -> np.ndarray:
+    """Return (W,) the factor that an FRF lacks: the delay, and a zero-order hold if only the
+    controller is sampled.
 
     Aliasing from above Nyquist is unknown and left out.
     """
@@ -49,25 +56,41 @@ def hold_and_delay_factor(model: FrfSource, omega: np.ndarray, *, dt: float, del
 
 
 def warn_of_unknown_hold(model: FrfSource, dt: float) -> None:
-    """Warn if a record at the rate of the controller may include the hold, which would then count twice."""
-    sampled = isinstance(model, UncertaintyModel) and not model.measured_only and timebase(model.nominal)
+    """Warn if a record at the rate of the controller may include the hold, which would then count
+    twice.
+    """
+    sampled = (
+        isinstance(model, UncertaintyModel) and not model.measured_only and timebase(model.nominal)
+    )
     if sampled or getattr(origin_of(model), "hold", "known") != "unknown":
         return
     fs = origin_of(model).fs
     if dt * fs < _RATE_RATIO:
         data_warning(
-            f"hold of the record must be known, at {fs:g} Hz, for a controller at {1 / dt:g} Hz: a hold is added here,"
-            ' and the record contains one already if u was the command of a converter. Load it with hold="zoh" (u is '
-            'the command) or hold="band-limited" (u was measured after the hold)',
+            f"hold of the record must be known, at {fs:g} Hz, for a controller at {1 / dt:g} Hz: a"
+            " hold is added here, and the record contains one already if u was the command of a"
+            ' converter. Load it with hold="zoh" (u is the command) or hold="band-limited" (u was'
+            " measured after the hold)",
             DesignWarning,
         )
 
 
-def parts_on_lines(model: FrfSource) -> tuple[np.ndarray, np.ndarray, str, np.ndarray, str, np.ndarray]:
-    """Return frequencies, plant, form, weight (nan: none), class and scaling of an FRF, a Bla or a set."""
+def parts_on_lines(
+    model: FrfSource,
+) -> tuple[np.ndarray, np.ndarray, str, np.ndarray, str, np.ndarray]:
+    """Return frequencies, plant, form, weight (nan: none), class and scaling of an FRF, a Bla or a
+    set.
+    """
     if isinstance(model, Bla):
         disc = sum_of_parts(record_radius_parts(model, frd(model), RadiusSpec()))
-        return model.omega, model.G, DEFAULT_FORM, disc / np.abs(model.G) + 0j, "statistical", np.ones(disc.size)
+        return (
+            model.omega,
+            model.G,
+            DEFAULT_FORM,
+            disc / np.abs(model.G) + 0j,
+            "statistical",
+            np.ones(disc.size),
+        )
     if isinstance(model, control.FrequencyResponseData):
         if (model.ninputs, model.noutputs) != (1, 1):
             raise ValueError(f"model must have one input and one output, got {short_form(model)}")

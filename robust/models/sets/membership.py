@@ -1,12 +1,13 @@
-"""Membership of a plant in a set at every frequency: its smallest Delta, without the inverse of a plant.
+"""Membership of a plant in a set at every frequency: its smallest Delta, without the inverse of a
+plant.
 
-In every form E = X Delta Y with E = G_p - G up to its sign, X = L W_l and Y = W_r R, where L and R are one, the nominal
-or the plant. So a Delta of gain gamma exists if and only if
+In every form E = X Delta Y with E = G_p - G up to its sign, X = L W_l and Y = W_r R, where L and R
+are one, the nominal or the plant. So a Delta of gain gamma exists if and only if
 
     [gamma^2 X X*  E; E*  Y* Y] >= 0,
 
-This is decided for exact polynomials (`robust.proofs.exact.bands`), also at zeros and poles on the axis, at zero and at
-infinity. For coprime factors X = w [1 G] and Y = [1; G_p].
+This is decided for exact polynomials (`robust.proofs.exact.bands`), also at zeros and poles on the
+axis, at zero and at infinity. For coprime factors X = w [1 G] and Y = [1; G_p].
 """
 
 from __future__ import annotations
@@ -41,16 +42,19 @@ from robust.proofs.exact.matrices import identity
 from robust.proofs.exact.polynomials import Decision, proved, refuted, to_rational, undecided
 from robust.proofs.search.bands import TIME_CAP, GainBound, climb
 
-#: Rounding of stored numbers, relative to the terms whose sum is a response: where a plant almost vanishes, at a zero
-#: on the axis or at infinity, its Delta is the quotient of two roundings. Systems in random coordinates have up to some
-#: 1e-14.
+# : Rounding of stored numbers, relative to the terms whose sum is a response: where a plant almost
+# vanishes, at a zero : on the axis or at infinity, its Delta is the quotient of two roundings.
+# Systems in random coordinates have up to some : 1e-14.
 _ROUNDING = 1e-12
 _POLE_ROUNDING = 1e-13  # the same for a pole: some 500 roundings of doubles
 
 
 @value(copy=False)
 class _Terms:
-    """The terms of E = X Delta Y at a point: E, X X~ and Y~ Y, and the rounding that may add to X X~."""
+    """The terms of E = X Delta Y at a point:
+
+    E, X X~ and Y~ Y, and the rounding that may add to X X~.
+    """
 
     E: Pair
     left: ExactMatrix
@@ -58,7 +62,9 @@ class _Terms:
     more: ExactMatrix
 
     def below(self, level: float) -> ExactMatrix:
-        """Return the matrix that is positive if and only if a Delta of gain below the level suffices."""
+        """Return the matrix that is positive if and only if a Delta of gain below the level
+        suffices.
+        """
         left = self.left.times(to_rational(level) ** 2) + self.more
         return join_blocks([[left, self.E[0]], [self.E[1], self.right]])
 
@@ -70,7 +76,9 @@ class _Terms:
 
 @value(copy=False)
 class Deviation:
-    """The deviation of a plant from a nominal, as exact systems, with E, X and Y by their values, over given bands."""
+    """The deviation of a plant from a nominal, as exact systems, with E, X and Y by their values,
+    over given bands.
+    """
 
     parts: tuple[TransferMatrix, ...]
     terms: Callable[[Sequence[Pair]], _Terms]
@@ -82,7 +90,11 @@ class Deviation:
         deadline = time.thread_time() + time_cap
         for low, high in self.bands:
             pieces = cut_at_crossings(
-                self.parts, lambda pairs: self.terms(pairs).below(level), low=low, high=high, deadline=deadline
+                self.parts,
+                lambda pairs: self.terms(pairs).below(level),
+                low=low,
+                high=high,
+                deadline=deadline,
             )
             if isinstance(pieces, str):
                 return undecided(pieces)
@@ -113,11 +125,17 @@ def block_deviation(
     W_r: control.StateSpace,
     omega: np.ndarray,
 ) -> Deviation:
-    """Return the deviation of a plant from a nominal in a form; omega : frequencies [rad/s] of its weights."""
+    """Return the deviation of a plant from a nominal in a form; omega : frequencies [rad/s] of its
+    weights.
+    """
     left, right = row.factors
     known = {"G": G, "G_p": G_p}
-    gains = [np.linalg.norm(response_by_channel(W, omega), axis=axis) for W, axis in ((W_l, 1), (W_r, 0))]
-    if left and right:  # both vanish with the plant, and only the product of the added terms matters there
+    gains = [
+        np.linalg.norm(response_by_channel(W, omega), axis=axis) for W, axis in ((W_l, 1), (W_r, 0))
+    ]
+    if (
+        left and right
+    ):  # both vanish with the plant, and only the product of the added terms matters there
         units, share = (1 / gains[0].max(axis=1), 1 / gains[1].max(axis=1)), np.sqrt(_ROUNDING)
     else:  # the other one is a weight, and E has its units
         units, share = (gains[1].min(axis=1), gains[0].min(axis=1)), _ROUNDING
@@ -142,22 +160,35 @@ def block_deviation(
 
     systems = [TransferMatrix.of(to_matrices(each)) for each in (G, G_p, W_l, W_r)]
     rounded = [TransferMatrix.of(each, own_poles=False) for each in more.values()]
-    return Deviation(parts=(*systems, *rounded), terms=terms, dt=timebase(G), bands=_known_bands((G, G_p)))
+    return Deviation(
+        parts=(*systems, *rounded), terms=terms, dt=timebase(G), bands=_known_bands((G, G_p))
+    )
 
 
 def _known_bands(systems: Sequence[control.StateSpace]) -> tuple[tuple[float, float], ...]:
     """Return the bands of the axis without poles that rounding cannot distinguish from it.
 
-    Within `_POLE_ROUNDING` times the sensitivity of such a pole to relative errors in A, a response is rounding.
+    Within `_POLE_ROUNDING` times the sensitivity of such a pole to relative errors in A, a response
+    is rounding.
     """
     cuts = []
     for G in systems:
         dt = timebase(G)
-        found, left, right = eig(G.A, left=True, right=True) if G.nstates else (np.zeros(0), *np.zeros((2, 0, 0)))
+        found, left, right = (
+            eig(G.A, left=True, right=True) if G.nstates else (np.zeros(0), *np.zeros((2, 0, 0)))
+        )
         along = np.abs(np.einsum("ij,ij->j", left.conj(), right))
-        with np.errstate(divide="ignore", invalid="ignore"):  # a double integrator has no rounding: 0/0
-            moved = _POLE_ROUNDING * np.einsum("ij,ik,kj->j", np.abs(left), np.abs(G.A), np.abs(right)) / along
-        moved = np.minimum(np.nan_to_num(moved, nan=0.0), np.sqrt(_POLE_ROUNDING) * np.linalg.norm(G.A))
+        with np.errstate(
+            divide="ignore", invalid="ignore"
+        ):  # a double integrator has no rounding: 0/0
+            moved = (
+                _POLE_ROUNDING
+                * np.einsum("ij,ik,kj->j", np.abs(left), np.abs(G.A), np.abs(right))
+                / along
+            )
+        moved = np.minimum(
+            np.nan_to_num(moved, nan=0.0), np.sqrt(_POLE_ROUNDING) * np.linalg.norm(G.A)
+        )
         for p, reach in zip(found, moved, strict=True):
             if abs(abs(p) - 1 if dt else p.real) <= reach and p.imag >= 0:
                 at, reach = (float(np.angle(p)) / dt, reach / dt) if dt else (p.imag, reach)
@@ -181,7 +212,11 @@ def _with_rounded_outputs(G: control.StateSpace, units: np.ndarray) -> Matrices:
 
 
 def coprime_deviation(
-    G: control.StateSpace, G_p: control.StateSpace, *, weight: control.StateSpace, shaping: control.StateSpace
+    G: control.StateSpace,
+    G_p: control.StateSpace,
+    *,
+    weight: control.StateSpace,
+    shaping: control.StateSpace,
 ) -> Deviation:
     """Return the deviation of the coprime factors of a shaped plant from those of the nominal."""
     shaped = [in_series(each, shaping) for each in (G, G_p)]
@@ -193,14 +228,18 @@ def coprime_deviation(
         column = join_blocks([[one], [P_p[0]]]), join_blocks([[one, P_p[1]]])
         X = multiply(w, row)
         left = X[0] * X[1]
-        return _Terms(E=subtract(P_p, P), left=left, right=column[1] * column[0], more=left.times(fmpq(0)))
+        return _Terms(
+            E=subtract(P_p, P), left=left, right=column[1] * column[0], more=left.times(fmpq(0))
+        )
 
     parts = tuple(TransferMatrix.of(to_matrices(each)) for each in (*shaped, weight))
     return Deviation(parts=parts, terms=terms, dt=timebase(G), bands=_known_bands(shaped))
 
 
 def right_roots(system: control.StateSpace, *, inverse: bool) -> int:
-    """Return the number of poles (in an inverse form: zeros) strictly outside the stability region."""
+    """Return the number of poles (in an inverse form: zeros) strictly outside the stability
+    region.
+    """
     dt = timebase(system)
     if not inverse:
         return unstable_poles(system, dt)
@@ -209,11 +248,13 @@ def right_roots(system: control.StateSpace, *, inverse: bool) -> int:
 
 
 def require_equal_roots(form: str, systems: Sequence[control.StateSpace], *, inverse: bool) -> None:
-    """Refuse plants with another number of poles (or zeros) in the right half plane than the nominal."""
+    """Refuse plants with another number of poles (or zeros) in the right half plane than the
+    nominal.
+    """
     own, *counts = (right_roots(system, inverse=inverse) for system in systems)
     if set(counts) - {own}:
         raise ValueError(
-            f"form must be {'one that is not' if inverse else 'an'} inverse if the number of "
-            f"{'zeros' if inverse else 'poles'} in the right half plane differs, got {form} with {own} for the nominal "
-            f"and {min(counts)} to {max(counts)} for the plants"
+            f"form must be {'one that is not' if inverse else 'an'} inverse if the number of"
+            f" {'zeros' if inverse else 'poles'} in the right half plane differs, got {form} with"
+            f" {own} for the nominal and {min(counts)} to {max(counts)} for the plants"
         )

@@ -1,4 +1,5 @@
-"""``UncertaintyModel``: a nominal plant and the set of plants around it, for any number of channels.
+"""``UncertaintyModel``: a nominal plant and the set of plants around it, for any number of
+channels.
 
 One input and one output: a disc around G at every frequency, and its parts.
 
@@ -27,14 +28,15 @@ Several channels, with W_l and W_r diagonal or full:
               | d          |
               +--> W_l --> (+) with G
 
-(SP 7.4 and 8.2.3.) A set for several channels never has one scalar radius, which would cost a factor of ten where
-entries differ in size. "elements" is the smaller set if one channel is critical. A full block is the smaller one if all
-channels are critical, if outputs move together, and from 4 by 4 on. Choose the form before you see the verdict; trying
-two is a multiple test.
+(SP 7.4 and 8.2.3.) A set for several channels never has one scalar radius, which would cost a
+factor of ten where entries differ in size. "elements" is the smaller set if one channel is
+critical. A full block is the smaller one if all channels are critical, if outputs move together,
+and from 4 by 4 on. Choose the form before you see the verdict; trying two is a multiple test.
 
-A disc from the spread of a measured FRF is *statistical*: with a probability, the FRF of another realisation lies in
-it. The perturbation that caused the spread is nonlinear, and no theorem turns the disc into stability. "LTI" and
-"operator" are claims about the perturbation that only the user can make.
+A disc from the spread of a measured FRF is *statistical*: with a probability, the FRF of another
+realisation lies in it. The perturbation that caused the spread is nonlinear, and no theorem turns
+the disc into stability. "LTI" and "operator" are claims about the perturbation that only the user
+can make.
 """
 
 from __future__ import annotations
@@ -65,7 +67,14 @@ from nlfrf._base.values import ArrayField, freeze_array, value
 from robust._base.states import Outcome
 from robust._base.types import AnySystem, Controller, SystemField, Weight
 from robust._base.warnings import DesignWarning
-from robust.lti.connections import block_diagonal, in_series, lower_lft, require_shape, upper_lft, weighted_plant
+from robust.lti.connections import (
+    block_diagonal,
+    in_series,
+    lower_lft,
+    require_shape,
+    upper_lft,
+    weighted_plant,
+)
 from robust.lti.lti import (
     SAMPLING_TOLERANCE,
     common_sampling_time,
@@ -108,80 +117,95 @@ from robust.models.sets.interconnection import Block, UncertainSystem
 from robust.models.sets.membership import Deviation, block_deviation, coprime_deviation, right_roots
 from robust.models.sets.perturbations import perturbed_plant, random_delta
 from robust.models.sets.radius import Extrapolation, checked_slope, fit_covering_weight
-from robust.models.sets.records import PARTS, JointProbability, Origin, RecordSummary, format_probability
+from robust.models.sets.records import (
+    PARTS,
+    JointProbability,
+    Origin,
+    RecordSummary,
+    format_probability,
+)
 
 _ROUNDING_FACTOR = 1 + 1e-9  # a Delta of size one, with rounding
 _SET_TOLERANCE = 1e-6  # relative excess over the radius that still counts as inside
-_MAX_TRIALS = 20  # draws for each plant that is wanted: rounding may take a realisation out of its set
+_MAX_TRIALS = (
+    20  # draws for each plant that is wanted: rounding may take a realisation out of its set
+)
 
 
 @value(kw_only=False)
 class UncertaintyModel:
-    """A nominal plant, a radius around it on the measured lines, and weights that cover the radius everywhere.
+    """A nominal plant, a radius around it on the measured lines, and weights that cover the radius
+    everywhere.
 
-    For one input and one output every array is over frequency alone, and `weight` is the weight. For several channels
-    `left` and `right` are the weights, and each weight has its row in `radius`.
+    For one input and one output every array is over frequency alone, and `weight` is the weight.
+    For several channels `left` and `right` are the weights, and each weight has its row in
+    `radius`.
 
     Fields
     ------
     nominal : control.StateSpace or control.FrequencyResponseData
-        Nominal plant with its delay inside: z^-d in discrete time, a Padé approximation otherwise. An FRF (one channel
-        only) gives a model that is known on its lines only.
+        Nominal plant with its delay inside: z^-d in discrete time, a Padé approximation otherwise.
+        An FRF (one channel only) gives a model that is known on its lines only.
     weight : control.StateSpace or None
         Stable and proper; |weight| >= radius on every line. None for several channels.
     form : str
-        "multiplicative", "additive", "inverse-multiplicative", "inverse-additive" or "coprime"; for several channels
-        "elements", "additive", "input", "output", "inverse-additive", "inverse-input" or "inverse-output".
+        "multiplicative", "additive", "inverse-multiplicative", "inverse-additive" or "coprime"; for
+        several channels "elements", "additive", "input", "output", "inverse-additive",
+        "inverse-input" or "inverse-output".
     omega : (W,) ndarray
         Frequencies of the radius [rad/s].
     radius : (W,) or (n, W) ndarray
-        Radius that the weights cover, in the unit of the form; rows of `left` before those of `right`. |weight| when
-        not given, for weights of your own.
+        Radius that the weights cover, in the unit of the form; rows of `left` before those of
+        `right`. |weight| when not given, for weights of your own.
     confidence : float
-        Probability that a line of another realisation lies in its disc (for several channels: that a line of another
-        set of experiments lies in the set); nan if no probability is claimed.
+        Probability that a line of another realisation lies in its disc (for several channels: that
+        a line of another set of experiments lies in the set); nan if no probability is claimed.
     perturbation : str
-        "LTI": Delta is any stable linear time-invariant system of gain at most one. "statistical": the discs
-        hold measured FRFs with the stated confidence. "operator": Delta is any causal operator, nonlinear
-        included, of gain at most one.
+        "LTI": Delta is any stable linear time-invariant system of gain at most one. "statistical":
+        the discs hold measured FRFs with the stated confidence. "operator": Delta is any causal
+        operator, nonlinear included, of gain at most one.
     simultaneous : bool
         Whether the confidence holds for all lines together.
     budget : dict of (W,) or (n, W) ndarray
-        Parts that add up to the radius, by name: "noise", "odd", "even", "misfit", "level", "systematic"; empty where
-        they are not known, as for full blocks. The three statistical parts share their common radius in proportion to
-        their variances. "level" is the part that appears only because the plant changes with the level.
+        Parts that add up to the radius, by name: "noise", "odd", "even", "misfit", "level",
+        "systematic"; empty where they are not known, as for full blocks. The three statistical
+        parts share their common radius in proportion to their variances. "level" is the part that
+        appears only because the plant changes with the level.
     origin : Origin
         Source of the set, assumption outside the measured band, unit, and delay inside the nominal.
     scaling : tuple of control.StateSpace
-        W1 and W2 of the coprime form, which scale the plant at its input and output, W2 G W1 (1 when not given); empty
-        for other forms.
+        W1 and W2 of the coprime form, which scale the plant at its input and output, W2 G W1 (1
+        when not given); empty for other forms.
     joint : JointProbability
-        Estimated probability that a whole FRF lies in the set, all its lines together; the least over several levels.
+        Estimated probability that a whole FRF lies in the set, all its lines together; the least
+        over several levels.
     records : tuple of RecordSummary
         Summary of each record: lines, FRF and scatter for `validate`, level for `predict_level`.
     left, right : tuple of control.StateSpace
-        Stable weights W_l and W_r for several channels: one a channel, or one square matrix each, whose rows in
-        `radius` are the gains of its rows (W_l) or of its columns (W_r). For "elements" the n_y n_u weights stand in
-        `right`, columns of G one after the other, and `left` is empty.
+        Stable weights W_l and W_r for several channels: one a channel, or one square matrix each,
+        whose rows in `radius` are the gains of its rows (W_l) or of its columns (W_r). For
+        "elements" the n_y n_u weights stand in `right`, columns of G one after the other, and
+        `left` is empty.
     inputs, outputs : tuple of str
         Names of the channels.
     alternative_form : UncertaintyModel, optional
-        The same plant in another form, for several channels, at the same confidence c. Both sets contain the plant with
-        a probability of at least 2 c - 1, so `check` may take the better of two verdicts. Other functions use this set
-        alone.
+        The same plant in another form, for several channels, at the same confidence c. Both sets
+        contain the plant with a probability of at least 2 c - 1, so `check` may take the better of
+        two verdicts. Other functions use this set alone.
     warnings : tuple of str
-        Warnings about the records, the nominal and the weight: text of each `nlfrf.DataWarning` and `DesignWarning`.
+        Warnings about the records, the nominal and the weight: text of each `nlfrf.DataWarning` and
+        `DesignWarning`.
 
     Notes
     -----
-    A set that is given by `left` and `right` around a nominal with one input and output takes the equivalent form for
-    one channel.
+    A set that is given by `left` and `right` around a nominal with one input and output takes the
+    equivalent form for one channel.
 
     Raises
     ------
     ValueError
-        Weights that are unstable, do not cover their radius or do not fit the form; arrays that do not fit each other;
-        sampling times that differ; a form or class that does not exist.
+        Weights that are unstable, do not cover their radius or do not fit the form; arrays that do
+        not fit each other; sampling times that differ; a form or class that does not exist.
 
     References
     ----------
@@ -250,11 +274,19 @@ class UncertaintyModel:
         self._check_radius()
         if single and FORMS[self.form].depends_on_units:
             W1, W2 = self.scaling or (None, None)
-            held["scaling"] = tuple(invertible_scaling(name, W, self.nominal) for name, W in (("W1", W1), ("W2", W2)))
+            held["scaling"] = tuple(
+                invertible_scaling(name, W, self.nominal) for name, W in (("W1", W1), ("W2", W2))
+            )
         elif self.scaling:
-            raise ValueError(f"W1 and W2 must be left out except for the coprime form, got scaling with {self.form}")
+            raise ValueError(
+                "W1 and W2 must be left out except for the coprime form, got scaling with"
+                f" {self.form}"
+            )
         known = (("u",), ("y",)) if single else signal_names(self.nominal)
-        held["inputs"], held["outputs"] = tuple(self.inputs) or known[0], tuple(self.outputs) or known[1]
+        held["inputs"], held["outputs"] = (
+            tuple(self.inputs) or known[0],
+            tuple(self.outputs) or known[1],
+        )
 
     @classmethod
     @keep_warnings
@@ -270,7 +302,8 @@ class UncertaintyModel:
         above: str | float = 20.0,
         perturbation: str = "statistical",
     ) -> UncertaintyModel:
-        """Return the set of a radius of your own, from a data sheet or another tool, with a weight fitted over it.
+        """Return the set of a radius of your own, from a data sheet or another tool, with a weight
+        fitted over it.
 
         Parameters
         ----------
@@ -279,11 +312,13 @@ class UncertaintyModel:
         omega : (W,) array_like
             Frequencies of the radius [rad/s], increasing.
         radius : (W,) array_like
-            The radius in the unit of the form: a share of |G|, or the unit of G in the additive form.
+            The radius in the unit of the form: a share of |G|, or the unit of G in the additive
+            form.
         form : str
             "multiplicative", "additive", "inverse-multiplicative" or "inverse-additive".
         order : int, optional
-            Order of the weight; when not given, it grows up to 12 as long as a state saves 0.1 dB of the mean excess.
+            Order of the weight; when not given, it grows up to 12 as long as a state saves 0.1 dB
+            of the mean excess.
         below, above : "flat" or float
             What is assumed outside the frequencies, as in `uncertainty`.
         perturbation : str
@@ -312,13 +347,25 @@ class UncertaintyModel:
         """
         if FORMS[require_choice("form", form, tuple(FORMS))].depends_on_units:
             raise ValueError(f"form must not depend on units with a radius of your own, got {form}")
-        rules = Extrapolation(below=checked_slope("below", below), above=checked_slope("above", above))
+        rules = Extrapolation(
+            below=checked_slope("below", below), above=checked_slope("above", above)
+        )
         order = None if order is None else require_integer("order", order, least=0)
-        omega, radius = require_real_array("omega", omega, ndim=1), require_real_array("radius", radius, ndim=1)
-        if omega.shape != radius.shape or not np.all(radius > 0) or not np.all(np.diff(omega, prepend=0.0) > 0):
-            raise ValueError("radius must be positive, one value for each omega, and omega positive and increasing")
+        omega = require_real_array("omega", omega, ndim=1)
+        radius = require_real_array("radius", radius, ndim=1)
+        if (
+            omega.shape != radius.shape
+            or not np.all(radius > 0)
+            or not np.all(np.diff(omega, prepend=0.0) > 0)
+        ):
+            raise ValueError(
+                "radius must be positive, one value for each omega, and omega positive and"
+                " increasing"
+            )
         plant, delay = single_nominal(nominal)
-        weight = fit_covering_weight(omega, radius, order=order, rules=rules, dt=sampling_time_of(plant))
+        weight = fit_covering_weight(
+            omega, radius, order=order, rules=rules, dt=sampling_time_of(plant)
+        )
         return cls(
             nominal=plant,
             weight=checked_weight(weight, omega, radius, order=order),
@@ -330,7 +377,9 @@ class UncertaintyModel:
         )
 
     def _take_sides(self) -> None:
-        """Turn `left` and `right` into systems, or into the equivalent weight of a plant with one channel."""
+        """Turn `left` and `right` into systems, or into the equivalent weight of a plant with one
+        channel.
+        """
         held = self.__dict__
         if self.left or self.right:
             for name in ("left", "right"):
@@ -342,8 +391,9 @@ class UncertaintyModel:
                 held.update(one, left=(), right=())
         elif count_channels(self.nominal) != (1, 1):
             raise ValueError(
-                f"left and right must be the weights for a plant with {format_channels(self.nominal)}, got weight "
-                f"{short_form(self.weight)}: {own_weights_call(self.nominal, self.form)}"
+                "left and right must be the weights for a plant with"
+                f" {format_channels(self.nominal)}, got weight {short_form(self.weight)}:"
+                f" {own_weights_call(self.nominal, self.form)}"
             )
 
     def _given_radius(self) -> np.ndarray:
@@ -363,61 +413,87 @@ class UncertaintyModel:
             wanted = size[row.acts], size[row.reads]
             if row.needs_square_plant and n_y != n_u:
                 raise ValueError(
-                    f"form must be elements or additive for a plant that is not square, got {n_y} by {n_u}"
+                    f"form must be elements or additive for a plant that is not square, got {n_y}"
+                    f" by {n_u}"
                 )
         given = tuple(sum(weight.noutputs for weight in side) for side in (self.left, self.right))
         each = {"left": self.left, "right": self.right}
-        odd = next((n for n, side in each.items() for weight in side if weight.noutputs != weight.ninputs), None)
+        odd = next(
+            (n for n, side in each.items() for weight in side if weight.noutputs != weight.ninputs),
+            None,
+        )
         if odd or given != wanted or (self.form == ELEMENTS and len(self.right) != wanted[1]):
             raise ValueError(
-                f"left and right must hold {wanted[0]} and {wanted[1]} weights for the {self.form} form, "
+                f"left and right must hold {wanted[0]} and {wanted[1]} weights for the {self.form}"
+                " form, "
                 + (f"got {odd} that is not square" if odd else f"got {given[0]} and {given[1]}")
             )
         other = self.alternative_form
         if other is not None and other.confidence != self.confidence:
             raise ValueError(
-                f"alternative_form must have confidence {self.confidence:g} as this set, got {other.confidence:g}"
+                f"alternative_form must have confidence {self.confidence:g} as this set, got"
+                f" {other.confidence:g}"
             )
 
     def _check_radius(self) -> None:
-        """Refuse radii and parts that do not fit each other or the nominal, and weights that do not cover them."""
+        """Refuse radii and parts that do not fit each other or the nominal, and weights that do not
+        cover them.
+        """
         omega, dt = self.omega, 0.0 if self.measured_only else timebase(self.nominal)
         radius = require_real_array("radius", self._given_radius(), ndim=1 if self.is_single else 2)
         gains = self.weight_gains(omega)
         shape = omega.shape if self.is_single else gains.shape
         if radius.shape != shape:
-            raise ValueError(f"radius must have one value per frequency, the shape {shape}, got {radius.shape}")
+            raise ValueError(
+                f"radius must have one value per frequency, the shape {shape}, got {radius.shape}"
+            )
         if np.any(radius <= 0):
             where = omega[int(np.argmin(radius)) % omega.size]
             raise ValueError(f"radius must be positive, got {radius.min():g} at {where:g} rad/s")
         if dt and omega[-1] * dt > np.pi * (1 + 1e-9):
-            raise ValueError(f"omega must not exceed the Nyquist frequency {np.pi / dt:g} rad/s, got {omega[-1]:g}")
+            raise ValueError(
+                f"omega must not exceed the Nyquist frequency {np.pi / dt:g} rad/s, got"
+                f" {omega[-1]:g}"
+            )
         self._check_weights(gains / radius, dt)
         self.__dict__["radius"] = radius
         require_known("budget", self.budget, PARTS)
-        known = {name: freeze_array(np.asarray(part, dtype=float)) for name, part in self.budget.items()}
+        known = {
+            name: freeze_array(np.asarray(part, dtype=float)) for name, part in self.budget.items()
+        }
         for name, part in known.items():
             if part.shape != shape:
-                raise ValueError(f"budget must have one value per frequency in {name}, {shape}, got {part.shape}")
+                raise ValueError(
+                    f"budget must have one value per frequency in {name}, {shape}, got {part.shape}"
+                )
         self.__dict__["budget"] = known
 
     def _check_weights(self, covers: np.ndarray, dt: float) -> None:
-        """Refuse weights that are unstable, have another sampling time than dt [s], or a (n, W) cover below one."""
+        """Refuse weights that are unstable, have another sampling time than dt [s], or a (n, W)
+        cover below one.
+        """
         names = ["weight"] if self.is_single else [f"left[{k}]" for k in range(len(self.left))]
         names += [f"right[{k}]" for k in range(len(self.right))]
         for name, weight in zip(names, self.weights, strict=True):
             if weight.nstates and not self.measured_only and timebase(weight) != dt:
                 raise ValueError(
-                    f"{name} must have the sampling time of the nominal, {dt:g} s, got {timebase(weight):g} s"
+                    f"{name} must have the sampling time of the nominal, {dt:g} s, got"
+                    f" {timebase(weight):g} s"
                 )
             if not is_stable(weight):
-                raise ValueError(f"{name} must be stable, got a pole at {rightmost_pole(weight):.4g}")
-        rows_of = [name for name, weight in zip(names, self.weights, strict=True) for _ in range(weight.noutputs)]
+                raise ValueError(
+                    f"{name} must be stable, got a pole at {rightmost_pole(weight):.4g}"
+                )
+        rows_of = [
+            name
+            for name, weight in zip(names, self.weights, strict=True)
+            for _ in range(weight.noutputs)
+        ]
         for name, cover in zip(rows_of, covers, strict=True):
             if cover.min() < 1 - 1e-6:
                 raise ValueError(
-                    f"{name} must cover its radius, |weight| >= radius, got a ratio of {cover.min():g} "
-                    f"at {self.omega[cover.argmin()]:g} rad/s"
+                    f"{name} must cover its radius, |weight| >= radius, got a ratio of"
+                    f" {cover.min():g} at {self.omega[cover.argmin()]:g} rad/s"
                 )
 
     def __str__(self) -> str:
@@ -431,11 +507,12 @@ class UncertaintyModel:
             percent += f" (a whole {whole} {format_probability(self.joint.frf)})"
         kind = "an FRF" if self.measured_only else f"{self.nominal.nstates} states"
         if single:
-            k, unit = int(np.argmax(self.radius)), FORMS[self.form].unit_of(self.origin.unit).split()
+            k = int(np.argmax(self.radius))
+            unit = FORMS[self.form].unit_of(self.origin.unit).split()
             size = (
-                f"weight of order {self.weight.nstates}, radius {self.radius.min():.3g} to "
-                f"{' '.join([f'{self.radius[k]:.3g}', *unit])} (at {self.omega[k] / 2 / np.pi:.4g} Hz) over "
-                f"{self.omega[0] / 2 / np.pi:.4g} to {self.omega[-1] / 2 / np.pi:.4g} Hz"
+                f"weight of order {self.weight.nstates}, radius {self.radius.min():.3g} to"
+                f" {' '.join([f'{self.radius[k]:.3g}', *unit])} (at {self.omega[k] / 2 / np.pi:.4g}"
+                f" Hz) over {self.omega[0] / 2 / np.pi:.4g} to {self.omega[-1] / 2 / np.pi:.4g} Hz"
             )
         else:
             kind += f" at {1 / dt:g} Hz" if dt else ""
@@ -447,17 +524,24 @@ class UncertaintyModel:
             f"{self.origin.extrapolation}"
             + self.describe_radius()
             + ("" if other is None else f", with a second set in the {other.form} form")
-            + (f"; subject to {format_count(len(self.warnings), 'warning')}" if self.warnings else "")
+            + (
+                f"; subject to {format_count(len(self.warnings), 'warning')}"
+                if self.warnings
+                else ""
+            )
         )
 
     def radius_shares(self, k: int) -> list[tuple[float, str]]:
-        """Return (share, name) of the parts of the radius on line k, the largest first; empty if they are not known.
+        """Return (share, name) of the parts of the radius on line k, the largest first; empty if
+        they are not known.
 
         For one channel.
         """
         parts = {name: float(part[k]) for name, part in self.budget.items() if np.isfinite(part[k])}
         total = sum(parts.values())
-        return sorted(((part / total, name) for name, part in parts.items() if part > 0), reverse=True)
+        return sorted(
+            ((part / total, name) for name, part in parts.items() if part > 0), reverse=True
+        )
 
     def relative_radius(self) -> np.ndarray:
         """Return (W,) the radius over |G|; nan where the form has no relative deviation."""
@@ -467,7 +551,9 @@ class UncertaintyModel:
         return form.relative_weight(self.radius, np.abs(self.at(self.omega)))
 
     def describe_radius(self) -> str:
-        """Describe the largest radius below and above the crossover of the nominal, with its parts."""
+        """Describe the largest radius below and above the crossover of the nominal, with its
+        parts.
+        """
         relative, crossover = self.relative_radius(), self.origin.omega_c
         if np.isnan(crossover) or np.isnan(relative).any():
             return ""
@@ -475,16 +561,22 @@ class UncertaintyModel:
         for side, here in (("below", self.omega <= crossover), ("above", self.omega > crossover)):
             if here.any():
                 k = int(np.argmax(np.where(here, relative, -1.0)))
-                made = ", ".join(f"{name} {share:.0%}" for share, name in self.radius_shares(k) if share > 0.005)
+                made = ", ".join(
+                    f"{name} {share:.0%}" for share, name in self.radius_shares(k) if share > 0.005
+                )
                 text += (
-                    f"; {side} the crossover of {crossover / 2 / np.pi:.4g} Hz at most {relative[k]:.3g} of |G| at "
-                    f"{self.omega[k] / 2 / np.pi:.4g} Hz" + f" ({made})" * bool(made)
+                    f"; {side} the crossover of {crossover / 2 / np.pi:.4g} Hz at most"
+                    f" {relative[k]:.3g} of |G| at {self.omega[k] / 2 / np.pi:.4g} Hz"
+                    + f" ({made})"
+                    * bool(made)
                 )
         return text
 
     @property
     def is_single(self) -> bool:
-        """Return whether the set has one input and one output, so that its arrays have no axis of channels."""
+        """Return whether the set has one input and one output, so that its arrays have no axis of
+        channels.
+        """
         return not (self.left or self.right)
 
     @property
@@ -517,7 +609,9 @@ class UncertaintyModel:
     @property
     def block_shape(self) -> tuple[int, int]:
         """Numbers of signals that the full block reads and drives, for several channels."""
-        return sum(weight.noutputs for weight in self.right), sum(weight.ninputs for weight in self.left)
+        return sum(weight.noutputs for weight in self.right), sum(
+            weight.ninputs for weight in self.left
+        )
 
     @property
     def has_full_weights(self) -> bool:
@@ -525,10 +619,14 @@ class UncertaintyModel:
         return any(weight.noutputs > 1 for weight in self.weights)
 
     def weight_gains(self, omega: np.ndarray) -> np.ndarray:
-        """Return (n, W) gains of the rows of W_l, then of the columns of W_r; |w| for one channel."""
+        """Return (n, W) gains of the rows of W_l, then of the columns of W_r; |w| for one
+        channel.
+        """
         sides = [(self.left, 1), (self.weights[len(self.left) :], 0)]
         parts = [
-            np.linalg.norm(response_by_channel(weight, omega), axis=axis) for side, axis in sides for weight in side
+            np.linalg.norm(response_by_channel(weight, omega), axis=axis)
+            for side, axis in sides
+            for weight in side
         ]
         return np.concatenate(parts)
 
@@ -542,33 +640,47 @@ class UncertaintyModel:
         """Return (W,) or (n_y, n_u, W) complex response of the nominal."""
         if self.measured_only:
             return frf_on_lines(self.nominal, omega)
-        return response(self.nominal, omega) if self.is_single else response_by_channel(self.nominal, omega)
+        return (
+            response(self.nominal, omega)
+            if self.is_single
+            else response_by_channel(self.nominal, omega)
+        )
 
     def distance(self, plant: AnySystem) -> np.ndarray:
         """Return (W,) size of the smallest Delta that turns the nominal into a plant.
 
-        plant : control.FrequencyResponseData, compared at its own frequencies; or a system, compared at `omega`.
+        plant : control.FrequencyResponseData, compared at its own frequencies; or a system,
+        compared at `omega`.
         """
         clocks = (self.nominal,) if self.measured_only else (self.nominal, self.weights[0])
-        omega, G = frequency_response("plant", plant, self.omega, clocks, (self.n_outputs, self.n_inputs))
+        omega, G = frequency_response(
+            "plant", plant, self.omega, clocks, (self.n_outputs, self.n_inputs)
+        )
         nominal = self.at(omega)
         return self.normalized_distance(omega, *(np.moveaxis(x, -1, 0) for x in (G, nominal)))
 
-    def normalized_distance(self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray) -> np.ndarray:
-        """Return (..., W) size of the smallest Delta that turns responses of a nominal (W,) into G (..., W).
+    def normalized_distance(
+        self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray
+    ) -> np.ndarray:
+        """Return (..., W) size of the smallest Delta that turns responses of a nominal (W,) into G
+        (..., W).
 
         For several channels G is (..., W, n_y, n_u) and nominal (W, n_y, n_u).
         """
         delta = self.minimal_perturbation(omega, G, nominal)
         if self.is_single:
             return np.abs(delta)
-        return np.max(np.abs(delta), axis=(-2, -1)) if self.form == ELEMENTS else np.linalg.norm(delta, 2, (-2, -1))
+        return (
+            np.max(np.abs(delta), axis=(-2, -1))
+            if self.form == ELEMENTS
+            else np.linalg.norm(delta, 2, (-2, -1))
+        )
 
     def is_within(self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray) -> np.ndarray:
         """Return (..., W) whether `normalized_distance` is at most one.
 
-        Singular values are computed only where the Frobenius norm does not decide: the estimate of a probability needs
-        many matrices.
+        Singular values are computed only where the Frobenius norm does not decide: the estimate of
+        a probability needs many matrices.
         """
         delta = self.minimal_perturbation(omega, G, nominal)
         if self.is_single:
@@ -581,10 +693,14 @@ class UncertaintyModel:
         held[close] = np.linalg.norm(delta[close], 2, (-2, -1)) <= _ROUNDING_FACTOR
         return held
 
-    def minimal_perturbation(self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray) -> np.ndarray:
-        """Return (..., W) the smallest Delta of `normalized_distance`; (..., W, rows, columns) for several channels.
+    def minimal_perturbation(
+        self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray
+    ) -> np.ndarray:
+        """Return (..., W) the smallest Delta of `normalized_distance`; (..., W, rows, columns) for
+        several channels.
 
-        For one channel it is exact up to the phase of the weight; for "elements" each number stands at its entry.
+        For one channel it is exact up to the phase of the weight; for "elements" each number stands
+        at its entry.
         """
         if self.is_single:
             if FORMS[self.form].depends_on_units:  # at a pole, too, where G is infinite
@@ -598,14 +714,20 @@ class UncertaintyModel:
         if not self.has_full_weights:
             left, right = np.split(self.weight_gains(omega).T, [len(self.left)], axis=1)
             return deviation / left[:, :, None] / right[:, None, :]
-        W_l, W_r = (np.moveaxis(response_by_channel(side, omega), 2, 0) for side in self.side_weights())
+        W_l, W_r = (
+            np.moveaxis(response_by_channel(side, omega), 2, 0) for side in self.side_weights()
+        )
         return np.linalg.solve(W_l, divide_right(deviation, W_r))
 
     def side_weights(self) -> tuple[control.StateSpace, control.StateSpace]:
-        """Return W_l and W_r as systems, for several channels; the left one of "elements" is the identity."""
+        """Return W_l and W_r as systems, for several channels; the left one of "elements" is the
+        identity.
+        """
         dt = self.nominal.dt
         passed = control.StateSpace([], [], [], np.eye(len(self.right)), dt)
-        return block_diagonal(list(self.left), dt) if self.left else passed, block_diagonal(list(self.right), dt)
+        return block_diagonal(list(self.left), dt) if self.left else passed, block_diagonal(
+            list(self.right), dt
+        )
 
     def entry_radius(self, omega: np.ndarray) -> np.ndarray:
         """Return (n_y, n_u, W) the largest deviation of each entry from the nominal over the set.
@@ -614,20 +736,28 @@ class UncertaintyModel:
         """
         require_several_channels(self, "have entries", "use nominal and radius")
         if self.form == ELEMENTS:
-            return np.swapaxes(self.weight_gains(omega).reshape(self.n_inputs, self.n_outputs, -1), 0, 1)
+            return np.swapaxes(
+                self.weight_gains(omega).reshape(self.n_inputs, self.n_outputs, -1), 0, 1
+            )
         n_z, n_d = self.block_shape
         P = response_by_channel(self.open_loop(), omega)
-        around = np.linalg.norm(np.moveaxis(P[:n_z, :n_d], 2, 0), 2, axis=(1, 2))  # Delta in a loop of its own
+        around = np.linalg.norm(
+            np.moveaxis(P[:n_z, :n_d], 2, 0), 2, axis=(1, 2)
+        )  # Delta in a loop of its own
         amplified = np.divide(1.0, 1 - around, out=np.full(around.size, np.inf), where=around < 1)
-        return amplified * np.linalg.norm(P[n_z:, :n_d], axis=1)[:, None] * np.linalg.norm(P[:n_z, n_d:], axis=0)
+        return (
+            amplified
+            * np.linalg.norm(P[n_z:, :n_d], axis=1)[:, None]
+            * np.linalg.norm(P[:n_z, n_d:], axis=0)
+        )
 
     def contains(self, plant: AnySystem) -> bool:
         """Return whether an FRF lies in the set at its frequencies, or a system at all frequencies.
 
-        For a system this is proved, within 1e-6 of the radius: it has as many poles (zeros in an inverse form) in the
-        right half plane as the nominal, and the smallest Delta has a gain of at most one at all frequencies, zero and
-        infinity included. A system is compared on the lines only if the nominal is an FRF, or, with a warning, if no
-        proof is found.
+        For a system this is proved, within 1e-6 of the radius: it has as many poles (zeros in an
+        inverse form) in the right half plane as the nominal, and the smallest Delta has a gain of
+        at most one at all frequencies, zero and infinity included. A system is compared on the
+        lines only if the nominal is an FRF, or, with a warning, if no proof is found.
         """
         distance = self.distance(plant)
         if isinstance(plant, control.FrequencyResponseData) or self.measured_only:
@@ -638,12 +768,15 @@ class UncertaintyModel:
         found = [deviation.is_within(1 + _SET_TOLERANCE) for deviation in self.deviations(plant)]
         if any(one.outcome is Outcome.UNDECIDED for one in found):
             reason = next(one.reason for one in found if one.outcome is Outcome.UNDECIDED)
-            data_warning(f"plant was compared on {distance.size} lines only: {reason}", DesignWarning)
+            data_warning(
+                f"plant was compared on {distance.size} lines only: {reason}", DesignWarning
+            )
             return bool(np.all(distance <= 1 + _SET_TOLERANCE))
         return all(one.holds for one in found)
 
     def counted_roots(self, plant: control.StateSpace) -> int:
-        """Return the number of poles (zeros in an inverse form) in the right half plane, equal for all plants of a set.
+        """Return the number of poles (zeros in an inverse form) in the right half plane, equal for
+        all plants of a set.
 
         It is zero for coprime factors, where nothing is counted.
         """
@@ -658,7 +791,9 @@ class UncertaintyModel:
         return next((row for row in BLOCK_FORMS.values() if row.one_channel == self.form), None)
 
     def deviations(self, plant: control.StateSpace) -> list[Deviation]:
-        """Return the deviation of a plant from the nominal, at every frequency; one for each entry with "elements"."""
+        """Return the deviation of a plant from the nominal, at every frequency; one for each entry
+        with "elements".
+        """
         G, row = self.nominal, self._row
         if row is None:
             return [coprime_deviation(G, plant, weight=self.weight, shaping=self.shaping)]
@@ -673,35 +808,44 @@ class UncertaintyModel:
             ]
         else:
             each = [(G, plant, *self.side_weights())]
-        return [block_deviation(row, G, G_p, W_l=W_l, W_r=W_r, omega=self.omega) for G, G_p, W_l, W_r in each]
+        return [
+            block_deviation(row, G, G_p, W_l=W_l, W_r=W_r, omega=self.omega)
+            for G, G_p, W_l, W_r in each
+        ]
 
     def perturbed(self, Delta: Controller) -> control.StateSpace:
         """Return the plant of the set for one perturbation, to simulate the worst one.
 
-        Delta : control.StateSpace from the signals that it reads to those that it drives, or a real matrix; diagonal
-        for "elements".
+        Delta : control.StateSpace from the signals that it reads to those that it drives, or a real
+        matrix; diagonal for "elements".
         """
         require_parametric(self, "to make plants of")
         if self.is_single:
-            return perturbed_plant(self.form, self.nominal, self.weight, state_space("Delta", Delta), self.shaping)
+            return perturbed_plant(
+                self.form, self.nominal, self.weight, state_space("Delta", Delta), self.shaping
+            )
         P, Delta = self.open_loop(), multivariable("Delta", Delta)
         require_sampling_time("Delta", Delta, reference="the model", wanted=common_sampling_time(P))
         n, m = Delta.ninputs, Delta.noutputs
         if (P.noutputs - self.n_outputs, P.ninputs - self.n_inputs) != (n, m):
             raise ValueError(
-                f"Delta must have {P.noutputs - self.n_outputs} inputs and {P.ninputs - self.n_inputs} outputs for the "
-                f"{self.form} form, got {n} and {m}"
+                f"Delta must have {P.noutputs - self.n_outputs} inputs and"
+                f" {P.ninputs - self.n_inputs} outputs for the {self.form} form, got {n} and {m}"
             )
         return upper_lft(P, Delta)
 
     def sample(
         self, n: int, rng: np.random.Generator | int | None = None
     ) -> list[control.StateSpace | control.FrequencyResponseData]:
-        """Return n plants of the set, each with |Delta| = 1 somewhere or everywhere; FRFs where the nominal is one."""
+        """Return n plants of the set, each with |Delta| = 1 somewhere or everywhere; FRFs where the
+        nominal is one.
+        """
         plants: list[control.StateSpace | control.FrequencyResponseData] = []
         rng = random_generator("rng", rng)
         # neither a gain as weight nor a gain as nominal needs a sampling time
-        dt = max(timebase(w) for w in self.weights) or (0.0 if self.measured_only else timebase(self.nominal))
+        dt = max(timebase(w) for w in self.weights) or (
+            0.0 if self.measured_only else timebase(self.nominal)
+        )
         for _ in range(_MAX_TRIALS * require_integer("n", n, least=0)):
             if len(plants) == n:
                 break
@@ -709,19 +853,24 @@ class UncertaintyModel:
             if self.measured_only:
                 w, D, W = (response(X, self.omega) for X in (self.weight, Delta, self.shaping))
                 deviated = FORMS[self.form].perturbed(W * self.at(self.omega), w, D) / W
-                plant: control.StateSpace | control.FrequencyResponseData = control.FrequencyResponseData(
-                    deviated, self.omega, self.nominal.dt
+                plant: control.StateSpace | control.FrequencyResponseData = (
+                    control.FrequencyResponseData(deviated, self.omega, self.nominal.dt)
                 )
             else:
                 plant = self.perturbed(Delta)
             if is_within_set(self, plant):
                 plants.append(plant)
         if len(plants) < n:
-            raise ValueError(f"model must have plants that can be realised, got {len(plants)} of {n} inside the set")
+            raise ValueError(
+                f"model must have plants that can be realised, got {len(plants)} of {n} inside"
+                " the set"
+            )
         return plants
 
     def open_loop(self) -> control.StateSpace:
-        """Return the system from (outputs of Delta, u) to (inputs of Delta, y), for several channels."""
+        """Return the system from (outputs of Delta, u) to (inputs of Delta, y), for several
+        channels.
+        """
         require_several_channels(self, "have its perturbations pulled out", "use check")
         G, dt = self.nominal, self.nominal.dt
         n_y, n_u = self.n_outputs, self.n_inputs
@@ -735,14 +884,18 @@ class UncertaintyModel:
             reads, acts = np.eye(W_r.ninputs), (-1.0 if inverse else 1.0) * np.eye(W_l.noutputs)
         none = np.zeros(((n_y if on_u else n_u), W_l.noutputs))
         into, onto = (acts, none) if on_u else (none, acts)  # of d behind W_l into G, and onto y
-        # what W_r reads, from the states of G, d behind W_l and u; in an inverse form behind the place where d acts
+        # what W_r reads, from the states of G, d behind W_l and u; in an inverse form behind the
+        # place where d acts
         of_states = reads @ G.C if from_y else np.zeros((len(reads), G.nstates))
         of_d = reads @ ((G.D @ into + inverse * onto) if from_y else inverse * into)
         of_u = reads @ (G.D if from_y else np.eye(n_u))
         A = block_diag(G.A, W_l.A, W_r.A)
         behind = slice(G.nstates, G.nstates + W_l.nstates)
         A[: G.nstates, behind] = G.B @ into @ W_l.C
-        A[behind.stop :, : G.nstates], A[behind.stop :, behind] = W_r.B @ of_states, W_r.B @ of_d @ W_l.C
+        A[behind.stop :, : G.nstates], A[behind.stop :, behind] = (
+            W_r.B @ of_states,
+            W_r.B @ of_d @ W_l.C,
+        )
         B = np.block(
             [
                 [G.B @ into @ W_l.D, G.B],
@@ -760,45 +913,60 @@ class UncertaintyModel:
         return control.StateSpace(A, B, C, D, dt)
 
     def loop(self, K: Controller, *, w_P: Weight | None = None) -> UncertainSystem:
-        """Return the loop u = K (r - y) with the perturbations pulled out, for `check_structure` and `robust.mu.upper`.
+        """Return the loop u = K (r - y) with the perturbations pulled out, for `check_structure`
+        and `robust.mu.upper`.
 
         For several channels.
 
         w_P : control.StateSpace, optional
-            Performance weight on r - y: one for all outputs, which may be continuous with a sampled loop, or a matrix.
+            Performance weight on r - y: one for all outputs, which may be continuous with a sampled
+            loop, or a matrix.
         """
         P, K = self.open_loop(), multivariable("K", K)
         n_y, n_u, dt = self.n_outputs, self.n_inputs, timebase(self.nominal)
         require_shape(K, n_y, n_u)
         if not is_clockless(K) and abs(timebase(K) - dt) > SAMPLING_TOLERANCE * dt:
             raise ValueError(
-                f"K must have the sampling time of the model, {dt:g} s, got {timebase(K):g} s. A model for a sampled "
-                "controller starts from fit_nominal(frm, ..., dt=) or sampled(nominal, dt)."
+                f"K must have the sampling time of the model, {dt:g} s, got {timebase(K):g} s. A"
+                " model for a sampled controller starts from fit_nominal(frm, ..., dt=) or"
+                " sampled(nominal, dt)."
             )
         n_z, n_d = P.noutputs - n_y, P.ninputs - n_u
         if dt and w_P is not None:
             demand = multivariable("w_P", w_P)
-            continuous = demand.nstates and not timebase(demand) and (demand.ninputs, demand.noutputs) == (1, 1)
+            continuous = (
+                demand.nstates
+                and not timebase(demand)
+                and (demand.ninputs, demand.noutputs) == (1, 1)
+            )
             w_P = cover_sampled(demand, dt) if continuous else demand
         weights = [] if w_P is None else [("e", repeat_over_channels("w_P", w_P, n_y))]
         for _, weight in weights:
-            require_sampling_time("w_P", weight, reference="the model", wanted=common_sampling_time(P))
+            require_sampling_time(
+                "w_P", weight, reference="the model", wanted=common_sampling_time(P)
+            )
         N = lower_lft(weighted_plant(P, n_y, n_u=n_u, weights=weights, reference=bool(weights)), K)
         same = N.noutputs - n_z == n_y
         return UncertainSystem(
             N=N,
             blocks=self.blocks(n_z, n_d),
             inputs=tuple(f"r{j + 1}" for j in range(N.ninputs - n_d)),
-            outputs=tuple(f"weighted {self.outputs[j] if same else j + 1}" for j in range(N.noutputs - n_z)),
+            outputs=tuple(
+                f"weighted {self.outputs[j] if same else j + 1}" for j in range(N.noutputs - n_z)
+            ),
         )
 
     def blocks(self, n_z: int, n_d: int) -> dict[str, Block]:
         """Return the perturbations by name, for several channels."""
         of = {"perturbation": self.perturbation}
         if self.form != ELEMENTS:
-            return {self.form: Block([f"z{k}" for k in range(n_z)], [f"d{k}" for k in range(n_d)], **of)}
+            return {
+                self.form: Block([f"z{k}" for k in range(n_z)], [f"d{k}" for k in range(n_d)], **of)
+            }
         pairs = [(out, name) for name in self.inputs for out in self.outputs]
-        return {f"{out} by {name}": Block(f"z{k}", f"d{k}", **of) for k, (out, name) in enumerate(pairs)}
+        return {
+            f"{out} by {name}": Block(f"z{k}", f"d{k}", **of) for k, (out, name) in enumerate(pairs)
+        }
 
 
 def count_channels(nominal: AnySystem) -> tuple[int, int]:
@@ -819,9 +987,10 @@ def own_weights_call(nominal: AnySystem, form: str) -> str:
     """Return the call that makes a set from weights of the user, for several channels."""
     n_y, n_u = count_channels(nominal)
     form = form if form in MATRIX_FORMS else INPUT if n_y == n_u else ADDITIVE
-    left, right = {ELEMENTS: ("()", f"(w,) * {n_y * n_u}"), ADDITIVE: (f"(w,) * {n_y}", f"(1,) * {n_u}")}.get(
-        form, (f"(w,) * {n_u}", f"(1,) * {n_u}")
-    )
+    left, right = {
+        ELEMENTS: ("()", f"(w,) * {n_y * n_u}"),
+        ADDITIVE: (f"(w,) * {n_y}", f"(1,) * {n_u}"),
+    }.get(form, (f"(w,) * {n_u}", f"(1,) * {n_u}"))
     return f"UncertaintyModel(G, form={form!r}, left={left}, right={right}, omega=omega)"
 
 
@@ -833,25 +1002,32 @@ def has_several_channels(model: object) -> TypeGuard[UncertaintyModel]:
 def require_several_channels(model: UncertaintyModel, purpose: str, instead: str) -> None:
     """Refuse a set with one input and one output, and name the alternative."""
     if model.is_single:
-        raise ValueError(f"model must have several channels to {purpose}, got one input and one output: {instead}")
+        raise ValueError(
+            f"model must have several channels to {purpose}, got one input and one output:"
+            f" {instead}"
+        )
 
 
 def require_record_form(model: UncertaintyModel, purpose: str) -> None:
     """Refuse a set that no record makes: another form, or weights that are matrices."""
     if model.form not in RECORD_FORMS or model.has_full_weights:
         raise ValueError(
-            f"model must have the form {', '.join(RECORD_FORMS[:-1])} or {RECORD_FORMS[-1]} and one weight a channel "
-            f"{purpose}, got {model.form}{' with weights that are matrices' * model.has_full_weights}"
+            f"model must have the form {', '.join(RECORD_FORMS[:-1])} or {RECORD_FORMS[-1]} and one"
+            f" weight a channel {purpose}, got"
+            f" {model.form}{' with weights that are matrices' * model.has_full_weights}"
         )
 
 
 def describe_no_set(thing: object) -> str:
-    """Return the end of a refusal of an object that is no set; for an interconnection, name the call that takes it."""
+    """Return the end of a refusal of an object that is no set; for an interconnection, name the
+    call that takes it.
+    """
     if not isinstance(thing, UncertainSystem):
         return short_form(thing)
     return (
-        "an UncertainSystem: use check_structure(system), whose report contains the worst perturbation found; "
-        "robust.mu.worst_gain(system.N, system.structure, omega) bounds the largest gain"
+        "an UncertainSystem: use check_structure(system), whose report contains the worst"
+        " perturbation found; robust.mu.worst_gain(system.N, system.structure, omega) bounds the"
+        " largest gain"
     )
 
 
@@ -859,24 +1035,33 @@ def require_parametric(model: object, purpose: str) -> None:
     """Refuse an object that is no set, and a set that is known on its lines only."""
     if not isinstance(model, UncertaintyModel) or model.measured_only:
         raise ValueError(
-            f"model must be an UncertaintyModel with a parametric nominal {purpose}, got {describe_no_set(model)}"
+            f"model must be an UncertaintyModel with a parametric nominal {purpose}, got"
+            f" {describe_no_set(model)}"
         )
 
 
-def require_one_channel(model: object, instead: str, purpose: str, *, parametric: bool = True) -> None:
-    """Refuse an object that is no set with one input and one output; for several channels, name the alternative."""
+def require_one_channel(
+    model: object, instead: str, purpose: str, *, parametric: bool = True
+) -> None:
+    """Refuse an object that is no set with one input and one output; for several channels, name the
+    alternative.
+    """
     if has_several_channels(model):
         raise ValueError(
-            f"model must have one input and one output {purpose}, got {model.n_outputs} x {model.n_inputs}: {instead}"
+            f"model must have one input and one output {purpose}, got {model.n_outputs} x"
+            f" {model.n_inputs}: {instead}"
         )
     if parametric:
         require_parametric(model, purpose)
     elif not isinstance(model, UncertaintyModel):
-        raise ValueError(f"model must be an UncertaintyModel {purpose}, got {describe_no_set(model)}")
+        raise ValueError(
+            f"model must be an UncertaintyModel {purpose}, got {describe_no_set(model)}"
+        )
 
 
 def is_within_set(model: UncertaintyModel, plant: AnySystem) -> bool:
-    """Return whether a plant, after the rounding of its realisation, still lies in the set that it was drawn from.
+    """Return whether a plant, after the rounding of its realisation, still lies in the set that it
+    was drawn from.
 
     It is compared on the lines, and beyond them for coprime factors, whose distance is bounded.
     """
@@ -885,5 +1070,12 @@ def is_within_set(model: UncertaintyModel, plant: AnySystem) -> bool:
     if model.measured_only or not model.is_single or not FORMS[model.form].depends_on_units:
         return True
     dt, (first, last) = timebase(model.nominal), model.omega[[0, -1]]
-    omega = np.geomspace(first / 100, min(100 * last, 0.999 * np.pi / dt) if dt else 100 * last, 200)
-    return bool(np.all(model.normalized_distance(omega, response(plant, omega), model.at(omega)) <= 1 + _SET_TOLERANCE))
+    omega = np.geomspace(
+        first / 100, min(100 * last, 0.999 * np.pi / dt) if dt else 100 * last, 200
+    )
+    return bool(
+        np.all(
+            model.normalized_distance(omega, response(plant, omega), model.at(omega))
+            <= 1 + _SET_TOLERANCE
+        )
+    )

@@ -1,4 +1,6 @@
-"""Choice of the number of poles of a nominal model: by the loop that its set allows, or by the data."""
+"""Choice of the number of poles of a nominal model: by the loop that its set allows, or by the
+data.
+"""
 
 from __future__ import annotations
 
@@ -37,25 +39,29 @@ from robust.models.sets.radius import (
 )
 
 _MAX_RELATIVE_STD = 0.5  # relative standard deviation above which a pole is reported
-_MIN_SEPARATION = 2.0  # standard deviations between a pole and a zero, below which they are reported
+_MIN_SEPARATION = (
+    2.0  # standard deviations between a pole and a zero, below which they are reported
+)
 _OUTSIDE, UNDAMPED = "poles outside the band", "undamped poles above the band"
 _UNSURE = "insignificant poles"
 _LEAST_DAMPING = 1e-4  # damping of a pair above the band, below which it is undamped
-#: Largest |T_c| times radius that leaves a loop its margins: rs of a loop like T_c is half its limit.
+# : Largest |T_c| times radius that leaves a loop its margins: rs of a loop like T_c is half its
+# limit.
 _ENOUGH = 0.5
 NEAR_BEST = 1.1  # the smallest order within this factor of the best is taken
 #: Last line of a scan that is printed, by whether a crossover was named.
 _CRITERION_TEXT = (
-    "criterion: negative log likelihood, in units of its expected value from scatter on one line, plus ln(2 lines)/2 "
-    "for each parameter. Taken is the lowest criterion among the fits that scatter explains and whose roots are "
-    "significant. If scatter explains none: the smallest order whose crossover reaches the highest one, within "
-    f"{NEAR_BEST - 1:.0%}; up to the crossover |T_c| times the radius of the set stays below {_ENOUGH:g}"
+    "criterion: negative log likelihood, in units of its expected value from scatter on one line,"
+    " plus ln(2 lines)/2 for each parameter. Taken is the lowest criterion among the fits that"
+    " scatter explains and whose roots are significant. If scatter explains none: the smallest"
+    f" order whose crossover reaches the highest one, within {NEAR_BEST - 1:.0%}; up to the"
+    f" crossover |T_c| times the radius of the set stays below {_ENOUGH:g}"
 )
 _CROSSOVER_TEXT = (
-    "radius: largest radius of the set over |G| below the crossover; |T_c| x radius: its largest value, with T_c of a "
-    f"loop with that crossover. Taken is the smallest order below {_ENOUGH:g}, or within {NEAR_BEST - 1:.0%} of the "
-    "best; fits with significant roots come first if they stay below one. Higher orders are not tried if no nominal "
-    "could be better"
+    "radius: largest radius of the set over |G| below the crossover; |T_c| x radius: its largest"
+    " value, with T_c of a loop with that crossover. Taken is the smallest order below"
+    f" {_ENOUGH:g}, or within {NEAR_BEST - 1:.0%} of the best; fits with significant roots come"
+    " first if they stay below one. Higher orders are not tried if no nominal could be better"
 )
 
 
@@ -117,40 +123,49 @@ class OrderScan:
 
     @property
     def loop_radius(self) -> np.ndarray:
-        """Return (n,) largest |T_c| times the radius of each set over |G|; nan without a crossover."""
+        """Return (n,) largest |T_c| times the radius of each set over |G|; nan without a
+        crossover.
+        """
         return np.array([size.loop_radius for size in self.sizes])
 
     @property
     def reach(self) -> np.ndarray:
-        """Return (n,) highest crossover [rad/s] with |T_c| times the radius below one half on every line."""
+        """Return (n,) highest crossover [rad/s] with |T_c| times the radius below one half on every
+        line.
+        """
         return np.array([size.reach for size in self.sizes])
 
     @property
     def chosen(self) -> int:
         """Return the index of the recommended fit.
 
-        With a crossover: the fewest poles among the fits whose |T_c| times radius is below one half on every line, or
-        within 10 % of that of the best. Fits with roots that the data do not support are left out if another one allows
-        a robust loop, with |T_c| times radius below one.
+        With a crossover: the fewest poles among the fits whose |T_c| times radius is below one half
+        on every line, or within 10 % of that of the best. Fits with roots that the data do not
+        support are left out if another one allows a robust loop, with |T_c| times radius below one.
 
-        Without a crossover: the smallest criterion among the fits that scatter explains and whose roots the data
-        support; if there is none, among those that it explains without cancelled poles and far zeros, then among those
-        that it explains. If scatter explains none: the fewest poles among those with a reach within 10 % of the
-        highest.
+        Without a crossover: the smallest criterion among the fits that scatter explains and whose
+        roots the data support; if there is none, among those that it explains without cancelled
+        poles and far zeros, then among those that it explains. If scatter explains none: the fewest
+        poles among those with a reach within 10 % of the highest.
         """
         if np.isnan(self.omega_c):
             return _choose_by_data(self.criterion, self.fits, self.reach)
         shown = ~np.array([_has_unseen_pair(fit) for fit in self.fits])
         shown |= not shown.any()
         carried = shown & np.array([set(doubtful_roots(fit)) <= {_OUTSIDE} for fit in self.fits])
-        if np.any(carried & (self.loop_radius < 1)):  # roots that follow the scatter of a line lower its radius too
+        if np.any(
+            carried & (self.loop_radius < 1)
+        ):  # roots that follow the scatter of a line lower its radius too
             shown = carried
         best = int(np.argmin(np.where(shown, self.loop_radius, np.inf)))
         limits = [
             np.maximum(NEAR_BEST * self.sizes[best].loop_lines, _ENOUGH),
             max(NEAR_BEST * self.loop_radius[best], _ENOUGH),
         ]
-        serves = [np.all(size.loop_lines <= limits[0]) and size.loop_radius <= limits[1] for size in self.sizes]
+        serves = [
+            np.all(size.loop_lines <= limits[0]) and size.loop_radius <= limits[1]
+            for size in self.sizes
+        ]
         return _smallest_order(self.fits, shown & np.array(serves), self.loop_radius)
 
     @property
@@ -167,12 +182,23 @@ class OrderScan:
         chosen, delayed, asked = self.chosen, np.any(self.delay), not np.isnan(self.omega_c)
         rows = []
         for i, fit in enumerate(self.fits):
-            row = f"{self.n_poles[i]:3d} poles" + (f"  delay {1e3 * fit.delay:8.4g} ms" if delayed else "")
+            row = f"{self.n_poles[i]:3d} poles" + (
+                f"  delay {1e3 * fit.delay:8.4g} ms" if delayed else ""
+            )
             if asked:
-                row += f"  radius {self.sizes[i].radius:9.3g}  |T_c| x radius {self.loop_radius[i]:9.3g}"
+                row += (
+                    f"  radius {self.sizes[i].radius:9.3g}  |T_c| x radius"
+                    f" {self.loop_radius[i]:9.3g}"
+                )
             else:
-                row += f"  crossover up to {format_hertz(self.reach[i]):>10s}  criterion {self.criterion[i]:10.4g}"
-            row += f"  cost {self.cost[i] / self.expected_cost[i]:9.4g} times scatter" + " (taken)" * (i == chosen)
+                row += (
+                    f"  crossover up to {format_hertz(self.reach[i]):>10s}  criterion"
+                    f" {self.criterion[i]:10.4g}"
+                )
+            row += (
+                f"  cost {self.cost[i] / self.expected_cost[i]:9.4g} times scatter"
+                + " (taken)" * (i == chosen)
+            )
             doubt = describe_doubts(fit)
             rows.append(row + f"  {doubt}" * bool(doubt))
         return "\n".join([*rows, _CROSSOVER_TEXT if asked else _CRITERION_TEXT])
@@ -189,7 +215,8 @@ def scan_orders(
     std: np.ndarray | None = None,
     omega_c: float | None = None,
 ) -> OrderScan:
-    """Fit nominal models of growing order and choose the one for a loop, or the one that the data support.
+    """Fit nominal models of growing order and choose the one for a loop, or the one that the data
+    support.
 
     Use this before `fit_nominal` if you do not know the number of poles.
 
@@ -200,12 +227,13 @@ def scan_orders(
     n_poles : iterable of int
         Orders to try, the smallest first; with a crossover until one suffices.
     relative_degree : int, optional
-        Number of poles minus number of zeros. By default 1, or the likelier one as in `fit_nominal`. For several
-        channels 1 (residues) or 0 (with a direct term).
+        Number of poles minus number of zeros. By default 1, or the likelier one as in
+        `fit_nominal`. For several channels 1 (residues) or 0 (with a direct term).
     delay : float or str
-        As in `fit_nominal` [s], or "auto": no delay, and also a fit with "estimate" if the phase requires a delay: with
-        a crossover if no order without one suffices and the best has zeros in the right half plane, else if no order
-        without one explains the data by poles and zeros that they support.
+        As in `fit_nominal` [s], or "auto": no delay, and also a fit with "estimate" if the phase
+        requires a delay: with a crossover if no order without one suffices and the best has zeros
+        in the right half plane, else if no order without one explains the data by poles and zeros
+        that they support.
 
     Returns
     -------
@@ -218,7 +246,8 @@ def scan_orders(
 
     References
     ----------
-    Pintelon & Schoukens, 2nd ed., 11.3 (model selection criteria); Schrama 1992 (models for a loop).
+    Pintelon & Schoukens, 2nd ed., 11.3 (model selection criteria); Schrama 1992 (models for a
+    loop).
 
     Examples
     --------
@@ -229,7 +258,11 @@ def scan_orders(
     1
     """
     orders = sorted({require_integer("n_poles", n, least=0) for n in n_poles})
-    excess = 1 if relative_degree is None else require_integer("relative_degree", relative_degree, least=0)
+    excess = (
+        1
+        if relative_degree is None
+        else require_integer("relative_degree", relative_degree, least=0)
+    )
     if not orders or orders[0] < excess:
         raise ValueError(f"n_poles must be at least the relative degree {excess}, got {orders}")
     several = bool(matrices_given(bla))
@@ -244,25 +277,42 @@ def scan_orders(
             for n in orders:
                 tau, direct = 0.0 if delay == "auto" else delay, None if excess else n
                 fits.append(
-                    fit_nominal(bla, n_poles=n, n_zeros=direct, delay=tau, dt=dt, stable=stable, omega_c=omega_c)
+                    fit_nominal(
+                        bla,
+                        n_poles=n,
+                        n_zeros=direct,
+                        delay=tau,
+                        dt=dt,
+                        stable=stable,
+                        omega_c=omega_c,
+                    )
                 )
                 if _set_sizes(fits[-1], many).suffices:
                     break
         else:
             search = start_search(
-                bla, std, dt=dt, stable=stable, delay=0.0 if delay == "auto" else delay, omega_c=omega_c
+                bla,
+                std,
+                dt=dt,
+                stable=stable,
+                delay=0.0 if delay == "auto" else delay,
+                omega_c=omega_c,
             )
             free = replace(search, delay=None, found={}, begun={}) if delay == "auto" else None
             zeros_of = {n: None if relative_degree is None else n - excess for n in orders}
             if omega_c is None:
                 fits = _scan_for_data(search, bla, zeros_of)
                 if free is not None and _needs_delay(fits):
-                    fits += [fit for fit in _scan_for_data(free, bla, zeros_of, also=search) if fit.delay]
+                    fits += [
+                        fit for fit in _scan_for_data(free, bla, zeros_of, also=search) if fit.delay
+                    ]
             else:
                 fits = _scan_for_loop(search, bla, zeros_of, free=free, many=many)
     fits.sort(key=lambda fit: fit.G.nstates)
     asked = float("nan") if omega_c is None else float(omega_c)
-    return OrderScan(fits=tuple(fits), sizes=tuple(_set_sizes(fit, many) for fit in fits), omega_c=asked)
+    return OrderScan(
+        fits=tuple(fits), sizes=tuple(_set_sizes(fit, many) for fit in fits), omega_c=asked
+    )
 
 
 def _scan_for_loop(
@@ -273,9 +323,11 @@ def _scan_for_loop(
     free: FitSearch | None,
     many: Sequence[Bla],
 ) -> list[NominalFit]:
-    """Return fits of growing order until the set of one allows the loop: first without a delay, then with one.
+    """Return fits of growing order until the set of one allows the loop: first without a delay,
+    then with one.
 
-    A delay is tried if the best fit without one has zeros in the right half plane, which stand for a delay.
+    A delay is tried if the best fit without one has zeros in the right half plane, which stand for
+    a delay.
     """
     fits: list[NominalFit] = []
     for one in (search,) if free is None else (search, free):
@@ -293,9 +345,13 @@ def _scan_for_loop(
 
 
 def _scan_for_data(
-    search: FitSearch, bla: Measurement, zeros_of: dict[int, int | None], also: FitSearch | None = None
+    search: FitSearch,
+    bla: Measurement,
+    zeros_of: dict[int, int | None],
+    also: FitSearch | None = None,
 ) -> list[NominalFit]:
-    """Return the fits of growing order, each started from its neighbours and from those of another search.
+    """Return the fits of growing order, each started from its neighbours and from those of another
+    search.
 
     Zeros above the band are left out where the criterion is lower without them.
     """
@@ -304,11 +360,15 @@ def _scan_for_data(
     for n, n_zeros in zeros_of.items():
         asked = checked_orders(search, n, n_zeros)
         same = also.found.get(asked) if also is not None else None
-        without[n] = search.without_zeros_above(search.best(asked, starts=(same,) if same is not None else ()), highest)
+        without[n] = search.without_zeros_above(
+            search.best(asked, starts=(same,) if same is not None else ()), highest
+        )
         for fewer in without[n]:
             search.offer(asked, fewer)
     search.improve_from_above()
-    return [likeliest_fit(search, bla, n, n_zeros, fewer=without[n]) for n, n_zeros in zeros_of.items()]
+    return [
+        likeliest_fit(search, bla, n, n_zeros, fewer=without[n]) for n, n_zeros in zeros_of.items()
+    ]
 
 
 # ---- The loop that the set about a fit allows.
@@ -324,14 +384,17 @@ def _records_of(bla: Measurement, dt: float) -> list[Bla]:
 class _SetSizes:
     """The size of the set about a fit, and the loop that it allows."""
 
-    # radius, loop_radius: largest radius over |G| below the crossover, and largest |T_c| times it; nan without a
-    # crossover
+    # radius, loop_radius: largest radius over |G| below the crossover, and largest |T_c| times it;
+    # nan without a crossover
     radius: float
     loop_radius: float
     loop_lines: np.ndarray  # (F,) |T_c| times the radius over |G| on the lines of the fit
-    reach: float  # highest crossover [rad/s] with |T_c| times the radius below `_ENOUGH` on every line
-    # True if the loop has its margins, or if no other nominal could improve it: on every line |T_c| times the radius is
-    # below `_ENOUGH` or near that of the scatter alone, with poles and zeros that the data show
+    reach: (
+        float  # highest crossover [rad/s] with |T_c| times the radius below `_ENOUGH` on every line
+    )
+    # True if the loop has its margins, or if no other nominal could improve it: on every line |T_c|
+    # times the radius is below `_ENOUGH` or near that of the scatter alone, with poles and zeros
+    # that the data show
     suffices: bool
 
 
@@ -340,7 +403,10 @@ def _set_sizes(fit: NominalFit, many: Sequence[Bla]) -> _SetSizes:
     parts = list(_parts_of_records(fit, many))
     rows = [_radii_of_record(fit, one, at) for one, at in parts]
     line = np.concatenate(
-        [np.arange(row.shape[1]) < fit.omega[at].size for row, (_, at) in zip(rows, parts, strict=True)]
+        [
+            np.arange(row.shape[1]) < fit.omega[at].size
+            for row, (_, at) in zip(rows, parts, strict=True)
+        ]
     )
     omega, relative, scatter, shape, smooth = np.concatenate(rows, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -353,12 +419,16 @@ def _set_sizes(fit: NominalFit, many: Sequence[Bla]) -> _SetSizes:
         loop_radius=float(loop.max()) if asked else np.nan,
         loop_lines=loop[line],
         reach=reach,
-        suffices=asked and not _has_unseen_pair(fit) and bool(np.all(loop < np.maximum(_ENOUGH, NEAR_BEST * least))),
+        suffices=asked
+        and not _has_unseen_pair(fit)
+        and bool(np.all(loop < np.maximum(_ENOUGH, NEAR_BEST * least))),
     )
 
 
 def _parts_of_records(fit: NominalFit, many: Sequence[Bla]) -> Iterator[tuple[Bla | None, slice]]:
-    """Return each record with the slice of its lines in a fit to all of them; no record for a bare FRF."""
+    """Return each record with the slice of its lines in a fit to all of them; no record for a bare
+    FRF.
+    """
     start = 0
     for one in many:
         yield one, slice(start, start + one.omega.size)
@@ -368,13 +438,16 @@ def _parts_of_records(fit: NominalFit, many: Sequence[Bla]) -> Iterator[tuple[Bl
 
 
 def _radii_of_record(fit: NominalFit, record: Bla | None, at: slice) -> np.ndarray:
-    """Return (5, W) frequencies, radius over |G|, its part for any nominal, |G| over smoothed |G|, and smoothed |G|.
+    """Return (5, W) frequencies, radius over |G|, its part for any nominal, |G| over smoothed |G|,
+    and smoothed |G|.
 
-    On the lines of the record, and for one channel at the modes of the nominal between them, where the radius is the
-    larger neighbour. For a bare FRF the radius is the misfit. For several channels it is the largest gain of the
-    radii over that of |G|, rows and columns balanced.
+    On the lines of the record, and for one channel at the modes of the nominal between them, where
+    the radius is the larger neighbour. For a bare FRF the radius is the misfit. For several
+    channels it is the largest gain of the radii over that of |G|, rows and columns balanced.
     """
-    omega, G, measured = fit.omega[at], fit.response[..., at], (fit.response + fit.residual)[..., at]
+    omega = fit.omega[at]
+    G = fit.response[..., at]
+    measured = (fit.response + fit.residual)[..., at]
     smooth = smooth_size(omega, measured)
     with np.errstate(divide="ignore", invalid="ignore"):
         if G.ndim == 3:
@@ -385,9 +458,17 @@ def _radii_of_record(fit: NominalFit, record: Bla | None, at: slice) -> np.ndarr
             sizes = [np.abs(np.moveaxis(X, 2, 0)) for X in (G, smooth)]
             rows, columns = balance(sizes[1])
             *gains, whole, around = (
-                np.linalg.norm(part / rows[:, :, None] / columns[:, None], 2, axis=(1, 2)) for part in (*radii, *sizes)
+                np.linalg.norm(part / rows[:, :, None] / columns[:, None], 2, axis=(1, 2))
+                for part in (*radii, *sizes)
             )
-            return np.array([omega, *(gain / whole for gain in gains), whole / around, mean_size(omega, measured)])
+            return np.array(
+                [
+                    omega,
+                    *(gain / whole for gain in gains),
+                    whole / around,
+                    mean_size(omega, measured),
+                ]
+            )
         radius, scatter = np.abs(fit.residual[at]), np.zeros(omega.size)
         if record is not None:
             parts = record_radius_parts(record, control.frd(G, omega), RadiusSpec())
@@ -403,13 +484,19 @@ def _radii_of_record(fit: NominalFit, record: Bla | None, at: slice) -> np.ndarr
 
 
 def _has_unseen_pair(fit: NominalFit) -> bool:
-    """Return True if a pole and a zero lie below the band, where they cancel on every line: the data show neither."""
+    """Return True if a pole and a zero lie below the band, where they cancel on every line: the
+    data show neither.
+    """
     lowest, dt = fit.omega.min() / OUTSIDE_FACTOR, timebase(fit.G)
-    return all(np.any(np.abs(to_s_plane(roots, dt)) < lowest) for roots in (fit.G.poles(), fit.G.zeros()))
+    return all(
+        np.any(np.abs(to_s_plane(roots, dt)) < lowest) for roots in (fit.G.poles(), fit.G.zeros())
+    )
 
 
 def _smallest_order(fits: Sequence[NominalFit], good: np.ndarray, measure: np.ndarray) -> int:
-    """Return the index of the good fit with the fewest poles, among equal ones with the smallest measure."""
+    """Return the index of the good fit with the fewest poles, among equal ones with the smallest
+    measure.
+    """
     least = min(fit.G.nstates for fit, ok in zip(fits, good, strict=True) if ok)
     same = np.array([fit.G.nstates == least for fit in fits])
     return int(np.argmin(np.where(good & same, measure, np.inf)))
@@ -421,10 +508,11 @@ def _smallest_order(fits: Sequence[NominalFit], good: np.ndarray, measure: np.nd
 def _choose_by_data(criterion: np.ndarray, fits: Sequence[NominalFit], reach: np.ndarray) -> int:
     """Return the index of the fit to take without a crossover.
 
-    The smallest criterion among the fits that scatter explains with roots that the data support; then among those that
-    it explains without cancelled poles and far zeros, then among those that it explains. A fit with undamped poles
-    above the band is excluded: such poles only imitate a lead in time. If scatter explains no fit, the set decides: the
-    smallest order that lets a loop reach as high as any.
+    The smallest criterion among the fits that scatter explains with roots that the data support;
+    then among those that it explains without cancelled poles and far zeros, then among those that
+    it explains. A fit with undamped poles above the band is excluded: such poles only imitate a
+    lead in time. If scatter explains no fit, the set decides: the smallest order that lets a loop
+    reach as high as any.
     """
     doubts = [doubtful_roots(fit) for fit in fits]
     damped = np.array([UNDAMPED not in kinds for kinds in doubts])
@@ -440,9 +528,13 @@ def _choose_by_data(criterion: np.ndarray, fits: Sequence[NominalFit], reach: np
 
 
 def _needs_delay(fits: Sequence[NominalFit]) -> bool:
-    """Return True if scatter explains no fit without a delay whose poles and zeros the data support."""
+    """Return True if scatter explains no fit without a delay whose poles and zeros the data
+    support.
+    """
     return not any(
-        fit.p_value > UNLIKELY_COST and not describe_doubts(fit) and not np.any(np.real(fit.G.zeros()) > 0)
+        fit.p_value > UNLIKELY_COST
+        and not describe_doubts(fit)
+        and not np.any(np.real(fit.G.zeros()) > 0)
         for fit in fits
     )
 
@@ -450,7 +542,9 @@ def _needs_delay(fits: Sequence[NominalFit]) -> bool:
 def describe_order(fit: NominalFit) -> str:
     """Describe the order of a fit, and its delay if it has one."""
     zeros = "" if fit.inputs else f" and {format_count(fit.G.zeros().size, 'zero')}"
-    return f"{format_count(fit.G.nstates, 'pole')}{zeros}" + (f", a delay of {fit.delay:.3g} s" if fit.delay else "")
+    return f"{format_count(fit.G.nstates, 'pole')}{zeros}" + (
+        f", a delay of {fit.delay:.3g} s" if fit.delay else ""
+    )
 
 
 def describe_doubts(fit: NominalFit) -> str:
@@ -463,14 +557,16 @@ def describe_doubts(fit: NominalFit) -> str:
     'poles outside the band: 79.58 Hz'
     """
     return "; ".join(
-        f"{kind}: {', '.join(f'{abs(root) / 2 / np.pi:.4g} Hz' for root in roots if root.imag >= 0)}"
+        f"{kind}:"
+        f" {', '.join(f'{abs(root) / 2 / np.pi:.4g} Hz' for root in roots if root.imag >= 0)}"
         for kind, roots in doubtful_roots(fit).items()
     )
 
 
 def doubtful_roots(fit: NominalFit) -> dict[str, np.ndarray]:
-    """Return roots that the data do not support, by kind: poles far outside the band, undamped ones above it, poles
-    that are not significant or that a zero cancels within the scatter, and far zeros above the band."""
+    """Return roots that the data do not support, by kind: poles far outside the band, undamped ones
+    above it, poles that are not significant or that a zero cancels within the scatter, and far
+    zeros above the band."""
     if fit.uncertainty is None or fit.G.dt:
         return {}
     poles, zeros = fit.uncertainty.poles, fit.uncertainty.zeros

@@ -11,7 +11,9 @@ from robust.lti.connections import block_diagonal, in_series, inverse_system
 from robust.lti.realisation import from_roots
 from robust.models.sets.forms import FORMS
 
-_REAL_ANGLE = 1e-7  # [rad] treated as real: an all-pass of that phase has a pole next to zero or infinity
+_REAL_ANGLE = (
+    1e-7  # [rad] treated as real: an all-pass of that phase has a pole next to zero or infinity
+)
 
 
 def perturbed_plant(
@@ -29,25 +31,39 @@ def perturbed_plant(
 
 
 def random_delta(
-    rng: np.random.Generator, structure: Sequence[tuple[int, int]], *, band: tuple[float, float], dt: float
+    rng: np.random.Generator,
+    structure: Sequence[tuple[int, int]],
+    *,
+    band: tuple[float, float],
+    dt: float,
 ) -> control.StateSpace:
-    """Return a random stable perturbation of these blocks (reads, drives), with gain one or (every other) less.
+    """Return a random stable perturbation of these blocks (reads, drives), with gain one or (every
+    other) less.
 
-    A full block is V diag(all-passes) U^T with random orthogonal U and V: its gain differs with direction.
+    A full block is V diag(all-passes) U^T with random orthogonal U and V: its gain differs with
+    direction.
     """
     blocks = []
     for n, m in structure:
         passes = [random_perturbation(rng, *band, dt) for _ in range(min(n, m))]
         if (n, m) != (1, 1):
-            reads, drives = (np.linalg.qr(rng.normal(size=(size, size)))[0][:, : len(passes)] for size in (n, m))
+            reads, drives = (
+                np.linalg.qr(rng.normal(size=(size, size)))[0][:, : len(passes)] for size in (n, m)
+            )
             D = block_diagonal(passes, dt)
-            passes = [control.StateSpace(D.A, D.B @ reads.T, drives @ D.C, drives @ D.D @ reads.T, dt)]
+            passes = [
+                control.StateSpace(D.A, D.B @ reads.T, drives @ D.C, drives @ D.D @ reads.T, dt)
+            ]
         blocks += passes
     return blocks[0] if len(blocks) == 1 else block_diagonal(blocks, dt)
 
 
-def random_perturbation(rng: np.random.Generator, low: float, high: float, dt: float) -> control.StateSpace:
-    """Return a random stable all-pass with one to three sections over the band [rad/s], with gain one or less."""
+def random_perturbation(
+    rng: np.random.Generator, low: float, high: float, dt: float
+) -> control.StateSpace:
+    """Return a random stable all-pass with one to three sections over the band [rad/s], with gain
+    one or less.
+    """
     poles: list[complex] = []
     for _ in range(rng.integers(1, 4)):
         w = np.exp(rng.uniform(np.log(low), np.log(high)))
@@ -72,23 +88,30 @@ def all_pass_of_poles(poles: np.ndarray, gain: float, dt: float) -> control.Stat
 
 
 def with_phase(omega: float, value: complex, dt: float) -> control.StateSpace:
-    """Return a first-order all-pass times |value| that takes the given complex value at omega [rad/s]."""
+    """Return a first-order all-pass times |value| that takes the given complex value at omega
+    [rad/s].
+    """
     x = 2 / dt * np.tan(omega * dt / 2) if dt else omega
     angle = float(np.angle(value))
     if abs(np.sin(angle)) < _REAL_ANGLE:
         return control.StateSpace([], [], [], [[abs(value) * np.sign(np.cos(angle))]], dt)
-    # (s - b)/(s + b) at j x has the phase pi - 2 atan(x / b), between 0 and pi; the sign gives the other half
+    # (s - b)/(s + b) at j x has the phase pi - 2 atan(x / b), between 0 and pi; the sign gives the
+    # other half
     sign = 1.0 if angle >= 0 else -1.0
     phase = angle if angle >= 0 else angle + np.pi
     b = x / np.tan(np.clip((np.pi - phase) / 2, 1e-9, np.pi / 2 - 1e-9))
     return all_pass_of_poles(np.array([complex(-b)]), sign * abs(value), dt)
 
 
-def with_phases(omega: np.ndarray, phases: np.ndarray, *, narrow: float = 1e-4) -> control.StateSpace:
-    """Return a continuous all-pass with given phases [rad] at several frequencies omega (n,) [rad/s], of order 2 n.
+def with_phases(
+    omega: np.ndarray, phases: np.ndarray, *, narrow: float = 1e-4
+) -> control.StateSpace:
+    """Return a continuous all-pass with given phases [rad] at several frequencies omega (n,)
+    [rad/s], of order 2 n.
 
-    A section (s + p)(s + p*)/((s - p)(s - p*)) with p = -h + j c, h << c turns once around c and is nearly one
-    elsewhere. At omega its phase is 2 acot((omega - c)/h), so c sets it. Its phase at the others is subtracted first.
+    A section (s + p)(s + p*)/((s - p)(s - p*)) with p = -h + j c, h << c turns once around c and is
+    nearly one elsewhere. At omega its phase is 2 acot((omega - c)/h), so c sets it. Its phase at
+    the others is subtracted first.
 
     >>> from robust.lti.lti import response
     >>> delta = with_phases(np.array([1.0, 5.0]), np.array([0.5, -2.0]))
@@ -100,7 +123,9 @@ def with_phases(omega: np.ndarray, phases: np.ndarray, *, narrow: float = 1e-4) 
     for _ in range(30):
         for k, w in enumerate(omega):
             p = -half + 1j * centre
-            every = np.angle((1j * w + p) * (1j * w + p.conj()) / ((1j * w - p) * (1j * w - p.conj())))
+            every = np.angle(
+                (1j * w + p) * (1j * w + p.conj()) / ((1j * w - p) * (1j * w - p.conj()))
+            )
             wanted = (phases[k] - every.sum() + every[k]) % (2 * np.pi)
             centre[k] = w - half[k] / np.tan(np.clip(wanted / 2, 1e-6, np.pi - 1e-6))
     p = -half + 1j * centre

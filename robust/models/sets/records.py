@@ -13,15 +13,17 @@ from nlfrf._base.values import value
 PARTS = ("noise", "odd", "even", "misfit", "level", "systematic")
 WINDOW = 13  # lines over which a level relative to |G| is averaged
 LEVEL_DOF = 14.0  # complex degrees of freedom of the average
-#: Divided by the number of lines: variance of the part of a realisation's log distortion power that all lines share.
-#: Measured: 1 for a saturation, 7 for the rig with friction, 16 for a cube, 50 for a fifth power.
+# : Divided by the number of lines: variance of the part of a realisation's log distortion power
+# that all lines share. : Measured: 1 for a saturation, 7 for the rig with friction, 16 for a cube,
+# 50 for a fifth power.
 FEW_LINES = 8.0
 _MAX_DOF = 1e6  # stands for infinity, which a file cannot hold
 
 
 @value
 class RecordSummary:
-    """The FRF of one record and its likely scatter, for any number of channels; lines come first in every array.
+    """The FRF of one record and its likely scatter, for any number of channels; lines come first in
+    every array.
 
     Fields
     ------
@@ -30,25 +32,27 @@ class RecordSummary:
     G : (F,) or (F, n_y, n_u) complex ndarray
         The FRF, behind the hold of the model where that has one.
     variance : (F,) ndarray, or (F, n_y, n_y) complex ndarray
-        Variance of G around the BLA. For several channels the covariance C over outputs: an error of G is
-        C^1/2 Z gamma^1/2 with Z white.
+        Variance of G around the BLA. For several channels the covariance C over outputs: an error
+        of G is C^1/2 Z gamma^1/2 with Z white.
     gamma : (F, n_u, n_u) complex ndarray or None
         Covariance over inputs, for several channels.
     dof : (F,) ndarray or None
         Complex degrees of freedom behind the covariance, for several channels.
     scatter : (F,) ndarray or None
-        Variance of the FRF of one realisation around the BLA by distortion, without noise; for one channel.
+        Variance of the FRF of one realisation around the BLA by distortion, without noise; for one
+        channel.
     confirmed : float
-        Median ratio of the variance to the one behind `Bla.bound`; below one if G is less rough than the level
-        predicts. For one channel.
+        Median ratio of the variance to the one behind `Bla.bound`; below one if G is less rough
+        than the level predicts. For one channel.
     rms_u, rms_y : float
-        Rms of the input and of the output on the excited lines [unit of u, unit of y]: the level at which G holds. nan
-        if it is not known, as for several channels.
+        Rms of the input and of the output on the excited lines [unit of u, unit of y]: the level at
+        which G holds. nan if it is not known, as for several channels.
 
     Notes
     -----
-    For one channel the level is averaged over thirteen lines. If G is less rough than the level predicts, its roughness
-    is used: a bound takes the larger of two estimates of a level, which is too large for a prediction.
+    For one channel the level is averaged over thirteen lines. If G is less rough than the level
+    predicts, its roughness is used: a bound takes the larger of two estimates of a level, which is
+    too large for a prediction.
 
     Examples
     --------
@@ -82,12 +86,18 @@ class RecordSummary:
 
         def between(x: np.ndarray) -> np.ndarray:
             rows = np.reshape(x, (self.omega.size, -1)).T
-            return np.array([np.interp(omega, self.omega, row) for row in rows]).T.reshape(-1, *x.shape[1:])
+            return np.array([np.interp(omega, self.omega, row) for row in rows]).T.reshape(
+                -1, *x.shape[1:]
+            )
 
         log = np.log(np.maximum(np.abs(self.G), 1e-300)) + 1j * np.unwrap(np.angle(self.G), axis=0)
-        gamma, dof, scatter = (None if x is None else between(x) for x in (self.gamma, self.dof, self.scatter))
+        gamma, dof, scatter = (
+            None if x is None else between(x) for x in (self.gamma, self.dof, self.scatter)
+        )
         G, variance = np.exp(between(log)), between(self.variance)
-        return replace(self, omega=omega, G=G, variance=variance, gamma=gamma, dof=dof, scatter=scatter)
+        return replace(
+            self, omega=omega, G=G, variance=variance, gamma=gamma, dof=dof, scatter=scatter
+        )
 
 
 @value
@@ -128,7 +138,8 @@ class Origin:
 
 @value
 class JointProbability:
-    """Estimated probability that a whole FRF lies in a set, all its lines together; nan if it is not known.
+    """Estimated probability that a whole FRF lies in a set, all its lines together; nan if it is
+    not known.
 
     Fields
     ------
@@ -145,12 +156,16 @@ class JointProbability:
 def summarize_record(bla: Bla, recorded: Bla | None = None) -> RecordSummary:
     """Return the summary of a record that a set keeps.
 
-    recorded : the record before a hold was put into G, which gives the level of the input; bla when not given.
+    recorded : the record before a hold was put into G, which gives the level of the input; bla when
+    not given.
     """
     if not bla.is_single:
         G, C, gamma = (np.moveaxis(x, 2, 0) for x in (bla.G, bla.cov.bound, bla.cov.gamma))
-        return RecordSummary(omega=bla.omega, G=G, variance=C, gamma=gamma, dof=np.minimum(bla.dof, _MAX_DOF))
-    # relative to |G|, which a level follows across a resonance, except where G itself is below its scatter
+        return RecordSummary(
+            omega=bla.omega, G=G, variance=C, gamma=gamma, dof=np.minimum(bla.dof, _MAX_DOF)
+        )
+    # relative to |G|, which a level follows across a resonance, except where G itself is below its
+    # scatter
     size = np.maximum(np.abs(bla.G) ** 2 + bla.var_bound, np.finfo(float).tiny ** 0.5)
     level, rough = _window_mean(bla.var_bound / size), _window_mean(bla.roughness() / size)
     ratio = np.divide(rough, level, out=np.ones(level.size), where=level > 0)
@@ -169,10 +184,12 @@ def summarize_record(bla: Bla, recorded: Bla | None = None) -> RecordSummary:
 
 
 def rms_levels(bla: Bla) -> tuple[float, float]:
-    """Return the rms of input and output on the excited lines, from the mean power over realisations; nan if unknown.
+    """Return the rms of input and output on the excited lines, from the mean power over
+    realisations; nan if unknown.
 
-    A Bla contains Y but not U. Realisations have one amplitude |U|, so the mean of |Y / U|^2 is |G|^2 + (M - 1) times
-    the variance of their mean. For noise, the coherence is the share of G U in |Y|^2.
+    A Bla contains Y but not U. Realisations have one amplitude |U|, so the mean of |Y / U|^2 is
+    |G|^2 + (M - 1) times the variance of their mean. For noise, the coherence is the share of G U
+    in |Y|^2.
     """
     Y = bla.levels.excited
     if Y.shape[-1] != bla.f.size:

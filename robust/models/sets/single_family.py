@@ -1,8 +1,9 @@
 """Sets for one channel that contain given plants: FRFs on their lines, systems at all frequencies.
 
-The radius is the largest deviation of a plant on the lines, and a weight is fitted over it. The response of a system
-between the lines is decided by exact polynomials: a frequency at which a system leaves the set is added to the weight,
-and the remainder after a few rounds lifts the whole weight.
+The radius is the largest deviation of a plant on the lines, and a weight is fitted over it. The
+response of a system between the lines is decided by exact polynomials: a frequency at which a
+system leaves the set is added to the weight, and the remainder after a few rounds lifts the whole
+weight.
 """
 
 from __future__ import annotations
@@ -49,14 +50,22 @@ def make_set_of_plants(
     omega, radius = _radius_of_plants(plants, centre, row)
     source = f"{format_count(len(plants), 'plant')} that were given"
     kinds = (control.StateSpace, control.TransferFunction)
-    systems = [] if is_frf else [state_space("bla", plant) for plant in plants if isinstance(plant, kinds)]
+    systems = (
+        []
+        if is_frf
+        else [state_space("bla", plant) for plant in plants if isinstance(plant, kinds)]
+    )
     if systems:
         require_equal_roots(form, [centre, *systems], inverse=row.inverse)
         source += ", systems inside at all frequencies, FRFs on their lines"
     covered = rules.extrapolate(omega, radius, dt)
     for round_ in range(MAX_ROUNDS):
-        weight = fit_extrapolated(covered, rules, order=order, dt=dt, importance=1.0 * (covered[0] <= omega[-1]))
-        model = UncertaintyModel(nominal=centre, weight=weight, form=form, omega=omega, radius=radius)
+        weight = fit_extrapolated(
+            covered, rules, order=order, dt=dt, importance=1.0 * (covered[0] <= omega[-1])
+        )
+        model = UncertaintyModel(
+            nominal=centre, weight=weight, form=form, omega=omega, radius=radius
+        )
         bounds = [model.deviations(plant)[0].bound(omega[0], TOLERANCE) for plant in systems]
         lift = max([1.0, *(one.upper * LIFT for one in bounds)])
         if lift < CLOSE_LIFT or round_ == MAX_ROUNDS - 1:
@@ -65,8 +74,9 @@ def make_set_of_plants(
             covered = _cover_plant(covered, plant, centre, row, one.omega)
     if not lift < MAX_LIFT:
         raise ValueError(
-            f"bla must hold plants that a stable proper weight can cover, got one {lift:.3g} times as far from the "
-            f"nominal as the weight reaches, {form} form: give this plant as an FRF, or choose another form or order"
+            f"bla must hold plants that a stable proper weight can cover, got one {lift:.3g} times"
+            f" as far from the nominal as the weight reaches, {form} form: give this plant as an"
+            " FRF, or choose another form or order"
         )
     weight = control.StateSpace(weight.A, weight.B, weight.C * lift, weight.D * lift, weight.dt)
     return UncertaintyModel(
@@ -81,9 +91,13 @@ def make_set_of_plants(
 
 
 def _radius_of_plants(
-    plants: Sequence[AnySystem], nominal: control.StateSpace | control.FrequencyResponseData, form: Form
+    plants: Sequence[AnySystem],
+    nominal: control.StateSpace | control.FrequencyResponseData,
+    form: Form,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return lines [rad/s] and the largest deviation of a plant on each, in the unit of the form."""
+    """Return lines [rad/s] and the largest deviation of a plant on each, in the unit of the
+    form.
+    """
     lines = _lines_of_frfs(plants, nominal)
     each, differs = [], False
     for plant in plants:
@@ -94,7 +108,8 @@ def _radius_of_plants(
             away = np.abs(form.deviation(G, centre))
         if not np.isfinite(away).all():
             raise ValueError(
-                f"bla must leave the radius finite, got a plant or nominal that vanishes: {form.name} form"
+                "bla must leave the radius finite, got a plant or nominal that vanishes:"
+                f" {form.name} form"
             )
         each.append(larger_neighbour(lines, omega, away))
     if not differs:
@@ -107,7 +122,9 @@ def _lines_of_frfs(
     plants: Sequence[AnySystem], nominal: control.StateSpace | control.FrequencyResponseData
 ) -> np.ndarray:
     """Return all frequencies [rad/s] of the FRFs among the plants and the nominal."""
-    known = [plant for plant in [*plants, nominal] if isinstance(plant, control.FrequencyResponseData)]
+    known = [
+        plant for plant in [*plants, nominal] if isinstance(plant, control.FrequencyResponseData)
+    ]
     if not known:
         raise ValueError(
             "bla must contain an FRF, because plants and nominal are compared on its lines: "
@@ -124,8 +141,12 @@ def _cover_plant(
     form: Form,
     more: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies and radii for a weight to cover, with one more at which the deviation of a system is added."""
+    """Return frequencies and radii for a weight to cover, with one more at which the deviation of a
+    system is added.
+    """
     lines, radius = covered
     omega = np.union1d(lines, [more] * (more > 0))
     away = np.abs(form.deviation(response(plant, omega), response(nominal, omega)))
-    return omega, np.maximum(np.exp(np.interp(np.log(omega), np.log(lines), np.log(radius))), np.nan_to_num(away))
+    return omega, np.maximum(
+        np.exp(np.interp(np.log(omega), np.log(lines), np.log(radius))), np.nan_to_num(away)
+    )

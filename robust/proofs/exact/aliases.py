@@ -1,6 +1,7 @@
 """Claims on a set of continuous plants under a sampled controller, with every alias.
 
-With S = 1/(1 + K G_d), h_k the hold at alias omega_k = omega + 2 pi k/T, F = G w or w by the form, sums over k != 0,
+With S = 1/(1 + K G_d), h_k the hold at alias omega_k = omega + 2 pi k/T, F = G w or w by the form,
+sums over k != 0,
 
     LTI, mult. and additive       |h_0 F K S| + |K S| sum |h_k F_k| < 1
     operator, mult. and additive  |F K S|^2 + |K S|^2 sum |F_k|^2 < 1
@@ -8,9 +9,10 @@ With S = 1/(1 + K G_d), h_k the hold at alias omega_k = omega + 2 pi k/T, F = G 
                                     + (|K S| + |F K S|) sum |h_k G_k| |F_k|/(1 - |F_k|) < 1
     operator, inverse             |[a, b; c, d]| < 1, the blocks of the frequency itself and of all others
 
-(docs/guide/aliases.md derives them). On an interval each quotient is a maximum over a minimum of two Taylor models.
-Aliases beyond the first are taken in blocks, the last ones by their power law. The interval is cut until the sum of
-upper bounds stays below one. An upper bound of one or more disproves nothing: the result is then undecided.
+(docs/guide/aliases.md derives them). On an interval each quotient is a maximum over a minimum of
+two Taylor models. Aliases beyond the first are taken in blocks, the last ones by their power law.
+The interval is cut until the sum of upper bounds stays below one. An upper bound of one or more
+disproves nothing: the result is then undecided.
 """
 
 from __future__ import annotations
@@ -54,15 +56,21 @@ from robust.proofs.exact.taylor_models import (
 )
 
 SINGLE, MOST_SINGLE = 12, 60  # least and largest number of single aliases on each side
-_LONGER, _FAR = 1.1, 30.0  # growth of the blocks beyond them, and their end as a multiple of the farthest root
-_TIGHT, _DEEPEST = 1.05, 40  # ratio of both bounds of a maximum at which cutting ends, and largest number of cuts
+# growth of the blocks beyond them, and their end as a multiple of the farthest root
+_LONGER = 1.1
+_FAR = 30.0
+# ratio of both bounds of a maximum at which cutting ends, and largest number of cuts
+_TIGHT = 1.05
+_DEEPEST = 40
 _REFINEMENT_FACTOR = 4  # a bound up to this value may fall below one with a closer look
 _LOOSE_RADIUS = 0.05  # relative radius of a ball above which a Taylor model is worth its price
 
 
 @value(copy=False)
 class Ratio:
-    """|X|^2 = num(y)/den(y), y = omega^2, for a continuous system X, as balls; it falls as y^-order."""
+    """|X|^2 = num(y)/den(y), y = omega^2, for a continuous system X, as balls; it falls as
+    y^-order.
+    """
 
     num: arb_poly
     den: arb_poly
@@ -103,7 +111,9 @@ def squared_line(low: arb, high: arb) -> TaylorModel:
 
 
 def _sqrt_upper(top: arb, bottom: arb) -> arb:
-    """Return an upper bound of sqrt(top/bottom); infinite if the bottom is not certainly positive."""
+    """Return an upper bound of sqrt(top/bottom); infinite if the bottom is not certainly
+    positive.
+    """
     if not bottom > 0:
         return arb.pos_inf()
     found = (top.abs_upper() / bottom.abs_lower()).abs_upper()
@@ -121,12 +131,16 @@ def _true_degree(p: Polynomial) -> int:
 
 
 def product_of_systems(one: Quotient, other: Quotient) -> Quotient:
-    return Quotient(num=one.num * other.num, den=one.den * other.den, degree=one.degree + other.degree)
+    return Quotient(
+        num=one.num * other.num, den=one.den * other.den, degree=one.degree + other.degree
+    )
 
 
 @value(copy=False)
 class _Sums:
-    """Upper bounds of the sums over all aliases k != 0 on an interval; `AliasBounds` defines the sums."""
+    """Upper bounds of the sums over all aliases k != 0 on an interval; `AliasBounds` defines the
+    sums.
+    """
 
     F: arb
     G: arb
@@ -138,7 +152,9 @@ class _Sums:
 
 @value(copy=False)
 class AliasBlocks:
-    """All aliases with |k| above a number, in blocks that begin at `edges`; beyond the last edge all the others."""
+    """All aliases with |k| above a number, in blocks that begin at `edges`; beyond the last edge
+    all the others.
+    """
 
     edges: tuple[int, ...]
     step: arb
@@ -146,7 +162,9 @@ class AliasBlocks:
 
     @classmethod
     def beyond(cls, n: int, farthest: float, *, dt: arb) -> AliasBlocks:
-        """Return the blocks of the aliases |k| > n, up to far beyond the farthest root, in sampling frequencies."""
+        """Return the blocks of the aliases |k| > n, up to far beyond the farthest root, in sampling
+        frequencies.
+        """
         edges = [n + 1]
         while edges[-1] < max(_FAR * farthest, 2.0 * edges[0]):
             edges.append(max(edges[-1] + 1, int(edges[-1] * _LONGER)))
@@ -164,7 +182,9 @@ class AliasBlocks:
         return (self.edges[-1] - arb(1) / 2) * self.step
 
     def total(self, sizes: list[arb], c: arb, order: int, *, holds: int) -> arb:
-        """Return sum |h_k|^holds times the sizes on the blocks, c omega_k^-order beyond, without |sin(omega T/2)|."""
+        """Return sum |h_k|^holds times the sizes on the blocks, c omega_k^-order beyond, without
+        |sin(omega T/2)|.
+        """
         halves, n = (-arb(1) / 2, arb(1) / 2), order + holds
         found = arb(0)
         for (a, b), size in zip(pairwise(self.edges), sizes, strict=True):
@@ -184,7 +204,9 @@ class AliasBlocks:
 
 
 class AliasBounds:
-    """Plant and perturbation channel of a claim at every alias: sum |h F|, |h G|, |F|^2, |h G|^2, |h G F|/(1 - |F|)."""
+    """Plant and perturbation channel of a claim at every alias: sum |h F|, |h G|, |F|^2, |h G|^2,
+    |h G F|/(1 - |F|).
+    """
 
     def __init__(self, claim: LoopClaim, dt: fmpq) -> None:
         plant, weight = transfer_quotient(claim.plant), transfer_quotient(claim.weight)
@@ -198,11 +220,16 @@ class AliasBounds:
         self.rest = self.of_the_rest(farthest)
 
     def of_the_rest(self, farthest: float) -> _Sums:
-        """Return the sums over all aliases beyond the single ones, with |h_k| without |sin(omega T/2)|."""
+        """Return the sums over all aliases beyond the single ones, with |h_k| without |sin(omega
+        T/2)|.
+        """
         blocks = AliasBlocks.beyond(self.n, farthest, dt=self.dt)
         G = [max_magnitude(self.G, *block) for block in blocks.intervals]
         F = [max_magnitude(self.F, *block, below_one=self.inverse) for block in blocks.intervals]
-        f, g, n_F, n_G = self.F.beyond(blocks.end), self.G.beyond(blocks.end), self.F.order, self.G.order
+        f = self.F.beyond(blocks.end)
+        g = self.G.beyond(blocks.end)
+        n_F = self.F.order
+        n_G = self.G.order
         f_last = f / blocks.end**n_F
         return _Sums(
             F=blocks.total(F, f, n_F, holds=1),
@@ -210,13 +237,18 @@ class AliasBounds:
             FF=blocks.total([x * x for x in F], f * f, 2 * n_F, holds=0),
             GG=blocks.total([x * x for x in G], g * g, 2 * n_G, holds=2),
             GF=blocks.total(
-                [y * _over_one_minus(x) for x, y in zip(F, G, strict=True)], g * _over_one_minus(f_last), n_G, holds=1
+                [y * _over_one_minus(x) for x, y in zip(F, G, strict=True)],
+                g * _over_one_minus(f_last),
+                n_G,
+                holds=1,
             ),
             F_max=reduce(arb.max, F, f_last),
         )
 
     def hold(self, low: arb, high: arb) -> tuple[arb, arb]:
-        """Return a lower and an upper bound of |h_0|, the hold at the frequency itself, on omega in [low, high]."""
+        """Return a lower and an upper bound of |h_0|, the hold at the frequency itself, on omega in
+        [low, high].
+        """
         first, last = low * self.dt / 2, high * self.dt / 2  # sin x/x falls up to Nyquist, x = pi/2
         least = (last.sin() / last).abs_lower() if last > 0 else arb(1)
         return least, (first.sin() / first).abs_upper() if first > 0 else arb(1)
@@ -228,19 +260,30 @@ class AliasBounds:
         F, G, FF, GG, GF = rest.F * sine, rest.G * sine, rest.FF, rest.GG * sine**2, rest.GF * sine
         F_max = rest.F_max
         for k in range(1, self.n + 1):
-            for near, far in ((k * self.step - high, k * self.step - low), (k * self.step + low, k * self.step + high)):
+            for near, far in (
+                (k * self.step - high, k * self.step - low),
+                (k * self.step + low, k * self.step + high),
+            ):
                 near, far = near.lower(), far.upper()
                 f, g = self.F.upper(near, far), self.G.upper(near, far)
                 hold = (2 * sine / (near * self.dt)).abs_upper()
                 F, G, FF, GG = F + hold * f, G + hold * g, FF + f * f, GG + (hold * g) ** 2
-                GF, F_max = GF + (hold * g * _over_one_minus(f) if g != 0 else arb(0)), _larger(F_max, f)
+                GF = GF + (hold * g * _over_one_minus(f) if g != 0 else arb(0))
+                F_max = _larger(F_max, f)
         return _Sums(
-            F=upper_end(F), G=upper_end(G), FF=upper_end(FF), GG=upper_end(GG), GF=upper_end(GF), F_max=upper_end(F_max)
+            F=upper_end(F),
+            G=upper_end(G),
+            FF=upper_end(FF),
+            GG=upper_end(GG),
+            GF=upper_end(GF),
+            F_max=upper_end(F_max),
         )
 
 
 def upper_end(x: arb) -> arb:
-    """Return the upper end of a ball without relevant negative numbers; infinity if it is not finite."""
+    """Return the upper end of a ball without relevant negative numbers; infinity if it is not
+    finite.
+    """
     return x.abs_upper() if x.is_finite() else arb.pos_inf()
 
 
@@ -259,20 +302,26 @@ def _sine_up(x: arb) -> arb:
 
 
 def root_radius(*systems: Quotient) -> float:
-    """Return an approximate bound of the roots of systems (Fujiwara); it only places the first cuts."""
+    """Return an approximate bound of the roots of systems (Fujiwara); it only places the first
+    cuts.
+    """
     found = 0.0
     for system in systems:
         for p in (system.num, system.den):
             c = [abs(int(x.p) / int(x.q)) if x != 0 else 0.0 for x in p.coeffs()]
             n = len(c) - 1
-            found = max([found, *(2 * (c[n - k] / c[n]) ** (1 / k) for k in range(1, n + 1) if c[n - k])])
+            found = max(
+                [found, *(2 * (c[n - k] / c[n]) ** (1 / k) for k in range(1, n + 1) if c[n - k])]
+            )
     return found
 
 
 def max_magnitude(X: Ratio, low: arb, high: arb, *, below_one: bool = False) -> arb:
-    """Return an upper bound of |X| on a block, which is cut until the bound is close to the largest value.
+    """Return an upper bound of |X| on a block, which is cut until the bound is close to the largest
+    value.
 
-    below_one : close also in the distance to one, if X is below it, because an inverse form uses 1/(1 - |X|).
+    below_one : close also in the distance to one, if X is below it, because an inverse form uses
+    1/(1 - |X|).
     """
     todo, found = [(low, high, 0)], X.upper(low, low)  # usually it falls
     while todo:
@@ -289,12 +338,16 @@ def max_magnitude(X: Ratio, low: arb, high: arb, *, below_one: bool = False) -> 
 
 def _is_close(top: arb, found: arb, below_one: bool) -> bool:
     """Return whether an upper bound is close to a known value."""
-    return bool(top <= found * _TIGHT and (not below_one or found >= 1 or 1 - found <= (1 - top) * _TIGHT))
+    return bool(
+        top <= found * _TIGHT and (not below_one or found >= 1 or 1 - found <= (1 - top) * _TIGHT)
+    )
 
 
 @value(copy=False)
 class _Sizes:
-    """Upper bounds on an interval: |K S|, |F S|, |F K S|, |h_0 G K S|, |h_0|; |w_P S|, |w_P F S|, |1 - |F|^2 S|.
+    """Upper bounds on an interval:
+
+    |K S|, |F S|, |F K S|, |h_0 G K S|, |h_0|; |w_P S|, |w_P F S|, |1 - |F|^2 S|.
 
     Without a performance weight the last three are nan, so no bound with them is below one.
     """
@@ -320,13 +373,17 @@ def _bound_sizes(aliases: AliasBounds, t: Terms, *, low: arb, high: arb, others:
         top = factors[0] * factors[1]
         return _sqrt_upper(-lower_bound(top * arb(-1)), closed)
 
-    S, KS, T = quotient_up(t.G_den, t.K_den), quotient_up(t.G_den, t.K_num), quotient_up(t.G_num, t.K_num)
+    S = quotient_up(t.G_den, t.K_den)
+    KS = quotient_up(t.G_den, t.K_num)
+    T = quotient_up(t.G_num, t.K_num)
     GS = quotient_up(t.G_num, t.K_den)
     hold_low, hold = aliases.hold(low, high)
     G, G_inverse = aliases.G.bounds(low, high)
     w = aliases.w.upper(low, high)
     share = others.G * G_inverse / hold_low
-    factor = 1 / (hold_low * (1 - share)) if share < 1 else arb.pos_inf()  # upper bound of |h_0 G|/|G_d|, over h_0
+    factor = (
+        1 / (hold_low * (1 - share)) if share < 1 else arb.pos_inf()
+    )  # upper bound of |h_0 G|/|G_d|, over h_0
 
     def least(*bounds: arb) -> arb:
         finite = [upper_end(b) for b in bounds if b.is_finite()]
@@ -347,8 +404,11 @@ def _bound_sizes(aliases: AliasBounds, t: Terms, *, low: arb, high: arb, others:
     return _Sizes(**{name: upper_end(x) for name, x in found.items()})
 
 
-def _bound_centre(aliases: AliasBounds, t: Terms, *, closed: arb, S: arb, low: arb, high: arb) -> arb:
-    """Return an upper bound of |1 - |F|^2 S|, from |F|^2 = a in the middle and the largest deviation from it.
+def _bound_centre(
+    aliases: AliasBounds, t: Terms, *, closed: arb, S: arb, low: arb, high: arb
+) -> arb:
+    """Return an upper bound of |1 - |F|^2 S|, from |F|^2 = a in the middle and the largest
+    deviation from it.
 
     |1 - a S|^2 = (|D + N|^2 - 2 a (|D|^2 + Re N D*) + a^2 |D|^2)/|D + N|^2.
     """
@@ -358,7 +418,9 @@ def _bound_centre(aliases: AliasBounds, t: Terms, *, closed: arb, S: arb, low: a
     a = (aliases.F.num(y) / aliases.F.den(y)).mid()
     if not (top.is_finite() and a.is_finite()):
         return arb.pos_inf()
-    moved = _larger(upper_end(top**2 - a), upper_end(a - 1 / inverse**2) if inverse.is_finite() else a)
+    moved = _larger(
+        upper_end(top**2 - a), upper_end(a - 1 / inverse**2) if inverse.is_finite() else a
+    )
     D = t.G_den * t.K_den
     size = t.closed - (D + t.cross) * (2 * a) + D * (a * a)
     return _sqrt_upper(-lower_bound(size * arb(-1)), closed) + moved * S
@@ -370,14 +432,21 @@ def _claim_measure(claim: LoopClaim, name: str, *, u: _Sizes, s: _Sums, scaling:
     if not claim.inverse and operator:
         gain = u.FKS**2 + _product_or_zero(u.KS**2, s.FF)
         if name == ALIASED[OPERATOR_PERFORMANCE]:
-            return gain + u.KS**2 * scaling + u.PS**2 + (u.PFS**2 + _product_or_zero(u.PS**2, s.FF)) / scaling
+            return (
+                gain
+                + u.KS**2 * scaling
+                + u.PS**2
+                + (u.PFS**2 + _product_or_zero(u.PS**2, s.FF)) / scaling
+            )
         return gain
     if not claim.inverse:
         return u.hold * u.FKS + _product_or_zero(u.KS, s.F) + (u.PS if performance else 0)
     own = u.FS + u.FKS * s.G
     if operator:
         F, G = s.FF.sqrt(), s.GG.sqrt()
-        return _largest_singular_value_2x2(own, u.GKS * F, c=u.FKS * G, d=s.F_max + _product_or_zero(u.KS * G, F))
+        return _largest_singular_value_2x2(
+            own, u.GKS * F, c=u.FKS * G, d=s.F_max + _product_or_zero(u.KS * G, F)
+        )
     if not performance:
         return own + _product_or_zero(u.KS + u.FKS, s.GF)
     r, q, A = _product_or_zero(u.KS, s.GF), _product_or_zero(u.FKS, s.GF), u.FKS * s.G
@@ -385,21 +454,35 @@ def _claim_measure(claim: LoopClaim, name: str, *, u: _Sizes, s: _Sums, scaling:
 
 
 def _joint_claim_measure(
-    aliases: AliasBounds, claim: LoopClaim, *, name: str, t: Terms, u: _Sizes, s: _Sums, scaling: arb, y: TaylorModel
+    aliases: AliasBounds,
+    claim: LoopClaim,
+    *,
+    name: str,
+    t: Terms,
+    u: _Sizes,
+    s: _Sums,
+    scaling: arb,
+    y: TaylorModel,
 ) -> bool:
-    """Return whether the claim holds with all terms at the base frequency as one quotient, sharper near its peak.
+    """Return whether the claim holds with all terms at the base frequency as one quotient, sharper
+    near its peak.
 
-    The bounds of single factors err by the change of each on the interval, those of the quotient by its square.
+    The bounds of single factors err by the change of each on the interval, those of the quotient by
+    its square.
     """
     performance = name != ALIASED[STABILITY]
     if claim.inverse and (performance or claim.perturbation == "operator"):
         return False
     num, den = compose_polynomial(aliases.F.num, y), compose_polynomial(aliases.F.den, y)
-    if name == ALIASED[OPERATOR_PERFORMANCE]:  # (|F|^2 + sum |F_k|^2 + d^2) (|K S|^2 + |w_P S|^2/d^2)
+    if (
+        name == ALIASED[OPERATOR_PERFORMANCE]
+    ):  # (|F|^2 + sum |F_k|^2 + d^2) (|K S|^2 + |w_P S|^2/d^2)
         if not s.FF.is_finite():
             return False
         rows = t.G_den * (t.K_num * t.P_den + t.P_num * t.K_den * (1 / scaling))
-        return bool(lower_bound(den * t.closed * t.P_den - (num + den * (s.FF + scaling)) * rows) > 0)
+        return bool(
+            lower_bound(den * t.closed * t.P_den - (num + den * (s.FF + scaling)) * rows) > 0
+        )
     if claim.inverse:
         left = 1 - u.FKS * s.G - _product_or_zero(u.KS + u.FKS, s.GF)
         channel = t.K_den
@@ -434,10 +517,14 @@ def aliased_terms(
 ) -> tuple[AliasBounds, Callable[[arb, arb], Terms]]:
     """Return the aliases of a claim, and the terms of its sampled loop on an interval of omega."""
     if claim.plant.dt or not axis.dt or "M" in claim.reads:
-        raise ValueError(f"claims must be about a continuous plant under a sampled controller to be {name!r}")
+        raise ValueError(
+            f"claims must be about a continuous plant under a sampled controller to be {name!r}"
+        )
     samples = int((to_rational(claim.delay) / axis.dt + to_rational(WHOLE_SAMPLES)).floor())
     if samples:
-        G, K, *_ = loop_on_axis(claim.plant, claim.controller, to_rational(claim.delay) - samples * axis.dt)
+        G, K, *_ = loop_on_axis(
+            claim.plant, claim.controller, to_rational(claim.delay) - samples * axis.dt
+        )
         axis = replace(axis, G=G, K=K)
         found = squared_magnitudes(axis)
     return AliasBounds(claim, axis.dt), sampled_terms(axis, found, samples)
@@ -446,7 +533,9 @@ def aliased_terms(
 def prove_with_aliases(
     claim: LoopClaim, names: list[str], *, axis: Axis, found: Squares, scaling: arb, deadline: float
 ) -> dict[str, Decision]:
-    """Prove claims from zero to Nyquist, interval by interval; all claims share the results of an interval."""
+    """Prove claims from zero to Nyquist, interval by interval; all claims share the results of an
+    interval.
+    """
     aliases, terms = aliased_terms(claim, names[0], axis=axis, found=found)
 
     @lru_cache(maxsize=4096)  # some 15 kB each
@@ -461,14 +550,22 @@ def prove_with_aliases(
         y = squared_line(arb(low), arb(high))
         near = bool(bound < _REFINEMENT_FACTOR)
         return bool(bound < 1) or (
-            near and _joint_claim_measure(aliases, claim, name=name, t=t, u=sizes, s=others, scaling=scaling, y=y)
+            near
+            and _joint_claim_measure(
+                aliases, claim, name=name, t=t, u=sizes, s=others, scaling=scaling, y=y
+            )
         )
 
     top = float((arb.pi() / arb(axis.dt)).upper()) * (1 + 1e-15)
 
     def at_point(name: str, omega: float) -> Decision:
         return (
-            proved() if holds(name, omega, omega) else undecided(f"undecided at {omega:.6g} rad/s", needs_digits=True)
+            proved()
+            if holds(name, omega, omega)
+            else undecided(f"undecided at {omega:.6g} rad/s", needs_digits=True)
         )
 
-    return {name: bisect_axis(partial(holds, name), partial(at_point, name), top, deadline) for name in names}
+    return {
+        name: bisect_axis(partial(holds, name), partial(at_point, name), top, deadline)
+        for name in names
+    }

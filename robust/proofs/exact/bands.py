@@ -1,10 +1,11 @@
 """Inequalities between transfer matrices in a band of frequencies, decided over the rationals.
 
-M is a Hermitian matrix on the axis, assembled from real systems and their adjoints X~(s) = X(-s)'. With d the product
-of their denominators, d d~ det M is an even polynomial. It is found from its values at real points, where everything is
-rational, and its real roots cut the band into pieces. Inside a piece no eigenvalue of M changes its sign, so one point
-decides it. Poles and zeros on the axis, at zero and at infinity are roots like any others: nothing is inverted, and
-only the time limit leaves a question open. A discrete system is first moved onto the axis by z = (1 + s)/(1 - s).
+M is a Hermitian matrix on the axis, assembled from real systems and their adjoints X~(s) = X(-s)'.
+With d the product of their denominators, d d~ det M is an even polynomial. It is found from its
+values at real points, where everything is rational, and its real roots cut the band into pieces.
+Inside a piece no eigenvalue of M changes its sign, so one point decides it. Poles and zeros on the
+axis, at zero and at infinity are roots like any others: nothing is inverted, and only the time
+limit leaves a question open. A discrete system is first moved onto the axis by z = (1 + s)/(1 - s).
 """
 
 from __future__ import annotations
@@ -47,10 +48,11 @@ Inequality: TypeAlias = Callable[[Sequence[Pair]], ExactMatrix]
 
 @value(copy=False)
 class TransferMatrix:
-    """A system as polynomials in s over the rationals: numerators over one denominator of `order` roots.
+    """A system as polynomials in s over the rationals: numerators over one denominator of `order`
+    roots.
 
-    Each polynomial p is stored by its even and odd part: p(s) = even(s^2) + s odd(s^2). `own_poles` is False if its
-    poles are those of another part of an inequality, and are counted there.
+    Each polynomial p is stored by its even and odd part: p(s) = even(s^2) + s odd(s^2). `own_poles`
+    is False if its poles are those of another part of an inequality, and are counted there.
     """
 
     num: tuple[tuple[tuple[fmpq_poly, fmpq_poly], ...], ...]
@@ -60,7 +62,8 @@ class TransferMatrix:
 
     @classmethod
     def of(cls, system: Matrices, *, own_poles: bool = True) -> TransferMatrix:
-        """Return the transfer matrix of a system with its hidden modes; for a discrete one its bilinear image.
+        """Return the transfer matrix of a system with its hidden modes; for a discrete one its
+        bilinear image.
 
         >>> import numpy as np
         >>> one = np.ones((1, 1))
@@ -73,14 +76,22 @@ class TransferMatrix:
 
     @classmethod
     def of_rationals(
-        cls, A: fmpq_mat, B: fmpq_mat, C: fmpq_mat, D: fmpq_mat, *, discrete: bool, own_poles: bool = True
+        cls,
+        A: fmpq_mat,
+        B: fmpq_mat,
+        C: fmpq_mat,
+        D: fmpq_mat,
+        *,
+        discrete: bool,
+        own_poles: bool = True,
     ) -> TransferMatrix:
         """Return `of` for a system whose matrices are rationals."""
         n, rows, columns = A.nrows(), D.nrows(), D.ncols()
         den = A.charpoly()
 
         def numerator(i: int, j: int) -> fmpq_poly:
-            b, c = fmpq_mat(n, 1, [B[k, j] for k in range(n)]), fmpq_mat(1, n, [C[i, k] for k in range(n)])
+            b = fmpq_mat(n, 1, [B[k, j] for k in range(n)])
+            c = fmpq_mat(1, n, [C[i, k] for k in range(n)])
             return den * (D[i, j] + 1) - (A + b * c).charpoly()
 
         def parts(p: fmpq_poly) -> tuple[fmpq_poly, fmpq_poly]:
@@ -131,10 +142,14 @@ class TransferMatrix:
         return ExactMatrix.real(plus), ExactMatrix.real(minus.transpose())
 
     def on_axis(self, x: fmpq | None) -> Pair:
-        """Return X(jx), at infinity for x None, and its conjugate transpose; a pole raises a ZeroDivisionError."""
+        """Return X(jx), at infinity for x None, and its conjugate transpose; a pole raises a
+        ZeroDivisionError.
+        """
         if x is None:
             k, part = divmod(self.order, 2)
-            direct = fmpq_mat([[parts[part][k] / self.den[part][k] for parts in row] for row in self.num])
+            direct = fmpq_mat(
+                [[parts[part][k] / self.den[part][k] for parts in row] for row in self.num]
+            )
             return ExactMatrix.real(direct), ExactMatrix.real(direct.transpose())
         y = -x * x
         even, odd = self.den[0](y), x * self.den[1](y)
@@ -148,10 +163,15 @@ class TransferMatrix:
 
 
 def points_of_band(band: tuple[float, float], dt: float) -> tuple[float, float]:
-    """Return the ends of a band [rad/s] on the axis, rounded outward: x = omega, discrete tan(omega dt/2)."""
+    """Return the ends of a band [rad/s] on the axis, rounded outward: x = omega, discrete tan(omega
+    dt/2).
+    """
     if not dt:
         return band
-    low, high = (float(np.tan(omega * dt / 2)) if omega * dt < np.pi * (1 - 1e-12) else np.inf for omega in band)
+    low, high = (
+        float(np.tan(omega * dt / 2)) if omega * dt < np.pi * (1 - 1e-12) else np.inf
+        for omega in band
+    )
     return low * (1 - _END_ROUNDING), high * (1 + _END_ROUNDING)
 
 
@@ -161,7 +181,9 @@ def frequency_of_point(x: float, dt: float) -> float:
 
 @value(copy=False)
 class Piece:
-    """A stretch of the axis on which det M has no root: its ends, rounded outward, and M at a point inside."""
+    """A stretch of the axis on which det M has no root: its ends, rounded outward, and M at a point
+    inside.
+    """
 
     low: float
     high: float
@@ -177,7 +199,8 @@ def cut_at_crossings(
     high: float = np.inf,
     deadline: float = np.inf,
 ) -> list[Piece] | str:
-    """Return the pieces of the axis from low to high between the roots of det M; or the reason why there are none.
+    """Return the pieces of the axis from low to high between the roots of det M; or the reason why
+    there are none.
 
     At a root an eigenvalue of M changes its sign or touches zero, or a pole lies on the axis.
 
@@ -199,7 +222,9 @@ def cut_at_crossings(
 
 
 def gain_below(level: float) -> Inequality:
-    """Return level^2 - H~H of a system, which is positive if its largest singular value is below the level."""
+    """Return level^2 - H~H of a system, which is positive if its largest singular value is below
+    the level.
+    """
 
     def inequality(pairs: Sequence[Pair]) -> ExactMatrix:
         (H, adjoint), square = pairs[0], to_rational(level) ** 2
@@ -209,7 +234,8 @@ def gain_below(level: float) -> Inequality:
 
 
 def decide_norm(H: TransferMatrix, level: float, *, deadline: float = np.inf) -> Decision:
-    """Decide whether a system is stable and its largest singular value is below a level everywhere, at infinity too.
+    """Decide whether a system is stable and its largest singular value is below a level everywhere,
+    at infinity too.
 
     >>> import numpy as np
     >>> one = np.ones((1, 1))
@@ -241,11 +267,18 @@ def subtract(left: Pair, right: Pair) -> Pair:
 
 
 def join_blocks(rows: Sequence[Sequence[ExactMatrix]]) -> ExactMatrix:
-    return ExactMatrix(re=stack([[M.re for M in row] for row in rows]), im=stack([[M.im for M in row] for row in rows]))
+    return ExactMatrix(
+        re=stack([[M.re for M in row] for row in rows]),
+        im=stack([[M.im for M in row] for row in rows]),
+    )
 
 
-def _determinant(parts: Sequence[TransferMatrix], inequality: Inequality, deadline: float) -> fmpq_poly | None:
-    """Return d d~ det M as a polynomial in s^2, from its values at as many points; None if time runs out."""
+def _determinant(
+    parts: Sequence[TransferMatrix], inequality: Inequality, deadline: float
+) -> fmpq_poly | None:
+    """Return d d~ det M as a polynomial in s^2, from its values at as many points; None if time
+    runs out.
+    """
     counted = [part for part in parts if part.own_poles]
     order = sum(part.order for part in counted)
     y: list[fmpq] = []
@@ -281,7 +314,11 @@ def _pieces_between_roots(p: fmpq_poly, low: fmpq, high: fmpq | None) -> list[tu
     balls = sorted(
         _ends_of_ball(root.real) for root, _ in complex_roots(q) if root.imag == 0
     )  # balls of distinct roots are disjoint
-    inside = [(below, above) for below, above in balls if above >= first and (last is None or below <= last)]
+    inside = [
+        (below, above)
+        for below, above in balls
+        if above >= first and (last is None or below <= last)
+    ]
     if last is None:
         beyond = 4 * max(fmpq(1), inside[-1][1])
         inside.append((beyond, beyond))
@@ -299,8 +336,12 @@ def _exact_number(x: arb) -> fmpq:
     return fmpq(mantissa) * fmpq(2) ** int(exponent)
 
 
-def _look_inside(low: fmpq, high: fmpq, parts: Sequence[TransferMatrix], inequality: Inequality) -> Piece:
-    """Return a piece with M at a point inside, the geometric mean of its ends unless a pole is there."""
+def _look_inside(
+    low: fmpq, high: fmpq, parts: Sequence[TransferMatrix], inequality: Inequality
+) -> Piece:
+    """Return a piece with M at a point inside, the geometric mean of its ends unless a pole is
+    there.
+    """
     top = high
     for bits in count(64, 64):
         with ctx.workprec(bits):
@@ -314,7 +355,9 @@ def _look_inside(low: fmpq, high: fmpq, parts: Sequence[TransferMatrix], inequal
             top = x * x
             continue
         ends = [float(np.sqrt(to_float(y))) for y in (low, high)]
-        return Piece(low=ends[0] * (1 - _END_ROUNDING), high=ends[1] * (1 + _END_ROUNDING), x=x, M=M)
+        return Piece(
+            low=ends[0] * (1 - _END_ROUNDING), high=ends[1] * (1 + _END_ROUNDING), x=x, M=M
+        )
     raise AssertionError
 
 
@@ -325,5 +368,7 @@ def to_float(x: fmpq | None) -> float:
 
 def to_numbers(M: ExactMatrix) -> np.ndarray:
     """Return a matrix as complex doubles."""
-    re, im = (np.array([[to_float(x) for x in row] for row in part.tolist()]) for part in (M.re, M.im))
+    re, im = (
+        np.array([[to_float(x) for x in row] for row in part.tolist()]) for part in (M.re, M.im)
+    )
     return np.asarray(re + 1j * im)

@@ -1,4 +1,6 @@
-"""Claims on loops with several channels, in a file: with one scaling or interval by interval, with all aliases."""
+"""Claims on loops with several channels, in a file: with one scaling or interval by interval, with
+all aliases.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,8 @@ class ChannelsClaim:
     SCHEMA: ClassVar[str] = "robust-mu-certificate"
     UNITS: ClassVar[Mapping[str, str]] = {"dt": "s", "delay": "s"}
     LOOP: ClassVar[str] = (
-        "q = N p, p = Delta q; N was put together from plant, weights and controller in floating point"
+        "q = N p, p = Delta q; N was put together from plant, weights and controller in floating"
+        " point"
     )
 
     claims: dict[str, ScaledClaim | IntervalClaim | FoldedClaim]

@@ -15,8 +15,11 @@ if TYPE_CHECKING:
 STABILITY = "robust stability"
 PERFORMANCE = "robust performance"
 OPERATOR_PERFORMANCE = "robust performance with one scaling"
-#: The same for a set of continuous plants under a sampled controller, whose perturbations act at every alias.
-ALIASED = {name: f"{name}, every alias included" for name in (STABILITY, PERFORMANCE, OPERATOR_PERFORMANCE)}
+# : The same for a set of continuous plants under a sampled controller, whose perturbations act at
+# every alias.
+ALIASED = {
+    name: f"{name}, every alias included" for name in (STABILITY, PERFORMANCE, OPERATOR_PERFORMANCE)
+}
 _FORMS = ((("G", "K"), False), (("K",), False), ((), True), (("G",), True), (("N", "M"), True))
 _CLASSES = ("LTI", "statistical", "operator")
 _CLAIMS = (STABILITY, PERFORMANCE, OPERATOR_PERFORMANCE, *ALIASED.values())
@@ -34,11 +37,18 @@ class Matrices:
 
     def __post_init__(self) -> None:
         n = self.A.shape[0]
-        shapes = {"A": (n, n), "B": (n, self.D.shape[1]), "C": (self.D.shape[0], n), "D": self.D.shape}
+        shapes = {
+            "A": (n, n),
+            "B": (n, self.D.shape[1]),
+            "C": (self.D.shape[0], n),
+            "D": self.D.shape,
+        }
         for name, shape in shapes.items():
             matrix = getattr(self, name)
             if matrix.shape != shape or matrix.dtype != np.float64 or not np.isfinite(matrix).all():
-                raise ValueError(f"{name} must be finite numbers of shape {shape}, got shape {matrix.shape}")
+                raise ValueError(
+                    f"{name} must be finite numbers of shape {shape}, got shape {matrix.shape}"
+                )
         if not (np.isfinite(self.dt) and self.dt >= 0):
             raise ValueError(f"dt must be a sampling time [s] or 0, got {self.dt}")
 
@@ -50,7 +60,9 @@ class Matrices:
 
 @value
 class LpvMatrices:
-    """Coefficients (d + 1, rows, cols) of A, B, C, D, lowest power of theta first; dt [s], 0 for continuous."""
+    """Coefficients (d + 1, rows, cols) of A, B, C, D, lowest power of theta first; dt [s], 0 for
+    continuous.
+    """
 
     A: np.ndarray
     B: np.ndarray
@@ -63,8 +75,15 @@ class LpvMatrices:
         shapes = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
         for name, shape in shapes.items():
             array = getattr(self, name)
-            if array.shape != (len(self.A), *shape) or array.dtype != np.float64 or not np.isfinite(array).all():
-                raise ValueError(f"{name} must be finite numbers of shape {(len(self.A), *shape)}, got {array.shape}")
+            if (
+                array.shape != (len(self.A), *shape)
+                or array.dtype != np.float64
+                or not np.isfinite(array).all()
+            ):
+                raise ValueError(
+                    f"{name} must be finite numbers of shape {(len(self.A), *shape)}, got"
+                    f" {array.shape}"
+                )
         if not (np.isfinite(self.dt) and self.dt >= 0):
             raise ValueError(f"dt must be a sampling time [s] or 0, got {self.dt}")
 
@@ -75,7 +94,9 @@ class LpvMatrices:
 
 
 def to_matrices(system: control.StateSpace) -> Matrices:
-    """Return the matrices of anything that has A, B, C, D and dt (a state space), number by number."""
+    """Return the matrices of anything that has A, B, C, D and dt (a state space), number by
+    number.
+    """
     D = np.array(system.D, dtype=float, ndmin=2)
     n = int(np.size(system.A) ** 0.5 + 0.5)
     return Matrices(
@@ -98,33 +119,37 @@ class LoopClaim:
     performance : Matrices or None
         Performance weight w_P.
     reads, inverse : tuple of str, bool
-        Form of the uncertainty: the perturbed sensitivity is S (1 + a Delta)/(1 + b Delta), b = w R S with R the
-        product of the transfer functions in `reads`, a = w R if inverse and 0 if not. ("G", "K"), False: G (1 + w
-        Delta); ("K",), False: G + w Delta; (), True: G/(1 + w Delta); ("G",), True: G/(1 + w G Delta). ("N", "M"),
-        True: normalised coprime factors of the shaped plant that differ by [Delta_N, Delta_M] of gain |w|; a = -t G*,
-        b = t (K - G*) S with t = w/sqrt(1 - |w|^2), G and K those of the shaped loop.
+        Form of the uncertainty: the perturbed sensitivity is S (1 + a Delta)/(1 + b Delta), b = w R
+        S with R the product of the transfer functions in `reads`, a = w R if inverse and 0 if not.
+        ("G", "K"), False: G (1 + w Delta); ("K",), False: G + w Delta; (), True: G/(1 + w Delta);
+        ("G",), True: G/(1 + w G Delta). ("N", "M"), True: normalised coprime factors of the shaped
+        plant that differ by [Delta_N, Delta_M] of gain |w|; a = -t G*, b = t (K - G*) S with t =
+        w/sqrt(1 - |w|^2), G and K those of the shaped loop.
     perturbation : str
-        Class of the perturbations. For claims on every alias, "operator" has another condition than "LTI" and
-        "statistical". For other claims it is a word without effect.
+        Class of the perturbations. For claims on every alias, "operator" has another condition than
+        "LTI" and "statistical". For other claims it is a word without effect.
     delay : float
-        Delay [s] in addition to that of the plant. A continuous plant under a sampled controller is held (zero order)
-        and delayed exactly. A delay within 1e-9 of a whole number of samples is that number (1e-6 for a discrete
-        plant).
+        Delay [s] in addition to that of the plant. A continuous plant under a sampled controller is
+        held (zero order) and delayed exactly. A delay within 1e-9 of a whole number of samples is
+        that number (1e-6 for a discrete plant).
     claims : tuple of str
-        "robust stability": the nominal loop is stable, and |b| < 1 at every frequency up to Nyquist. "robust
-        performance": also |w_P| max |S_p| < 1. "robust performance with one scaling": the norm of the loop with both
-        weights, scaled by d, is below one (nonlinear perturbations). Each also with ", every alias included": for a set
-        of continuous plants under a sampled controller, the conditions of `robust.proofs.exact.aliases`.
+        "robust stability": the nominal loop is stable, and |b| < 1 at every frequency up to
+        Nyquist. "robust performance": also |w_P| max |S_p| < 1. "robust performance with one
+        scaling": the norm of the loop with both weights, scaled by d, is below one (nonlinear
+        perturbations). Each also with ", every alias included": for a set of continuous plants
+        under a sampled controller, the conditions of `robust.proofs.exact.aliases`.
     scaling : float
         Scaling d, for claims with one scaling.
     shaping : tuple of Matrices
-        Shaping functions whose product scales the plant (and the controller inversely); for the last form only.
+        Shaping functions whose product scales the plant (and the controller inversely); for the
+        last form only.
     """
 
     SCHEMA: ClassVar[str] = "robust-certificate"
     UNITS: ClassVar[Mapping[str, str]] = {"dt": "s", "delay": "s"}
     LOOP: ClassVar[str] = (
-        "u = K (r - y), S = 1/(1 + G K); a continuous plant under a sampled K is held and delayed exactly"
+        "u = K (r - y), S = 1/(1 + G K); a continuous plant under a sampled K is held and delayed"
+        " exactly"
     )
 
     plant: Matrices
@@ -145,18 +170,25 @@ class LoopClaim:
             if system is None and name != "performance":
                 raise ValueError(f"{name} must be a system, got none")
             if system is not None and system.D.shape != (1, 1):
-                raise ValueError(f"{name} must have one input and one output, got D of shape {system.D.shape}")
+                raise ValueError(
+                    f"{name} must have one input and one output, got D of shape {system.D.shape}"
+                )
         if (self.reads, self.inverse) not in _FORMS:
-            raise ValueError(f"reads must be a form of uncertainty, got {self.reads} with inverse={self.inverse}")
+            raise ValueError(
+                f"reads must be a form of uncertainty, got {self.reads} with inverse={self.inverse}"
+            )
         if self.shaping and "M" not in self.reads:
-            raise ValueError(f"shaping must be left out except for coprime factors, got reads {self.reads}")
+            raise ValueError(
+                f"shaping must be left out except for coprime factors, got reads {self.reads}"
+            )
         if any(W.D.shape != (1, 1) for W in self.shaping):
             raise ValueError("shaping must have one input and one output")
         if not self.claims or not set(self.claims) <= set(_CLAIMS):
             raise ValueError(f"claims must be some of {', '.join(_CLAIMS)}, got {self.claims}")
         if set(self.claims) & set(ALIASED.values()) and self.perturbation not in _CLASSES:
             raise ValueError(
-                f"perturbation must be one of {', '.join(_CLASSES)} for {self.claims}, got {self.perturbation}"
+                f"perturbation must be one of {', '.join(_CLASSES)} for {self.claims}, got"
+                f" {self.perturbation}"
             )
         if self.performance is None and not set(self.claims) <= {STABILITY, ALIASED[STABILITY]}:
             raise ValueError("performance must be given where performance is claimed, got none")

@@ -1,7 +1,7 @@
 """Claims as plain numbers and words, field by field, and as files that others can check.
 
-A file is JSON with every number as given, and a digest over all of it. A claim is a value with the class attributes
-SCHEMA, UNITS and LOOP: the kind of its files, and the texts in them for people.
+A file is JSON with every number as given, and a digest over all of it. A claim is a value with the
+class attributes SCHEMA, UNITS and LOOP: the kind of its files, and the texts in them for people.
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ from nlfrf._base.types import Json, JsonObject
 from robust.proofs.exact.claim import LpvMatrices, Matrices
 
 _VERSION = 1
-SQUARE, WHOLE = "square", "whole"  # arrays of a claim with as many columns as rows, and with integers
+# arrays of a claim with as many columns as rows, and with integers
+SQUARE = "square"
+WHOLE = "whole"
 
 
 class _Claim(Protocol):
@@ -37,7 +39,9 @@ C = TypeVar("C", bound=_Claim)
 
 
 def to_plain(part: object) -> Json:
-    """Return a part of a claim for JSON; floats are written with the digits that restore them exactly."""
+    """Return a part of a claim for JSON; floats are written with the digits that restore them
+    exactly.
+    """
     if is_dataclass(part):
         return {one.name: to_plain(getattr(part, one.name)) for one in fields(part)}
     if isinstance(part, np.ndarray | np.generic):
@@ -51,12 +55,16 @@ def from_plain(kind: type[T], given: object) -> T:
     """Return the claim that `to_plain` wrote, or raise a ValueError with its fault."""
     names = {one.name for one in fields(kind)}  # type: ignore[arg-type]
     if not isinstance(given, dict) or set(given) != names:
-        raise ValueError(f"claim must have the entries {', '.join(sorted(names))}, got other entries")
+        raise ValueError(
+            f"claim must have the entries {', '.join(sorted(names))}, got other entries"
+        )
     try:
         hints = get_type_hints(kind, include_extras=True)
         return kind(**{name: _part_from_plain(hints[name], part) for name, part in given.items()})
     except (TypeError, KeyError, IndexError, AttributeError) as error:
-        raise ValueError(f"claim must hold matrices and words as it was written, got {error}") from None
+        raise ValueError(
+            f"claim must hold matrices and words as it was written, got {error}"
+        ) from None
 
 
 def _part_from_plain(hint: object, given: Json) -> object:
@@ -71,16 +79,26 @@ def _part_from_plain(hint: object, given: Json) -> object:
 
 
 def _part_of_union(kinds: tuple[object, ...], given: Json) -> object:
-    """Return None, or a part of the type in a union whose entries fit; if none fits, of the first type."""
+    """Return None, or a part of the type in a union whose entries fit; if none fits, of the first
+    type.
+    """
     if given is None:
         return None
-    fitting = [one for one in kinds if is_dataclass(one) and {each.name for each in fields(one)} == set(given)]
+    fitting = [
+        one
+        for one in kinds
+        if is_dataclass(one) and {each.name for each in fields(one)} == set(given)
+    ]
     return _part_from_plain((*fitting, kinds[0])[0], given)
 
 
 def _annotated_array(kinds: tuple[object, ...], given: Json) -> np.ndarray:
     """Return an array of integers, or a square one."""
-    return np.array(given, dtype=int) if kinds[1] == WHOLE else np.array(given, float).reshape(2 * (len(given),))
+    return (
+        np.array(given, dtype=int)
+        if kinds[1] == WHOLE
+        else np.array(given, float).reshape(2 * (len(given),))
+    )
 
 
 def _tuple_from_plain(kinds: tuple[object, ...], given: Json) -> tuple[object, ...]:
@@ -97,7 +115,10 @@ def _system_from_plain(given: JsonObject) -> Matrices:
         D = np.array(given["D"], dtype=float, ndmin=2)
         n = len(given["A"])
         shapes = {"A": (n, n), "B": (n, D.shape[1]), "C": (D.shape[0], n), "D": D.shape}
-        parts = {name: np.array(given[name], dtype=float).reshape(shape) for name, shape in shapes.items()}
+        parts = {
+            name: np.array(given[name], dtype=float).reshape(shape)
+            for name, shape in shapes.items()
+        }
     except ValueError as error:
         raise ValueError(f"a system must have matrices that fit each other, got {error}") from None
     return Matrices(**parts, dt=float(given["dt"]))
@@ -111,19 +132,25 @@ def _lpv_from_plain(given: JsonObject) -> LpvMatrices:
         D = np.array(given["D"], dtype=float, ndmin=3)
         n, (d, p, m) = len(given["A"][0]), D.shape
         shapes = {"A": (d, n, n), "B": (d, n, m), "C": (d, p, n), "D": D.shape}
-        parts = {name: np.array(given[name], dtype=float).reshape(shape) for name, shape in shapes.items()}
+        parts = {
+            name: np.array(given[name], dtype=float).reshape(shape)
+            for name, shape in shapes.items()
+        }
     except ValueError as error:
         raise ValueError(f"a system must have matrices that fit each other, got {error}") from None
     return LpvMatrices(**parts, dt=float(given["dt"]))
 
 
-#: Function that makes a part from plain data, by the type of its field. Any other type is made by its constructor.
+# : Function that makes a part from plain data, by the type of its field. Any other type is made by
+# its constructor.
 _MAKERS: Mapping[object, Callable[[tuple[object, ...], Json], object]] = {
     UnionType: _part_of_union,
     np.ndarray: lambda _, given: np.array(given, dtype=float),
     Annotated: _annotated_array,
     tuple: _tuple_from_plain,
-    dict: lambda kinds, given: {str(name): _part_from_plain(kinds[1], part) for name, part in given.items()},
+    dict: lambda kinds, given: {
+        str(name): _part_from_plain(kinds[1], part) for name, part in given.items()
+    },
     Matrices: lambda _, given: _system_from_plain(given),
     LpvMatrices: lambda _, given: _lpv_from_plain(given),
     bool: lambda _, given: given is True,
@@ -132,16 +159,21 @@ _MAKERS: Mapping[object, Callable[[tuple[object, ...], Json], object]] = {
 
 def differing_fields(claim: object, other: object, names: Sequence[str]) -> list[str]:
     """Return the named fields that differ in any number."""
-    return [name for name in names if to_plain(getattr(claim, name)) != to_plain(getattr(other, name))]
+    return [
+        name for name in names if to_plain(getattr(claim, name)) != to_plain(getattr(other, name))
+    ]
 
 
 def content_digest(given: JsonObject) -> str:
-    """Return SHA-256 over the entries in sorted order; a float counts by the shortest digits that restore it.
+    """Return SHA-256 over the entries in sorted order; a float counts by the shortest digits that
+    restore it.
 
     >>> content_digest({"a": 1.0})[:8], content_digest({"a": 1.0000000000000002})[:8]
     ('c29a44ab', 'a9c3d934')
     """
-    text = json.dumps(given, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+    text = json.dumps(
+        given, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False
+    )
     return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -172,20 +204,26 @@ def write_claim(
 
 
 def read_claim(path: str | os.PathLike[str], kind: type[C]) -> C | None:
-    """Return the claim of a file whose digest fits, None for a file of another kind; otherwise raise a ValueError.
+    """Return the claim of a file whose digest fits, None for a file of another kind; otherwise
+    raise a ValueError.
 
-    A digest guards against accidents and hurried edits, not against a forger who computes it again. What counts is
-    that the claim is proved again, and that plant and controller are compared with your own.
+    A digest guards against accidents and hurried edits, not against a forger who computes it again.
+    What counts is that the claim is proved again, and that plant and controller are compared with
+    your own.
     """
     entries = parse_json(path)
     if not isinstance(entries, dict) or entries.get("schema") != kind.SCHEMA:
         return None
     if entries.get("version") != _VERSION:
-        raise ValueError(f"path must have version {_VERSION}, got {entries.get('version')!r} in {str(path)!r}")
-    if entries.get("digest") != content_digest({name: entry for name, entry in entries.items() if name != "digest"}):
         raise ValueError(
-            f"path must be a certificate as it was written, got {str(path)!r} whose digest does not fit. "
-            "Something in it was changed."
+            f"path must have version {_VERSION}, got {entries.get('version')!r} in {str(path)!r}"
+        )
+    if entries.get("digest") != content_digest(
+        {name: entry for name, entry in entries.items() if name != "digest"}
+    ):
+        raise ValueError(
+            f"path must be a certificate as it was written, got {str(path)!r} whose digest does not"
+            " fit. Something in it was changed."
         )
     require_schema(entries, path, package="robust", name=kind.SCHEMA)
     return from_plain(kind, entries["claim"])

@@ -1,8 +1,10 @@
-"""The norm of a plant closed through a controller, over the rationals, from both as they are stored.
+"""The norm of a plant closed through a controller, over the rationals, from both as they are
+stored.
 
-If the states of a loop lie decades apart, or nearly cancel, its norm in doubles is wrong: the assembly of the closed
-loop rounds, its evaluation rounds, and so do the eigenvalues of its Hamiltonian matrix. Here the loop is assembled from
-rationals, and its poles and its norm are decided as those of any system (`robust.proofs.exact.bands`).
+If the states of a loop lie decades apart, or nearly cancel, its norm in doubles is wrong: the
+assembly of the closed loop rounds, its evaluation rounds, and so do the eigenvalues of its
+Hamiltonian matrix. Here the loop is assembled from rationals, and its poles and its norm are
+decided as those of any system (`robust.proofs.exact.bands`).
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ from robust.proofs.exact.verification import Verification, summarise_claims
 
 @value
 class ClosedLoopClaim:
-    """The claim that u = K y around a plant from (w, u) to (z, y) is stable with a norm from w to z below the level.
+    """The claim that u = K y around a plant from (w, u) to (z, y) is stable with a norm from w to z
+    below the level.
 
     A level of zero is that of a loop with zero transfer.
     """
@@ -62,12 +65,17 @@ def decide_closed_loop(claim: ClosedLoopClaim, *, deadline: float = inf) -> Deci
 
 
 def transfer_of_loop(plant: Matrices, controller: Matrices) -> TransferMatrix:
-    """Return F_l(P, K) as an exact system; a ZeroDivisionError is raised if the loop has no solution."""
-    return TransferMatrix.of_rationals(*_closed_loop(plant, controller), discrete=bool(plant.dt or controller.dt))
+    """Return F_l(P, K) as an exact system; a ZeroDivisionError is raised if the loop has no
+    solution.
+    """
+    return TransferMatrix.of_rationals(
+        *_closed_loop(plant, controller), discrete=bool(plant.dt or controller.dt)
+    )
 
 
 def poles_of_closed_loop(plant: Matrices, controller: Matrices) -> np.ndarray | None:
-    """Return the poles of u = K y around a plant, found exactly and then rounded; None if there is no solution.
+    """Return the poles of u = K y around a plant, found exactly and then rounded; None if there is
+    no solution.
 
     >>> one = np.ones((1, 1))
     >>> lag = Matrices(A=-one, B=one, C=-one, D=0 * one)
@@ -82,17 +90,27 @@ def poles_of_closed_loop(plant: Matrices, controller: Matrices) -> np.ndarray | 
     return polynomial_roots(A.charpoly())
 
 
-def _closed_loop(plant: Matrices, controller: Matrices) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat, fmpq_mat]:
-    """Return F_l(P, K) over the rationals with all states; a ZeroDivisionError is raised if there is no solution."""
+def _closed_loop(
+    plant: Matrices, controller: Matrices
+) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat, fmpq_mat]:
+    """Return F_l(P, K) over the rationals with all states; a ZeroDivisionError is raised if there
+    is no solution.
+    """
     n_u, n_y = controller.D.shape
     w, z = plant.D.shape[1] - n_u, plant.D.shape[0] - n_y
     n, m = plant.order, controller.order
     exact = to_rational_matrix
-    A, B1, B2, C1, C2 = (exact(M) for M in (plant.A, plant.B[:, :w], plant.B[:, w:], plant.C[:z], plant.C[z:]))
-    D11, D12, D21, D22 = (exact(D) for D in (plant.D[:z, :w], plant.D[:z, w:], plant.D[z:, :w], plant.D[z:, w:]))
+    A, B1, B2, C1, C2 = (
+        exact(M) for M in (plant.A, plant.B[:, :w], plant.B[:, w:], plant.C[:z], plant.C[z:])
+    )
+    D11, D12, D21, D22 = (
+        exact(D) for D in (plant.D[:z, :w], plant.D[:z, w:], plant.D[z:, :w], plant.D[z:, w:])
+    )
     A_K, B_K, C_K, D_K = (exact(getattr(controller, name)) for name in "ABCD")
     loop_inverse = (identity(n_u) - D_K * D22).inv()
-    gain, direct = loop_inverse * stack([[D_K * C2, C_K]]), loop_inverse * D_K * D21  # u = gain (x, x_K) + direct w
+    # u = gain (x, x_K) + direct w
+    gain = loop_inverse * stack([[D_K * C2, C_K]])
+    direct = loop_inverse * D_K * D21
     through = stack([[B2], [B_K * D22]])
     return (
         stack([[A, fmpq_mat(n, m)], [B_K * C2, A_K]]) + through * gain,

@@ -1,16 +1,19 @@
 r"""Claims that a sampled set with several channels contains a continuous one, with every alias.
 
-After hold h_k and delay the perturbation of the sampled plant is sum_k h_k G_k W_l,k Delta_k W_r,k over all aliases
-omega_k = omega + 2 pi k/T, with free |Delta_k| <= 1 (G_k = 1 if the form does not pass through the plant). It is
-G_d V_l Delta V_r with one |Delta| <= 1 if at every omega up to Nyquist there are numbers m_k > 0 with
+After hold h_k and delay the perturbation of the sampled plant is sum_k h_k G_k W_l,k Delta_k W_r,k
+over all aliases omega_k = omega + 2 pi k/T, with free |Delta_k| <= 1 (G_k = 1 if the form does not
+pass through the plant). It is G_d V_l Delta V_r with one |Delta| <= 1 if at every omega up to
+Nyquist there are numbers m_k > 0 with
 
     sum_k |h_k|/m_k M_k M_k* < 1,  M_k = V_l^-1 G_d^-1 G_k W_l,k,    and    sum_k |h_k| m_k |w_r,i,k/v_r,i|^2 < 1
 
-for every i, because a row of the parts and a column of the others are contractions (Cauchy-Schwarz). On an interval
-every m_k is the exponential of a line, and both sums are enclosed by their Taylor polynomials about its middle. The
-remainder is bounded by series with the moduli of the coefficients. For these every transfer function is the exponential
-of a series, in which a zero near a pole cancels it. The interval is cut until both sums pass. Aliases near the band are
-taken one by one, the others by upper bounds of |h_k| |G_k W_l,k| in blocks and by the power law of the last ones.
+for every i, because a row of the parts and a column of the others are contractions
+(Cauchy-Schwarz). On an interval every m_k is the exponential of a line, and both sums are enclosed
+by their Taylor polynomials about its middle. The remainder is bounded by series with the moduli of
+the coefficients. For these every transfer function is the exponential of a series, in which a zero
+near a pole cancels it. The interval is cut until both sums pass. Aliases near the band are taken
+one by one, the others by upper bounds of |h_k| |G_k W_l,k| in blocks and by the power law of the
+last ones.
 """
 
 from __future__ import annotations
@@ -53,26 +56,29 @@ from robust.proofs.exact.verification import Verification, summarise_claims
 ALIASES = "every alias in the weights"
 _BITS = 192
 _FEW_SINGLE = 2  # number of single aliases on each side in the first attempt
-_CLEAR = (
-    0.99  # value of the sums at the middle of an interval below which more single aliases are not worth their price
-)
+# value of the sums at the middle of an interval below which more single aliases are not worth their
+# price
+_CLEAR = 0.99
 MOST_INTERVALS = 4000
 _NARROW = 1e-9  # relative width of the narrowest interval
 
 _LEAST_SHARE = 1e-12  # of the largest term: least weight of a term
 
 _ORDER = 6  # number of terms of Taylor polynomials
-_NEAR = 0.5  # of the distance to a zero: in an interval that reaches farther the zero is a separate factor
+# of the distance to a zero: in an interval that reaches farther the zero is a separate factor
+_NEAR = 0.5
 _UPWARD = 1 + 1e-9  # factor that covers the rounding in a few sums of positive doubles
 Number: TypeAlias = float | arb | acb
 
 
 @value
 class FoldedPart:
-    """A full block of a continuous set, and the block of the sampled set that contains it after folding."""
+    """A full block of a continuous set, and the block of the sampled set that contains it after
+    folding.
+    """
 
-    # plant, sampled: continuous plant after the perturbation, and the sampled one; None if the perturbation adds to the
-    # output
+    # plant, sampled: continuous plant after the perturbation, and the sampled one; None if the
+    # perturbation adds to the output
     plant: Matrices | None
     sampled: Matrices | None
     # left, right: continuous weights; W_l and W_r are diagonal
@@ -84,9 +90,19 @@ class FoldedPart:
 
     def __post_init__(self) -> None:
         n = len(self.left)
-        if not n or len(self.sampled_left) != n or not self.right or len(self.sampled_right) != len(self.right):
-            raise ValueError("weights must be as many for the sampled set as for the continuous one")
-        if any(w.D.shape != (1, 1) for w in (*self.left, *self.right, *self.sampled_left, *self.sampled_right)):
+        if (
+            not n
+            or len(self.sampled_left) != n
+            or not self.right
+            or len(self.sampled_right) != len(self.right)
+        ):
+            raise ValueError(
+                "weights must be as many for the sampled set as for the continuous one"
+            )
+        if any(
+            w.D.shape != (1, 1)
+            for w in (*self.left, *self.right, *self.sampled_left, *self.sampled_right)
+        ):
             raise ValueError("weights must have one input and one output")
         if (self.plant is None) != (self.sampled is None):
             raise ValueError("plant and sampled must be given together, got one of them")
@@ -96,7 +112,9 @@ class FoldedPart:
 
 @value
 class FoldedClaim:
-    """The claim that with sampling time dt [s] each part of a continuous set lies in that of the sampled set."""
+    """The claim that with sampling time dt [s] each part of a continuous set lies in that of the
+    sampled set.
+    """
 
     dt: float
     parts: tuple[FoldedPart, ...]
@@ -109,7 +127,8 @@ class FoldedClaim:
 def decide_folded(claim: FoldedClaim) -> dict[str, Decision]:
     """Decide whether every part lies within the sampled one.
 
-    For 0.1/(1 + s/10) at dt = 0.1 s all aliases sum to 0.1 at zero frequency and to less than 0.095 at Nyquist.
+    For 0.1/(1 + s/10) at dt = 0.1 s all aliases sum to 0.1 at zero frequency and to less than 0.095
+    at Nyquist.
 
     >>> one, none = np.ones((1, 1)), np.zeros((0, 0))
     >>> def gain(x): return Matrices(A=none, B=none.reshape(0, 1), C=none.reshape(1, 0), D=np.array([[x]]))
@@ -128,14 +147,18 @@ def decide_folded(claim: FoldedClaim) -> dict[str, Decision]:
 
 
 def verify_folded(claim: FoldedClaim, *, time_cap: float = 60.0) -> Verification:
-    """Prove the claim again in balls rounded outward. The number of intervals is limited; `time_cap` has no effect."""
+    """Prove the claim again in balls rounded outward.
+
+    The number of intervals is limited; `time_cap` has no effect.
+    """
     del time_cap
     return summarise_claims(decide_folded(claim))
 
 
 def _decide_part(folded: _FoldedSum) -> Decision:
     """Decide one part, interval by interval from zero to Nyquist."""
-    waiting, last = [(0.0, float(np.nextafter(np.pi / folded.period, np.inf)), 0)], len(folded.singles) - 1
+    waiting = [(0.0, float(np.nextafter(np.pi / folded.period, np.inf)), 0)]
+    last = len(folded.singles) - 1
     for _ in range(MOST_INTERVALS):
         if not waiting:
             return proved()
@@ -148,23 +171,38 @@ def _decide_part(folded: _FoldedSum) -> Decision:
             waiting.append((low, high, level + 1))
             continue
         if reached >= 1 and low:
-            return undecided(f"at {format_hertz(at.middle)} the folded aliases reach {reached:.6g} of the weights")
+            return undecided(
+                f"at {format_hertz(at.middle)} the folded aliases reach {reached:.6g} of the"
+                " weights"
+            )
         if high - low <= _NARROW * high or high < _NARROW / folded.period:
             break
-        cut = high / 8 if not low else float(np.sqrt(low * high)) if high > 2 * low else (low + high) / 2
+        cut = (
+            high / 8
+            if not low
+            else float(np.sqrt(low * high))
+            if high > 2 * low
+            else (low + high) / 2
+        )
         waiting += [(cut, high, level), (low, cut, 0)]
     return undecided(f"undecided from {format_hertz(low)} to {format_hertz(high)}")
 
 
 class _Interval:
-    """An interval of omega [rad/s]: middle and half-width, omega = middle + u radius with u in [-1, 1]."""
+    """An interval of omega [rad/s]: middle and half-width, omega = middle + u radius with u in [-1,
+    1].
+    """
 
     def __init__(self, low: float, high: float, dt: arb) -> None:
         self.middle, self.starts_at_zero = (low + high) / 2, low == 0
         self.radius = max(high - self.middle, self.middle - low) * (1 + 1e-15)
-        self.omega, self.omega_offset = _Expansion.line(self.middle, self.radius), _Expansion.line(0, self.radius)
+        self.omega, self.omega_offset = (
+            _Expansion.line(self.middle, self.radius),
+            _Expansion.line(0, self.radius),
+        )
         self.s_offset = _Expansion.line(0, acb(0, self.radius))
-        # z - 1, in which slow systems are precise, is z + z_offset; its coefficients are at most those of exp
+        # z - 1, in which slow systems are precise, is z + z_offset; its coefficients are at most
+        # those of exp
         turn, angle = acb(0, dt * self.middle).exp(), dt * self.radius
         self.z = turn - 1
         self.z_offset = _Expansion(
@@ -176,10 +214,12 @@ class _Interval:
 
 @value(copy=False)
 class _Expansion:
-    """A function of u in [-1, 1] by its Taylor series about zero, a bound of every coefficient and of their sum.
+    """A function of u in [-1, 1] by its Taylor series about zero, a bound of every coefficient and
+    of their sum.
 
-    `bound` contains upper bounds of the absolute coefficients below the order; `total` is an upper bound of the sum of
-    all. `total` minus the sum of `bound` bounds the remainder. Products and sums of bounds are bounds again.
+    `bound` contains upper bounds of the absolute coefficients below the order; `total` is an upper
+    bound of the sum of all. `total` minus the sum of `bound` bounds the remainder. Products and
+    sums of bounds are bounds again.
     """
 
     series: acb_series
@@ -243,7 +283,9 @@ def _sum_of(bound: arb_series) -> arb:
 
 @value(copy=False)
 class _Logarithm:
-    """A function of u without roots, by the Taylor series of its logarithm and a bound of the remainder."""
+    """A function of u without roots, by the Taylor series of its logarithm and a bound of the
+    remainder.
+    """
 
     value: acb
     series: acb_series
@@ -251,7 +293,9 @@ class _Logarithm:
 
     def __add__(self, other: _Logarithm) -> _Logarithm:
         return _Logarithm(
-            value=self.value * other.value, series=self.series + other.series, rest=self.rest + other.rest
+            value=self.value * other.value,
+            series=self.series + other.series,
+            rest=self.rest + other.rest,
         )
 
     @property
@@ -270,7 +314,9 @@ class _Logarithm:
 
 def _exponential(start: float, slope: float) -> _Expansion:
     """Return start exp(slope u)."""
-    return _Logarithm(value=acb(start), series=acb_series([0, acb(slope)], _ORDER), rest=0.0).function
+    return _Logarithm(
+        value=acb(start), series=acb_series([0, acb(slope)], _ORDER), rest=0.0
+    ).function
 
 
 @value(copy=False)
@@ -281,7 +327,13 @@ class _Product:
     roots: _Expansion | None = None
 
     def __mul__(self, other: _Product) -> _Product:
-        found = self.roots if other.roots is None else other.roots if self.roots is None else self.roots * other.roots
+        found = (
+            self.roots
+            if other.roots is None
+            else other.roots
+            if self.roots is None
+            else self.roots * other.roots
+        )
         return _Product(smooth=self.smooth + other.smooth, roots=found)
 
     @property
@@ -306,7 +358,9 @@ class _Factored:
 
     @classmethod
     def of(cls, system: Quotient, *, at_one: bool = False) -> _Factored:
-        """Return the factors of a quotient of polynomials over the rationals in s, or in z with `at_one`."""
+        """Return the factors of a quotient of polynomials over the rationals in s, or in z with
+        `at_one`.
+        """
         num, den = (p(fmpq_poly([1, 1])) if at_one else p for p in (system.num, system.den))
         if not num:
             return cls(gain=arb(0), zeros=(), poles=())
@@ -314,7 +368,9 @@ class _Factored:
         return cls(gain=gain, zeros=_all_roots(num), poles=_all_roots(den))
 
     def at(self, start: acb, offset: _Expansion) -> _Product:
-        """Return it at start + offset, with offset zero in the middle; a ValueError is raised if a pole may be near."""
+        """Return it at start + offset, with offset zero in the middle; a ValueError is raised if a
+        pole may be near.
+        """
         zeros, poles = ([start - x for x in roots] for roots in (self.zeros, self.poles))
         size = float(offset.total.upper())
         near = [x for x in zeros if not size < _NEAR * float(abs(x).mid())]
@@ -323,7 +379,9 @@ class _Factored:
         if len(shares) < len(far) + len(poles) or not all(share < 1 for share in shares):
             raise ValueError("a pole may lie within")
         step, one = acb_series([0, 1], _ORDER), acb_series([1], _ORDER)
-        ratio = prod((step / x + 1 for x in far), start=one) / prod((step / x + 1 for x in poles), start=one)
+        ratio = prod((step / x + 1 for x in far), start=one) / prod(
+            (step / x + 1 for x in poles), start=one
+        )
         series = ratio.log()
         bound = _absolute(series)
         beyond = sum((c * offset.total**k for k, c in enumerate(bound.coeffs()) if k), arb(0))
@@ -333,13 +391,21 @@ class _Factored:
             series=series(offset.series),
             rest=(rest + sum(share**_ORDER / _ORDER / (1 - share) for share in shares)) * _UPWARD,
         )
-        roots = prod((_Expansion.line(x) + offset for x in near), start=_Expansion.line(1)) if near else None
+        roots = (
+            prod((_Expansion.line(x) + offset for x in near), start=_Expansion.line(1))
+            if near
+            else None
+        )
         return _Product(smooth=smooth, roots=roots)
 
 
 def _all_roots(p: fmpq_poly) -> tuple[acb, ...]:
     """Return every root, repeated by its multiplicity."""
-    return tuple(root for root, many in complex_roots(p) for _ in range(many)) if p.degree() > 0 else ()
+    return (
+        tuple(root for root, many in complex_roots(p) for _ in range(many))
+        if p.degree() > 0
+        else ()
+    )
 
 
 @value(copy=False)
@@ -351,15 +417,20 @@ class _Term:
     right: list[_Expansion]
 
     def size(self, V: list[_Product]) -> tuple[float, float]:
-        """Return the largest singular value of V_l M in the middle and its logarithmic derivative, in floating point.
+        """Return the largest singular value of V_l M in the middle and its logarithmic derivative,
+        in floating point.
 
         V : one over each V_l. So m_k does not depend on the sampled weights.
         """
-        M, slope = (np.array([[complex(x.coefficients[k]) for x in row] for row in self.M]) for k in (0, 1))
+        M, slope = (
+            np.array([[complex(x.coefficients[k]) for x in row] for row in self.M]) for k in (0, 1)
+        )
         scale = np.array([[complex(v.smooth.value), complex(v.smooth.series[1])] for v in V])
         M, slope = M / scale[:, :1], (slope - scale[:, 1:] * M) / scale[:, :1]
         u, s, v = np.linalg.svd(M)
-        return float(s[0]), float((u[:, 0].conj() @ slope @ v[0].conj()).real / s[0]) if s[0] > 0 else 0.0
+        return float(s[0]), (
+            float((u[:, 0].conj() @ slope @ v[0].conj()).real / s[0]) if s[0] > 0 else 0.0
+        )
 
 
 @value(copy=False)
@@ -376,20 +447,29 @@ def _both_sums(terms: list[_Term], sizes: list[tuple[float, float]]) -> _Sums:
     left = [[zero] * n for _ in range(n)]
     right = [zero] * len(terms[0].right)
     for term, (size, slope) in zip(terms, sizes, strict=True):
-        share, weight = term.hold * _exponential(1 / size, -slope), term.hold * _exponential(size, slope)
+        share = term.hold * _exponential(1 / size, -slope)
+        weight = term.hold * _exponential(size, slope)
         conjugates = [[x.conjugate for x in row] for row in term.M]
         for i, row in enumerate(term.M):
             weighted = [x * share for x in row]
             for j in range(i, n):
-                left[i][j] = sum((x * y for x, y in zip(weighted, conjugates[j], strict=True)), left[i][j])
+                left[i][j] = sum(
+                    (x * y for x, y in zip(weighted, conjugates[j], strict=True)), left[i][j]
+                )
         right = [x + weight * y for x, y in zip(right, term.right, strict=True)]
     return _Sums(left=left, right=right)
 
 
 def _best_balance(sums: _Sums) -> tuple[float, tuple[float, float]]:
-    """Return the value of both sums with the best common factor of all m_k, this factor and its log derivative."""
-    left, left_slope = (np.array([[complex(x.coefficients[k]) for x in row] for row in sums.left]) for k in (0, 1))
-    right, right_slope = (np.array([float(x.coefficients[k].real.mid()) for x in sums.right]) for k in (0, 1))
+    """Return the value of both sums with the best common factor of all m_k, this factor and its log
+    derivative.
+    """
+    left, left_slope = (
+        np.array([[complex(x.coefficients[k]) for x in row] for row in sums.left]) for k in (0, 1)
+    )
+    right, right_slope = (
+        np.array([float(x.coefficients[k].real.mid()) for x in sums.right]) for k in (0, 1)
+    )
     if not (np.isfinite(left).all() and np.isfinite(right).all()):
         return np.inf, (1.0, 0.0)
     values, vectors = np.linalg.eigh(left, UPLO="U")
@@ -400,11 +480,19 @@ def _best_balance(sums: _Sums) -> tuple[float, tuple[float, float]]:
 
 
 def _is_below_one(upper: list[list[acb]]) -> bool:
-    """Return whether a Hermitian matrix of balls, given by its upper half, is less than the identity."""
+    """Return whether a Hermitian matrix of balls, given by its upper half, is less than the
+    identity.
+    """
     n = len(upper)
     M = [[upper[i][j] if i <= j else upper[j][i].conjugate() for j in range(n)] for i in range(n)]
-    rows = [[(i == j) - x.real for j, x in enumerate(row)] + [x.imag for x in row] for i, row in enumerate(M)]
-    rows += [[-x.imag for x in row] + [(i == j) - x.real for j, x in enumerate(row)] for i, row in enumerate(M)]
+    rows = [
+        [(i == j) - x.real for j, x in enumerate(row)] + [x.imag for x in row]
+        for i, row in enumerate(M)
+    ]
+    rows += [
+        [-x.imag for x in row] + [(i == j) - x.real for j, x in enumerate(row)]
+        for i, row in enumerate(M)
+    ]
     for i in range(n):
         rows[i][n + i] = rows[n + i][i] = arb(0)
     pivots = ldl_pivots(rows)
@@ -422,7 +510,9 @@ def _ratios_of(paths: Iterable[Quotient]) -> list[Ratio]:
 
 
 def _upper_sinc(x: _Expansion) -> _Expansion:
-    """Return a polynomial that is at least sin(x)/x, by at most 4e-7 up to pi/2: its series ends after a plus."""
+    """Return a polynomial that is at least sin(x)/x, by at most 4e-7 up to pi/2: its series ends
+    after a plus.
+    """
     minus, one, found = x * x * _Expansion.line(-1), _Expansion.line(1), _Expansion.line(1)
     for k in (72, 42, 20, 6):
         found = one + minus * _Expansion.line(arb(1) / k) * found
@@ -433,13 +523,18 @@ def _entries_of(system: Matrices) -> list[list[Quotient]]:
     """Return the transfer functions of a system by outputs and inputs, with one denominator."""
     B, C, D = system.B, system.C, system.D
     return [
-        [transfer_quotient(replace(system, B=B[:, [i]], C=C[[j]], D=D[[j]][:, [i]])) for i in range(D.shape[1])]
+        [
+            transfer_quotient(replace(system, B=B[:, [i]], C=C[[j]], D=D[[j]][:, [i]]))
+            for i in range(D.shape[1])
+        ]
         for j in range(D.shape[0])
     ]
 
 
 def _inverse_of(system: Matrices) -> list[list[_Factored]]:
-    """Return the inverse of a square sampled system by rows: d adj(N)/det(N) for N/d, without d^(n - 1) in both."""
+    """Return the inverse of a square sampled system by rows: d adj(N)/det(N) for N/d, without d^(n
+    - 1) in both.
+    """
     entries = _entries_of(system)
     n, d = len(entries), entries[0][0].den
     N = [[entry.num for entry in row] for row in entries]
@@ -462,7 +557,10 @@ def _determinant(rows: list[list[fmpq_poly]]) -> fmpq_poly:
         return fmpq_poly([1])
     first, *others = rows
     return sum(
-        (x * _determinant([row[:j] + row[j + 1 :] for row in others]) * (-1) ** j for j, x in enumerate(first)),
+        (
+            x * _determinant([row[:j] + row[j + 1 :] for row in others]) * (-1) ** j
+            for j, x in enumerate(first)
+        ),
         fmpq_poly([0]),
     )
 
@@ -484,7 +582,11 @@ class _FoldedSum:
         self.inverse = [] if part.sampled is None else _inverse_of(part.sampled)
         plant = [g for row in entries for g in row]
         self.farthest = float(root_radius(*plant, *lefts, *rights)) / float(self.step.mid())
-        self.singles = (0, _FEW_SINGLE, min(max(SINGLE, ceil(min(self.farthest, 1e6)) + 2), MOST_SINGLE))
+        self.singles = (
+            0,
+            _FEW_SINGLE,
+            min(max(SINGLE, ceil(min(self.farthest, 1e6)) + 2), MOST_SINGLE),
+        )
         through = map(product_of_systems, plant, lefts * len(lefts)) if plant else lefts
         F, right = _ratios_of(through), [magnitude_ratio(w) for w in rights]
         self.tails = {k: self.tail(F, k) for k in self.singles}
@@ -492,7 +594,9 @@ class _FoldedSum:
         self.plant_tail = self.tail(_ratios_of(plant), 0)
 
     def tail(self, paths: list[Ratio], n: int) -> arb:
-        """Return an upper bound of the sum of |h_k F_k| over |k| > n and all F, without |sin(omega dt/2)|."""
+        """Return an upper bound of the sum of |h_k F_k| over |k| > n and all F, without |sin(omega
+        dt/2)|.
+        """
         blocks, total = AliasBlocks.beyond(n, self.farthest, dt=self.dt), arb(0)
         for F in paths:
             sizes = [max_magnitude(F, *block) for block in blocks.intervals]
@@ -506,7 +610,8 @@ class _FoldedSum:
         return upper_end(reduce(arb.max, sizes, w.beyond(blocks.end) / blocks.end**w.order))
 
     def decide(self, at: _Interval, singles: int) -> tuple[bool, float]:
-        """Return whether both sums stay below one on an interval, and their approximate value at its middle.
+        """Return whether both sums stay below one on an interval, and their approximate value at
+        its middle.
 
         singles : number of single aliases on each side.
         """
@@ -517,16 +622,23 @@ class _FoldedSum:
             return False, 0.0
         sizes = [term.size(V) for term in terms]
         least = _LEAST_SHARE * max(size for size, _ in sizes)
-        sums = _both_sums(terms, [(size, slope) if size > least else (least, 0.0) for size, slope in sizes])
+        sums = _both_sums(
+            terms, [(size, slope) if size > least else (least, 0.0) for size, slope in sizes]
+        )
         reached, (factor, slope) = _best_balance(sums)
         if not reached < 1:
             return False, reached
         times, over = _exponential(factor, slope), _exponential(1 / factor, -slope)
         right = all((x * times).ball.real < 1 for x in sums.right)
-        return right and _is_below_one([[(x * over).ball for x in row] for row in sums.left]), reached
+        return (
+            right and _is_below_one([[(x * over).ball for x in row] for row in sums.left]),
+            reached,
+        )
 
     def terms(self, at: _Interval, V: list[_Product], singles: int) -> Iterator[_Term]:
-        """Yield the terms of both sums; the first is for all aliases beyond the single ones. V : 1/V_l.
+        """Yield the terms of both sums; the first is for all aliases beyond the single ones.
+
+        V : 1/V_l.
 
         A ValueError is raised if a pole is near.
         """
@@ -542,37 +654,57 @@ class _FoldedSum:
         )
         for k in range(-singles, singles + 1):
             start = acb(0, at.middle + k * self.step)
-            right = [w.at(start, at.s_offset).function.squared * v[i] for i, w in enumerate(self.right)]
-            hold = sinc * self.hold_share(at, k) if k else _Expansion.line(1) if inverse and at.starts_at_zero else sinc
+            right = [
+                w.at(start, at.s_offset).function.squared * v[i] for i, w in enumerate(self.right)
+            ]
+            hold = (
+                sinc * self.hold_share(at, k)
+                if k
+                else _Expansion.line(1)
+                if inverse and at.starts_at_zero
+                else sinc
+            )
             for M in self.alias_matrices(at, V, inverse, start, k):
                 yield _Term(hold=hold, M=M, right=right)
 
     def alias_matrices(
         self, at: _Interval, V: list[_Product], inverse: list[list[_Product]], start: acb, k: int
     ) -> list[list[list[_Expansion]]]:
-        """Return M_k; or two matrices for |h_0| M_0 on an interval from zero on, where the plant may have a pole.
+        """Return M_k; or two matrices for |h_0| M_0 on an interval from zero on, where the plant
+        may have a pole.
 
-        There G_0 is not used: h_0 G_0 is G_d minus the sum of the other h_k G_k, so G_d^-1 h_0 G_0 differs from one by
-        at most `off`. inverse : G_d^-1. start : j omega_k in the middle.
+        There G_0 is not used: h_0 G_0 is G_d minus the sum of the other h_k G_k, so G_d^-1 h_0 G_0
+        differs from one by at most `off`. inverse : G_d^-1. start : j omega_k in the middle.
         """
         W, n = [w.at(start, at.s_offset) for w in self.left], len(V)
         if inverse and (k or not at.starts_at_zero):
-            zero, G = _Expansion.line(0), [[g.at(start, at.s_offset) for g in row] for row in self.G]
+            zero = _Expansion.line(0)
+            G = [[g.at(start, at.s_offset) for g in row] for row in self.G]
             return [
                 [
-                    [sum(((V[i] * inverse[i][m] * G[m][j] * W[j]).function for m in range(n)), zero) for j in range(n)]
+                    [
+                        sum(
+                            ((V[i] * inverse[i][m] * G[m][j] * W[j]).function for m in range(n)),
+                            zero,
+                        )
+                        for j in range(n)
+                    ]
                     for i in range(n)
                 ]
             ]
         direct = _diagonal([(x * w).function for x, w in zip(V, W, strict=True)])
         if not inverse:
             return [direct]
-        size = sum((y.function.total * y.function.total for row in inverse for y in row), arb(0)).sqrt()
+        size = sum(
+            (y.function.total * y.function.total for row in inverse for y in row), arb(0)
+        ).sqrt()
         off = size * self.plant_tail * self.dt * arb(at.middle + at.radius) / 2
         most = _Expansion.line((off * sum((w.function.total for w in W), arb(0))).abs_upper())
         return [_diagonal([x.function * most for x in V]), direct]
 
     def hold_share(self, at: _Interval, k: int) -> _Expansion:
         """Return |h_k/h_0| = |omega/omega_k|."""
-        share = _Factored(gain=arb(1 if k > 0 else -1), zeros=(acb(0),), poles=(acb(-k * self.step),))
+        share = _Factored(
+            gain=arb(1 if k > 0 else -1), zeros=(acb(0),), poles=(acb(-k * self.step),)
+        )
         return share.at(acb(at.middle), at.omega_offset).function

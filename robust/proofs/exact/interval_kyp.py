@@ -1,14 +1,16 @@
-"""A level of the structured singular value at every frequency, proved interval by interval (generalised KYP lemma).
+"""A level of the structured singular value at every frequency, proved interval by interval
+(generalised KYP lemma).
 
-The axis of x, omega [rad/s] or tan(omega dt / 2), is cut into closed intervals [a, b] from zero to infinity. With
-states g, f = j x g, outputs y and inputs u, an interval is proved by Hermitian P and Q > 0, by scalings X that commute
-with the perturbation and by K with K* = -K on the real blocks, if
+The axis of x, omega [rad/s] or tan(omega dt / 2), is cut into closed intervals [a, b] from zero to
+infinity. With states g, f = j x g, outputs y and inputs u, an interval is proved by Hermitian P and
+Q > 0, by scalings X that commute with the perturbation and by K with K* = -K on the real blocks, if
 
     f*P g + g*P f + (x - a)(b - x) g*Q g + y*X_L y - u*K y - y*K* u - level^2 u*X_R u < 0
 
-for all states and inputs, where x g stands for -j f. On the axis the first two terms are zero, and on the interval the
-third is not negative (Iwasaki & Hara 2005). On an interval up to infinity the third is (x - a) g*Q g. This does not
-prove stability, which has its own matrix. Everything is assembled over the rationals.
+for all states and inputs, where x g stands for -j f. On the axis the first two terms are zero, and
+on the interval the third is not negative (Iwasaki & Hara 2005). On an interval up to infinity the
+third is (x - a) g*Q g. This does not prove stability, which has its own matrix. Everything is
+assembled over the rationals.
 """
 
 from __future__ import annotations
@@ -23,7 +25,13 @@ from nlfrf._base.values import value
 from robust.proofs.exact.claim import Matrices
 from robust.proofs.exact.claim_files import SQUARE
 from robust.proofs.exact.matrices import identity, positive_definite, stack
-from robust.proofs.exact.polynomials import Decision, proved, to_rational, to_rational_matrix, undecided
+from robust.proofs.exact.polynomials import (
+    Decision,
+    proved,
+    to_rational,
+    to_rational_matrix,
+    undecided,
+)
 from robust.proofs.exact.scaled_kyp import (
     LEVEL,
     STABLE,
@@ -75,7 +83,9 @@ class ExactMatrix:
         return self + other.times(fmpq(-1))
 
     def __mul__(self, other: ExactMatrix) -> ExactMatrix:
-        return ExactMatrix(re=self.re * other.re - self.im * other.im, im=self.re * other.im + self.im * other.re)
+        return ExactMatrix(
+            re=self.re * other.re - self.im * other.im, im=self.re * other.im + self.im * other.re
+        )
 
     def times(self, factor: fmpq) -> ExactMatrix:
         return ExactMatrix(re=self.re * factor, im=self.im * factor)
@@ -91,8 +101,11 @@ class ExactMatrix:
     @property
     def inverse(self) -> ExactMatrix:
         """Inverse; a ZeroDivisionError is raised if there is none."""
-        rows, n = stack([[self.re, self.im * fmpq(-1)], [self.im, self.re]]).inv().tolist(), self.re.nrows()
-        return ExactMatrix(re=fmpq_mat([row[:n] for row in rows[:n]]), im=fmpq_mat([row[:n] for row in rows[n:]]))
+        rows = stack([[self.re, self.im * fmpq(-1)], [self.im, self.re]]).inv().tolist()
+        n = self.re.nrows()
+        return ExactMatrix(
+            re=fmpq_mat([row[:n] for row in rows[:n]]), im=fmpq_mat([row[:n] for row in rows[n:]])
+        )
 
     @property
     def is_hermitian(self) -> bool:
@@ -101,7 +114,9 @@ class ExactMatrix:
     @property
     def is_positive(self) -> bool:
         """True if it is Hermitian and positive definite; decided on [re, -im; im, re]."""
-        return self.is_hermitian and positive_definite(stack([[self.re, self.im * fmpq(-1)], [self.im, self.re]]))
+        return self.is_hermitian and positive_definite(
+            stack([[self.re, self.im * fmpq(-1)], [self.im, self.re]])
+        )
 
 
 @value
@@ -115,7 +130,9 @@ class IntervalProof:
 
     def placed(self, blocks: tuple[Block, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return X_L on the outputs of the system, X_R on its inputs, K from outputs to inputs."""
-        return place_scalings(blocks, *([M.numbers for M in part] for part in (self.scalings, self.skews)))
+        return place_scalings(
+            blocks, *([M.numbers for M in part] for part in (self.scalings, self.skews))
+        )
 
 
 @value
@@ -129,11 +146,11 @@ class IntervalClaim:
     # (n, n) matrix, in the coordinates T x, that proves stability of the system
     stability: Annotated[np.ndarray, SQUARE]
     T: Annotated[np.ndarray, SQUARE]  # (n, n) coordinates
-    # (I - 1,) boundaries between the intervals of x from zero to infinity: omega [rad/s], in discrete time tan(omega dt
-    # / 2)
+    # (I - 1,) boundaries between the intervals of x from zero to infinity: omega [rad/s], in
+    # discrete time tan(omega dt / 2)
     cuts: np.ndarray
-    # one for each interval. X of a block is (1, 1) for a full one, (rows, rows) and Hermitian for the others. K is
-    # (rows, rows) with K* = -K for a real block, else zero.
+    # one for each interval. X of a block is (1, 1) for a full one, (rows, rows) and Hermitian for
+    # the others. K is (rows, rows) with K* = -K for a real block, else zero.
     pieces: tuple[IntervalProof, ...]
 
     def __post_init__(self) -> None:
@@ -142,16 +159,22 @@ class IntervalClaim:
         if not n:
             raise ValueError("system must have states for a proof by frequency intervals, got none")
         if self.cuts.shape != (len(self.pieces) - 1,) or not _is_increasing(self.cuts):
-            raise ValueError(f"cuts must be one fewer than pieces, positive and increasing, got {self.cuts}")
+            raise ValueError(
+                f"cuts must be one fewer than pieces, positive and increasing, got {self.cuts}"
+            )
         wanted = [(self.stability, n), (self.T, n)]
         for piece in self.pieces:
             if len(piece.scalings) != len(sizes) or len(piece.skews) != len(sizes):
-                raise ValueError("scalings and skews must have one entry for each block, got another number")
+                raise ValueError(
+                    "scalings and skews must have one entry for each block, got another number"
+                )
             parts = [(piece.P, n), (piece.Q, n), *zip(piece.scalings, sizes, strict=True)]
             parts += zip(piece.skews, sizes, strict=True)
             wanted += [(M, size) for part, size in parts for M in (part.re, part.im)]
         if any(M.shape != (size, size) or not np.isfinite(M).all() for M, size in wanted):
-            raise ValueError("pieces must hold finite matrices that fit system and blocks, got something else")
+            raise ValueError(
+                "pieces must hold finite matrices that fit system and blocks, got something else"
+            )
 
     @property
     def intervals(self) -> np.ndarray:
@@ -168,7 +191,8 @@ def _is_increasing(cuts: np.ndarray) -> bool:
 def _decide_intervals(claim: IntervalClaim) -> dict[str, Decision]:
     """Decide stability, and the level on every interval.
 
-    1/(s + 1) has mu of one at zero frequency; P = 1 proves that it is not larger elsewhere, with any small Q.
+    1/(s + 1) has mu of one at zero frequency; P = 1 proves that it is not larger elsewhere, with
+    any small Q.
 
     >>> def matrix(x): return ComplexMatrix.of(np.array([[x]]))
     >>> lag = Matrices(A=-np.ones((1, 1)), B=np.ones((1, 1)), C=np.ones((1, 1)), D=np.zeros((1, 1)))
@@ -184,16 +208,23 @@ def _decide_intervals(claim: IntervalClaim) -> dict[str, Decision]:
     ends = pairwise([0.0, *claim.cuts.tolist(), None])
     for piece, (low, high), (start, end) in zip(claim.pieces, ends, claim.intervals, strict=True):
         if not loop.holds(piece, low or 0.0, high):
-            return found | {LEVEL: undecided(f"the inequality does not pass from {start:.6g} to {end:.6g} rad/s")}
+            return found | {
+                LEVEL: undecided(
+                    f"the inequality does not pass from {start:.6g} to {end:.6g} rad/s"
+                )
+            }
     return found | {LEVEL: proved()}
 
 
 @value(copy=False)
 class ExactLoop:
-    """A system over the rationals: the quantities of the inequality as functions of states and inputs (x, u)."""
+    """A system over the rationals: the quantities of the inequality as functions of states and
+    inputs (x, u).
+    """
 
     blocks: tuple[Block, ...]  # the structure
-    # g, f: in coordinates T: f = j x g on the axis. In discrete time g = (A + I) x + B u, f = (A - I) x + B u.
+    # g, f: in coordinates T: f = j x g on the axis. In discrete time g = (A + I) x + B u, f = (A -
+    # I) x + B u.
     g: ExactMatrix
     f: ExactMatrix
     # y, u: outputs and inputs
@@ -207,7 +238,10 @@ class ExactLoop:
 
     @classmethod
     def of(cls, claim: IntervalClaim) -> ExactLoop:
-        A, B, C, D, T = (to_rational_matrix(M) for M in (*(getattr(claim.system, name) for name in "ABCD"), claim.T))
+        A, B, C, D, T = (
+            to_rational_matrix(M)
+            for M in (*(getattr(claim.system, name) for name in "ABCD"), claim.T)
+        )
         n, m, one = A.nrows(), D.ncols(), identity(A.nrows())
         g, f = ([A + one, B], [A - one, B]) if claim.system.dt else ([one, B * fmpq(0)], [A, B])
         return cls(
@@ -226,7 +260,9 @@ class ExactLoop:
         """Return whether a matrix P > 0 proves that the system is stable."""
         P, A = self.T.transpose() * to_rational_matrix(given) * self.T, self.A
         P = (P + P.transpose()) / fmpq(2)
-        falls = P - A.transpose() * P * A if self.discrete else (A.transpose() * P + P * A) * fmpq(-1)
+        falls = (
+            P - A.transpose() * P * A if self.discrete else (A.transpose() * P + P * A) * fmpq(-1)
+        )
         return positive_definite(P) and positive_definite(falls)
 
     def holds(self, piece: IntervalProof, low: float, high: float | None) -> bool:
@@ -249,9 +285,13 @@ class ExactLoop:
 
 
 def _has_structure(piece: IntervalProof, blocks: tuple[Block, ...]) -> bool:
-    """Return whether each X is Hermitian and positive definite, and each K* = -K on a real block and zero elsewhere."""
+    """Return whether each X is Hermitian and positive definite, and each K* = -K on a real block
+    and zero elsewhere.
+    """
     return all(
-        X.exact.is_positive and K.exact.times_j().is_hermitian and (kind == "real" or not (K.re.any() or K.im.any()))
+        X.exact.is_positive
+        and K.exact.times_j().is_hermitian
+        and (kind == "real" or not (K.re.any() or K.im.any()))
         for (_, _, kind), X, K in zip(blocks, piece.scalings, piece.skews, strict=True)
     )
 
@@ -262,6 +302,8 @@ def decide_level(claim: ScaledClaim | IntervalClaim) -> dict[str, Decision]:
 
 
 def verify_level(claim: ScaledClaim | IntervalClaim, *, time_cap: float = 60.0) -> Verification:
-    """Prove the claim again over the rationals; it takes milliseconds an interval, and `time_cap` has no effect."""
+    """Prove the claim again over the rationals; it takes milliseconds an interval, and `time_cap`
+    has no effect.
+    """
     del time_cap
     return summarise_claims(decide_level(claim))

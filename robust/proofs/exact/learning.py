@@ -1,13 +1,15 @@
-r"""The claim of a learning filter: its factor per trial stays below a level at every frequency, for a whole set.
+r"""The claim of a learning filter: its factor per trial stays below a level at every frequency, for
+a whole set.
 
-J = G S is the nominal loop from u to y, r the relative radius of the set (|w|, |w/G|, all aliases included). Over the
-set J_p/J is a disc with centre c and radius rho. The learning filter is L = F/J with any F, so its factor |1 - L J_p|
-is at most |1 - F c| + |F| rho. The least of this over F is rho/|c| if that is below one:
+J = G S is the nominal loop from u to y, r the relative radius of the set (|w|, |w/G|, all aliases
+included). Over the set J_p/J is a disc with centre c and radius rho. The learning filter is L = F/J
+with any F, so its factor |1 - L J_p| is at most |1 - F c| + |F| rho. The least of this over F is
+rho/|c| if that is below one:
 
     x = rho/|c| = r |S| / |1 - r^2 T*|       inverse forms: x = |b|
 
-It grows with r as long as r |T| < 1, so an upper bound of r gives one of x.
-The claim |Q| f(x) < level, with f as in `LearningClaim`, is x < X on an interval with a largest |Q|. This is a
+It grows with r as long as r |T| < 1, so an upper bound of r gives one of x. The claim |Q| f(x) <
+level, with f as in `LearningClaim`, is x < X on an interval with a largest |Q|. This is a
 polynomial inequality in the terms of the loop (`conditions`), decided by Taylor models.
 """
 
@@ -25,7 +27,12 @@ from robust.proofs.exact.claim import LoopClaim
 from robust.proofs.exact.conditions import Quantity, Terms
 from robust.proofs.exact.polynomials import Decision, proved, undecided
 from robust.proofs.exact.stability import claim_on_axis, squared_magnitudes
-from robust.proofs.exact.taylor_models import bisect_axis, compose_polynomial, lower_bound, sampled_terms
+from robust.proofs.exact.taylor_models import (
+    bisect_axis,
+    compose_polynomial,
+    lower_bound,
+    sampled_terms,
+)
 
 _BITS = (192, 320, 640)
 _ROUNDING = 1e-9  # of a level: error bound of Q and X, which are doubles
@@ -37,13 +44,15 @@ class LearningClaim:
 
     loop: LoopClaim  # the loop and its set, which is robustly stable
     omega_Q: float  # cut-off of Q [rad/s]: Q is 1 up to it, cos^2 from there to zero at twice that
-    # x up to which L = 1/(J c). From there to x = 1 it fades, so that the factor without Q is f(x) = x up to `full`,
-    # then 1 - (1 - x)^2/(1 - full).
+    # x up to which L = 1/(J c). From there to x = 1 it fades, so that the factor without Q is f(x)
+    # = x up to `full`, then 1 - (1 - x)^2/(1 - full).
     full: float
     level: float  # upper bound of |Q| f(x); less than one
 
     def largest_ratio(self, omega: float) -> float:
-        """Return X with |Q| f(x) <= level for x <= X at all frequencies from omega [rad/s] on; inf for any x."""
+        """Return X with |Q| f(x) <= level for x <= X at all frequencies from omega [rad/s] on; inf
+        for any x.
+        """
         share = min(max(omega / self.omega_Q - 1, 0.0), 1.0)
         Q = cos(pi / 2 * share) ** 2 + _ROUNDING
         wanted = self.level / Q * (1 - _ROUNDING)
@@ -53,7 +62,9 @@ class LearningClaim:
 
 
 def prove_learning(claim: LearningClaim, *, time_cap: float) -> Decision:
-    """Prove a claim at every frequency up to Nyquist, from the given matrices; coprime factors have no such proof."""
+    """Prove a claim at every frequency up to Nyquist, from the given matrices; coprime factors have
+    no such proof.
+    """
     deadline = time.thread_time() + time_cap
     decision = undecided("the coprime form has no such proof")
     for bits in () if "M" in claim.loop.reads else _BITS:
@@ -83,36 +94,55 @@ def _decide(claim: LearningClaim, deadline: float) -> Decision:
         t = terms((a + b) / 2, (b - a) / 2)
         ways = [(loop.reads, t)] if aliases is None else _with_aliases(aliases, t, low=a, high=b)
         return any(
-            all(lower_bound(part) > 0 for part in _inequalities(reads, loop.inverse, t=seen, square=arb(X) ** 2))
+            all(
+                lower_bound(part) > 0
+                for part in _inequalities(reads, loop.inverse, t=seen, square=arb(X) ** 2)
+            )
             for reads, seen in ways
         )
 
     def at_point(omega: float) -> Decision:
-        return proved() if holds(omega, omega) else undecided(f"undecided at {omega:.6g} rad/s", needs_digits=True)
+        return (
+            proved()
+            if holds(omega, omega)
+            else undecided(f"undecided at {omega:.6g} rad/s", needs_digits=True)
+        )
 
     top = float((arb.pi() / arb(axis.dt)).upper()) * (1 + 1e-15)
     return bisect_axis(holds, at_point, top, deadline)
 
 
-def _inequalities(reads: tuple[str, ...], inverse: bool, *, t: Terms, square: arb) -> list[Quantity]:
+def _inequalities(
+    reads: tuple[str, ...], inverse: bool, *, t: Terms, square: arb
+) -> list[Quantity]:
     """Return expressions that are positive if r |T| < 1 (|b| < 1) and x^2 < X^2 = square."""
     N, D = t.G_num * t.K_num, t.G_den * t.K_den
     if inverse:
         channel = t.w_num * (t.G_num if "G" in reads else t.G_den) * t.K_den
         return [t.w_den * t.closed * square - channel]
     if "G" in reads:  # r = |w|
-        centre = t.w_den * t.w_den * t.closed - t.w_num * t.w_den * (t.cross + N) * 2 + t.w_num * t.w_num * N
+        centre = (
+            t.w_den * t.w_den * t.closed
+            - t.w_num * t.w_den * (t.cross + N) * 2
+            + t.w_num * t.w_num * N
+        )
         return [t.w_den * t.closed - t.w_num * N, centre * square - t.w_num * t.w_den * D]
     KS = t.G_den * t.K_num  # r = |w|/|G|, all over |G|^2
-    centre = t.w_den * t.w_den * t.closed * t.G_num - t.w_num * t.w_den * t.G_den * (t.cross + N) * 2
+    centre = (
+        t.w_den * t.w_den * t.closed * t.G_num - t.w_num * t.w_den * t.G_den * (t.cross + N) * 2
+    )
     centre = centre + t.w_num * t.w_num * t.G_den * KS
     return [t.w_den * t.closed - t.w_num * KS, centre * square - t.w_num * t.w_den * D * t.G_den]
 
 
-def _with_aliases(aliases: AliasBounds, t: Terms, *, low: arb, high: arb) -> list[tuple[tuple[str, ...], Terms]]:
-    """Return the terms on an interval with an upper bound of the squared radius, with all aliases, for |w|^2.
+def _with_aliases(
+    aliases: AliasBounds, t: Terms, *, low: arb, high: arb
+) -> list[tuple[tuple[str, ...], Terms]]:
+    """Return the terms on an interval with an upper bound of the squared radius, with all aliases,
+    for |w|^2.
 
-    The radius is given twice: R = |h_0 F| + rest about G_d, and relative to |G_d|, with |h_0 G| <= |G_d|/(1 - share).
+    The radius is given twice: R = |h_0 F| + rest about G_d, and relative to |G_d|, with |h_0 G| <=
+    |G_d|/(1 - share).
     """
     sums, w = aliases.sums(low, high), aliases.w.upper(low, high)
     hold_low, hold = aliases.hold(low, high)
@@ -128,5 +158,7 @@ def _with_aliases(aliases: AliasBounds, t: Terms, *, low: arb, high: arb) -> lis
     ):
         more = upper_end(rest * (2 * factor * first + rest))  # of (factor first + rest)^2
         if more.is_finite() and (reads == ("K",) or (aliases.through and share < 1)):
-            found.append((reads, replace(t, w_num=num * upper_end(factor) ** 2 + den * more, w_den=den)))
+            found.append(
+                (reads, replace(t, w_num=num * upper_end(factor) ** 2 + den * more, w_den=den))
+            )
     return found

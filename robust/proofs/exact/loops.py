@@ -1,8 +1,10 @@
-"""Proofs of the claims on a loop: exact arithmetic for its stability, balls rounded outward for its curves.
+"""Proofs of the claims on a loop: exact arithmetic for its stability, balls rounded outward for its
+curves.
 
-Only the stored matrices are used: no curve and no pole in floating point. If plant, controller and weights share one
-time base, a claim is a polynomial in one variable, positive from zero to infinity. A delay in a continuous loop, or a
-continuous weight around a sampled one, is treated exactly, interval by interval.
+Only the stored matrices are used: no curve and no pole in floating point. If plant, controller and
+weights share one time base, a claim is a polynomial in one variable, positive from zero to
+infinity. A delay in a continuous loop, or a continuous weight around a sampled one, is treated
+exactly, interval by interval.
 """
 
 from __future__ import annotations
@@ -48,7 +50,8 @@ def verify_loop(claim: LoopClaim, *, time_cap: float = 60.0) -> Verification:
     claim : LoopClaim
         The claims, with all numbers as given.
     time_cap : float
-        Seconds of processor time, after which the rest counts as not verified. The load of the machine has no effect.
+        Seconds of processor time, after which the rest counts as not verified. The load of the
+        machine has no effect.
 
     Returns
     -------
@@ -73,11 +76,16 @@ def verify_loop(claim: LoopClaim, *, time_cap: float = 60.0) -> Verification:
     deadline = time.thread_time() + time_cap
     try:
         decided: dict[str, Decision] = {}
-        first = any(name in ALIASED.values() for name in claim.claims)  # with aliases 192 bits seldom suffice
+        first = any(
+            name in ALIASED.values() for name in claim.claims
+        )  # with aliases 192 bits seldom suffice
         for bits in _BITS[first:]:
             with ctx.workprec(bits):
                 _decide_claims(claim, decided, deadline)
-            if not any(found.needs_digits for found in decided.values()) or time.thread_time() > deadline:
+            if (
+                not any(found.needs_digits for found in decided.values())
+                or time.thread_time() > deadline
+            ):
                 break
     except ValueError as error:
         return Verification(proved=(), failed=(("the loop", str(error)),))
@@ -102,22 +110,29 @@ def _decide_claims(claim: LoopClaim, decided: dict[str, Decision], deadline: flo
         decided.update(
             {
                 name: undecided(
-                    "not examined: the nominal loop or a weight is not proved stable", needs_digits=needs_digits
+                    "not examined: the nominal loop or a weight is not proved stable",
+                    needs_digits=needs_digits,
                 )
                 for name in claim.claims
             }
         )
         return
     found = squared_magnitudes(axis)
-    scaling = arb(to_rational(claim.scaling) ** 2)  # d^2 as a ball, which combines with every kind of quantity
+    scaling = arb(
+        to_rational(claim.scaling) ** 2
+    )  # d^2 as a ball, which combines with every kind of quantity
     names = list(filter(open_still, claim.claims))
     aliased = [name for name in names if name in ALIASED.values()]
     if aliased:
-        decided |= prove_with_aliases(claim, aliased, axis=axis, found=found, scaling=scaling, deadline=deadline)
+        decided |= prove_with_aliases(
+            claim, aliased, axis=axis, found=found, scaling=scaling, deadline=deadline
+        )
     for name in [name for name in names if name not in aliased]:
 
         def inequalities(terms: Terms, name: str = name) -> list[Quantity]:
-            return claim_inequalities(name, claim.reads, inverse=claim.inverse, t=terms, scaling=scaling)
+            return claim_inequalities(
+                name, claim.reads, inverse=claim.inverse, t=terms, scaling=scaling
+            )
 
         if axis.algebraic:
             decided[name] = _prove_on_half_line(
@@ -127,11 +142,15 @@ def _decide_claims(claim: LoopClaim, decided: dict[str, Decision], deadline: flo
                 deadline=deadline,
             )
         else:
-            decided[name] = positive_on_intervals(axis, found, inequalities=inequalities, deadline=deadline)
+            decided[name] = positive_on_intervals(
+                axis, found, inequalities=inequalities, deadline=deadline
+            )
 
 
 def _check_weights(axis: Axis) -> Decision:
-    """Decide whether every pole of the weights is strictly stable, and every zero of the scaling of the plant."""
+    """Decide whether every pole of the weights is strictly stable, and every zero of the scaling of
+    the plant.
+    """
     parts = [(part.den, part.degree) for part in (axis.w, axis.P, axis.W) if part is not None]
     for polynomial, degree in parts + ([] if axis.W is None else [(axis.W.num, axis.W.degree)]):
         if not (found := routh(polynomial, degree)).holds:
@@ -139,7 +158,9 @@ def _check_weights(axis: Axis) -> Decision:
     return proved()
 
 
-def _prove_on_half_line(axis: Axis, expressions: list[Quantity], *, ends: list[Quantity], deadline: float) -> Decision:
+def _prove_on_half_line(
+    axis: Axis, expressions: list[Quantity], *, ends: list[Quantity], deadline: float
+) -> Decision:
     """Prove polynomials in y = x^2 positive for all y >= 0, and at infinity."""
     for expression, end in zip(expressions, ends, strict=True):
         if not end > 0:
@@ -152,7 +173,9 @@ def _prove_on_half_line(axis: Axis, expressions: list[Quantity], *, ends: list[Q
 
 
 def _frequency_of(axis: Axis, found: Decision) -> Decision:
-    """Return a decision with its place y on the axis replaced by the frequency [rad/s], for messages only."""
+    """Return a decision with its place y on the axis replaced by the frequency [rad/s], for
+    messages only.
+    """
     from math import atan, sqrt
 
     if not found.violated_at >= 0:

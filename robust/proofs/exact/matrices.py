@@ -1,7 +1,7 @@
 """Matrix inequalities decided over the rationals: positive definite or not, in every case.
 
-An inequality that holds at the Bernstein coefficients of an interval of a parameter holds on the interval. Build these
-from `to_rational_matrix` and exact sums and products, and decide each.
+An inequality that holds at the Bernstein coefficients of an interval of a parameter holds on the
+interval. Build these from `to_rational_matrix` and exact sums and products, and decide each.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ AnyMatrix = TypeVar("AnyMatrix", fmpq_mat, arb_mat)
 
 
 def positive_definite(matrix: fmpq_mat) -> bool:
-    """Return whether a symmetric matrix of rationals (fmpq_mat) is positive definite: all pivots of its LDL' positive.
+    """Return whether a symmetric matrix of rationals (fmpq_mat) is positive definite: all pivots of
+    its LDL' positive.
 
     Balls decide if they can, otherwise rationals.
 
@@ -43,7 +44,9 @@ def positive_definite(matrix: fmpq_mat) -> bool:
 
 
 def ldl_pivots(rows: Sequence[Sequence[Coefficient]]) -> list[Coefficient]:
-    """Return the pivots of the LDL' of a symmetric matrix, up to the first that is not certainly positive."""
+    """Return the pivots of the LDL' of a symmetric matrix, up to the first that is not certainly
+    positive.
+    """
     left = [list(row) for row in rows]
     pivots = []
     while left:
@@ -53,7 +56,8 @@ def ldl_pivots(rows: Sequence[Sequence[Coefficient]]) -> list[Coefficient]:
             break
         factors = [x / pivot for x in rest]
         left = [
-            [x - f * y for x, y in zip(row[1:], rest, strict=True)] for f, row in zip(factors, left[1:], strict=True)
+            [x - f * y for x, y in zip(row[1:], rest, strict=True)]
+            for f, row in zip(factors, left[1:], strict=True)
         ]
     return pivots
 

@@ -1,8 +1,9 @@
-"""Matrices that are polynomials of one parameter theta, in balls, and their definiteness on an interval.
+"""Matrices that are polynomials of one parameter theta, in balls, and their definiteness on an
+interval.
 
-On [a, b] a polynomial lies in the convex hull of its Bernstein coefficients (Garloff 2000). If all of these are
-positive definite, so is the matrix at every theta of [a, b]. With one parameter, bisection makes this exact.
-Doubles choose the intervals, balls decide.
+On [a, b] a polynomial lies in the convex hull of its Bernstein coefficients (Garloff 2000). If all
+of these are positive definite, so is the matrix at every theta of [a, b]. With one parameter,
+bisection makes this exact. Doubles choose the intervals, balls decide.
 """
 
 from __future__ import annotations
@@ -38,7 +39,9 @@ class PolynomialMatrix:
     def __add__(self, other: PolynomialMatrix) -> PolynomialMatrix:
         long, short = (self, other) if len(self.parts) >= len(other.parts) else (other, self)
         n = len(short.parts)
-        return PolynomialMatrix([p + q for p, q in zip(long.parts, short.parts, strict=False)] + long.parts[n:])
+        return PolynomialMatrix(
+            [p + q for p, q in zip(long.parts, short.parts, strict=False)] + long.parts[n:]
+        )
 
     def __neg__(self) -> PolynomialMatrix:
         return PolynomialMatrix([-p for p in self.parts])
@@ -64,7 +67,9 @@ class PolynomialMatrix:
 
     def derivative(self) -> PolynomialMatrix:
         """Return the derivative by theta."""
-        return PolynomialMatrix([p * arb(k) for k, p in enumerate(self.parts) if k] or [self.parts[0] * arb(0)])
+        return PolynomialMatrix(
+            [p * arb(k) for k, p in enumerate(self.parts) if k] or [self.parts[0] * arb(0)]
+        )
 
     def at(self, theta: arb | float) -> arb_mat:
         """Return the matrix at theta."""
@@ -80,7 +85,9 @@ class PolynomialMatrix:
         )
 
     def is_positive_definite(self) -> bool:
-        """Return whether the symmetric matrix is certainly positive definite at every theta of [-1, 1]."""
+        """Return whether the symmetric matrix is certainly positive definite at every theta of [-1,
+        1].
+        """
         if not self.shape[0]:
             return True
         leaves = _choose_intervals(self.to_array())
@@ -95,22 +102,32 @@ def stacked(rows: Sequence[PolynomialMatrix]) -> PolynomialMatrix:
     height = sum(row.shape[0] for row in rows)
     parts = []
     for k in range(longest):
-        entries = [x for p in rows for x in (p.parts[k].entries() if k < len(p.parts) else [0] * (p.shape[0] * cols))]
+        entries = [
+            x
+            for p in rows
+            for x in (p.parts[k].entries() if k < len(p.parts) else [0] * (p.shape[0] * cols))
+        ]
         parts.append(arb_mat(height, cols, entries))
     return PolynomialMatrix(parts)
 
 
 def _bernstein_map(n: int, low: float, high: float) -> np.ndarray:
-    """Return (n + 1, n + 1) map from n + 1 coefficients in theta to those of Bernstein on [low, high] (dyadic ends)."""
+    """Return (n + 1, n + 1) map from n + 1 coefficients in theta to those of Bernstein on [low,
+    high] (dyadic ends).
+    """
     moved = np.zeros((n + 1, n + 1))  # powers of t, theta = low + (high - low) t
     for k in range(n + 1):
         moved[: k + 1, k] = [comb(k, j) * low ** (k - j) * (high - low) ** j for j in range(k + 1)]
-    rise = np.array([[comb(i, j) / comb(n, j) if j <= i else 0.0 for j in range(n + 1)] for i in range(n + 1)])
+    rise = np.array(
+        [[comb(i, j) / comb(n, j) if j <= i else 0.0 for j in range(n + 1)] for i in range(n + 1)]
+    )
     return np.asarray(rise @ moved)
 
 
 def _choose_intervals(coefficients: np.ndarray) -> list[tuple[float, float]] | None:
-    """Return intervals on which, in doubles, all Bernstein coefficients are positive definite; None if one is not."""
+    """Return intervals on which, in doubles, all Bernstein coefficients are positive definite; None
+    if one is not.
+    """
     n = len(coefficients) - 1
     scale = np.sqrt(np.abs(np.diagonal(coefficients, axis1=1, axis2=2)).sum(axis=0))
     if not (np.isfinite(coefficients).all() and np.all(scale > 0)):
@@ -121,10 +138,15 @@ def _choose_intervals(coefficients: np.ndarray) -> list[tuple[float, float]] | N
     while open_:
         low, high = open_.pop()
         middle = (low + high) / 2
-        values = np.tensordot(np.array([[x**k for k in range(n + 1)] for x in (low, middle, high)]), coefficients, 1)
+        values = np.tensordot(
+            np.array([[x**k for k in range(n + 1)] for x in (low, middle, high)]), coefficients, 1
+        )
         if np.linalg.eigvalsh(values).min() <= 0 or len(open_) + len(leaves) > _MAX_LEAVES:
             return None
-        if np.linalg.eigvalsh(np.tensordot(_bernstein_map(n, low, high), coefficients, 1)).min() > 0:
+        if (
+            np.linalg.eigvalsh(np.tensordot(_bernstein_map(n, low, high), coefficients, 1)).min()
+            > 0
+        ):
             leaves.append((low, high))
         else:
             open_ += [(low, middle), (middle, high)]
@@ -149,7 +171,9 @@ def _bernstein(parts: Sequence[arb_mat], low: float, high: float) -> list[arb_ma
 
 
 def _is_positive(matrix: arb_mat) -> bool:
-    """Return whether a symmetric matrix is certainly positive definite: X M X' has a dominant diagonal.
+    """Return whether a symmetric matrix is certainly positive definite:
+
+    X M X' has a dominant diagonal.
 
     X is the inverse of a Cholesky factor in doubles, a triangle without a zero on its diagonal.
     """
@@ -166,5 +190,6 @@ def _is_positive(matrix: arb_mat) -> bool:
     ball = arb_mat(n, n, X.ravel().tolist())
     rows = (ball * matrix * ball.transpose()).tolist()
     return all(
-        bool(row[i] - sum((abs(x) for j, x in enumerate(row) if j != i), arb(0)) > 0) for i, row in enumerate(rows)
+        bool(row[i] - sum((abs(x) for j, x in enumerate(row) if j != i), arb(0)) > 0)
+        for i, row in enumerate(rows)
     )

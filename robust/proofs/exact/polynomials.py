@@ -1,9 +1,10 @@
-"""Transfer functions as quotients of polynomials whose coefficients are exact rationals, or balls that contain them.
+"""Transfer functions as quotients of polynomials whose coefficients are exact rationals, or balls
+that contain them.
 
-A stored double is a rational number and is used as such. For a single-loop system, with D(s) = det(s - A),
-C adj(s - A) B = D(s) - det(s - A - B C): hidden modes are kept. A plant behind a hold has the exponential of its
-matrix, enclosed with its remainder. Discrete systems are moved from the unit circle to the imaginary axis by
-z = (1 + s)/(1 - s), which is exact.
+A stored double is a rational number and is used as such. For a single-loop system, with D(s) =
+det(s - A), C adj(s - A) B = D(s) - det(s - A - B C): hidden modes are kept. A plant behind a hold
+has the exponential of its matrix, enclosed with its remainder. Discrete systems are moved from the
+unit circle to the imaginary axis by z = (1 + s)/(1 - s), which is exact.
 """
 
 from __future__ import annotations
@@ -19,15 +20,18 @@ from nlfrf._base.values import value
 from robust._base.states import Outcome
 from robust.proofs.exact.claim import Matrices
 
-#: A `fmpq_poly` or an `arb_poly`, and its coefficients `fmpq` or `arb`. Code for both makes objects of the given kind,
-#: `type(p)`, and a union type does not express that two objects are of one kind.
+# : A `fmpq_poly` or an `arb_poly`, and its coefficients `fmpq` or `arb`. Code for both makes
+# objects of the given kind, : `type(p)`, and a union type does not express that two objects are of
+# one kind.
 Polynomial: TypeAlias = Any
 Coefficient: TypeAlias = Any
 
 
 @value
 class Quotient:
-    """num/den as polynomials in s or z (python-flint), both with a formal degree of at most `degree`."""
+    """num/den as polynomials in s or z (python-flint), both with a formal degree of at most
+    `degree`.
+    """
 
     num: Polynomial
     den: Polynomial
@@ -67,17 +71,20 @@ def delay_by_samples(system: Quotient, whole: int) -> Quotient:
 
 
 def zoh_quotient(plant: Matrices, dt: fmpq, *, whole: int, rest: fmpq) -> Quotient:
-    """Return a continuous plant with zero-order hold, a delay of whole dt + rest, and sampler, as a discrete system.
+    """Return a continuous plant with zero-order hold, a delay of whole dt + rest, and sampler, as a
+    discrete system.
 
-    For rest > 0 the input changes inside a sample (Åström & Wittenmark, 3rd ed., 2.3). The coefficients are balls that
-    contain the exponentials; dt and rest are rationals.
+    For rest > 0 the input changes inside a sample (Åström & Wittenmark, 3rd ed., 2.3). The
+    coefficients are balls that contain the exponentials; dt and rest are rationals.
     """
     direct = arb(to_rational(plant.D[0, 0]))
     n, memory = plant.order, whole + (1 if rest > 0 else 0)
     if n == 0:
         num, den = arb_poly([0]), arb_poly([1])
     else:
-        both = [[to_rational(x) for x in (*plant.A[i], plant.B[i, 0])] for i in range(n)] + [[0] * (n + 1)]
+        both = [[to_rational(x) for x in (*plant.A[i], plant.B[i, 0])] for i in range(n)] + [
+            [0] * (n + 1)
+        ]
         generator = fmpq_mat(both)
 
         def step(duration: fmpq) -> tuple[arb_mat, arb_mat]:
@@ -98,7 +105,9 @@ def zoh_quotient(plant: Matrices, dt: fmpq, *, whole: int, rest: fmpq) -> Quotie
 
 
 def bilinear_image(system: Quotient) -> Quotient:
-    """Return the image of a discrete system under z = (1 + s)/(1 - s): the unit circle becomes the imaginary axis."""
+    """Return the image of a discrete system under z = (1 + s)/(1 - s): the unit circle becomes the
+    imaginary axis.
+    """
     return Quotient(
         num=moebius_transform(system.num, system.degree),
         den=moebius_transform(system.den, system.degree),
@@ -114,12 +123,15 @@ def moebius_transform(p: Polynomial, degree: int) -> Polynomial:
     return kind(coefficients)(kind([1, -1]))
 
 
-# ---- Zeros, poles and gain of a single-loop system in many digits, for responses that doubles cannot resolve.
+# ---- Zeros, poles and gain of a single-loop system in many digits, for responses that doubles
+# cannot resolve.
 
 
 @value
 class _Roots:
-    """gain prod (s - zeros) / prod (s - poles); a discrete system has all about z = 1, with z - 1 for s."""
+    """gain prod (s - zeros) / prod (s - poles); a discrete system has all about z = 1, with z - 1
+    for s.
+    """
 
     zeros: np.ndarray
     poles: np.ndarray
@@ -128,10 +140,14 @@ class _Roots:
     def at(self, points: np.ndarray) -> np.ndarray:
         """Return (W,) values at s, or z - 1; infinite at a pole."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            logs = np.log(points[:, None] - self.zeros).sum(axis=1) - np.log(points[:, None] - self.poles).sum(axis=1)
+            logs = np.log(points[:, None] - self.zeros).sum(axis=1) - np.log(
+                points[:, None] - self.poles
+            ).sum(axis=1)
             values = self.gain * np.exp(logs)
         on_pole = (points[:, None] == self.poles).any(axis=1)
-        return np.where(on_pole, np.inf, np.where((points[:, None] == self.zeros).any(axis=1), 0.0, values))
+        return np.where(
+            on_pole, np.inf, np.where((points[:, None] == self.zeros).any(axis=1), 0.0, values)
+        )
 
 
 def exact_roots(system: Matrices) -> _Roots:
@@ -149,12 +165,20 @@ def exact_roots(system: Matrices) -> _Roots:
     if not num:
         return _Roots(zeros=np.zeros(0, complex), poles=polynomial_roots(den), gain=0.0)
     lead = num[num.degree()] / den[den.degree()]
-    return _Roots(zeros=polynomial_roots(num), poles=polynomial_roots(den), gain=float(int(lead.p) / int(lead.q)))
+    return _Roots(
+        zeros=polynomial_roots(num),
+        poles=polynomial_roots(den),
+        gain=float(int(lead.p) / int(lead.q)),
+    )
 
 
 def polynomial_roots(p: fmpq_poly) -> np.ndarray:
     """Return all roots of a fmpq_poly, repeated by multiplicity."""
-    found = [complex(root) for root, many in complex_roots(p) for _ in range(many)] if p.degree() > 0 else []
+    found = (
+        [complex(root) for root, many in complex_roots(p) for _ in range(many)]
+        if p.degree() > 0
+        else []
+    )
     return np.array(found, dtype=complex)
 
 
@@ -163,11 +187,13 @@ def complex_roots(p: fmpq_poly) -> list[tuple[acb, int]]:
     return p.numer().complex_roots()  # type: ignore[return-value]  # the stub of python-flint declares a single ball
 
 
-# ---- Polynomials proved positive on the half-line from zero to infinity, by the signs of their coefficients.
+# ---- Polynomials proved positive on the half-line from zero to infinity, by the signs of their
+# coefficients.
 #
-# A polynomial whose coefficients are all nonnegative has no positive root; on an interval the same holds for its
-# Bernstein coefficients (Descartes, Bernstein, Vincent). The half-line is cut until every piece passes. The length of a
-# piece falls with the square root of the distance from zero, so a polynomial that nearly touches zero takes few more.
+# A polynomial whose coefficients are all nonnegative has no positive root; on an interval the same
+# holds for its Bernstein coefficients (Descartes, Bernstein, Vincent). The half-line is cut until
+# every piece passes. The length of a piece falls with the square root of the distance from zero, so
+# a polynomial that nearly touches zero takes few more.
 
 _MIN_RELATIVE_WIDTH = 1e-13
 _MAX_PIECES = 4000
@@ -175,7 +201,8 @@ _MAX_PIECES = 4000
 
 @value
 class Decision:
-    """Result for a statement: proved, disproved or undecided; where it is false (nan: unknown), and why, for people.
+    """Result for a statement: proved, disproved or undecided; where it is false (nan: unknown), and
+    why, for people.
 
     `needs_digits` is true if more digits may decide an undecided statement.
     """
@@ -215,9 +242,11 @@ TOO_NEAR_BOUNDARY = "too close to the stability boundary to decide"
 
 
 def hurwitz(p: Polynomial, degree: int) -> Decision:
-    """Decide whether all `degree` roots of p lie in the open left half plane (a root at infinity does not).
+    """Decide whether all `degree` roots of p lie in the open left half plane (a root at infinity
+    does not).
 
-    p is a fmpq_poly, for which zero pivots refute, or an arb_poly, for which balls around zero leave it undecided.
+    p is a fmpq_poly, for which zero pivots refute, or an arb_poly, for which balls around zero
+    leave it undecided.
 
     >>> from flint import fmpq_poly
     >>> hurwitz(fmpq_poly([1, 3, 3, 1]), 3).holds, hurwitz(fmpq_poly([1, 1, 1, 1]), 3).holds     # a pair at +-j
@@ -230,7 +259,11 @@ def hurwitz(p: Polynomial, degree: int) -> Decision:
     for _ in range(degree + 1):
         pivot = rows[0][0]
         if not pivot > 0:
-            return refuted("a pole is not stable") if pivot <= 0 else undecided(TOO_NEAR_BOUNDARY, needs_digits=True)
+            return (
+                refuted("a pole is not stable")
+                if pivot <= 0
+                else undecided(TOO_NEAR_BOUNDARY, needs_digits=True)
+            )
         above, below = rows
         if not below:
             break
@@ -244,7 +277,9 @@ def hurwitz(p: Polynomial, degree: int) -> Decision:
 
 
 def routh(p: Polynomial, degree: int) -> Decision:
-    """Decide by Routh's array in balls; for an exact polynomial with more and more digits, finally in rationals."""
+    """Decide by Routh's array in balls; for an exact polynomial with more and more digits, finally
+    in rationals.
+    """
     if isinstance(p, arb_poly):
         return hurwitz(p, degree)
     for bits in _ROUTH_BITS:
@@ -266,8 +301,12 @@ class _Signs(Enum):
     UNCLEAR = auto()
 
 
-def _bernstein_coefficients(p: Polynomial, low: Coefficient, high: Coefficient) -> list[Coefficient]:
-    """Return coefficients with the signs of the Bernstein coefficients of p on [low, high] (positive multiples)."""
+def _bernstein_coefficients(
+    p: Polynomial, low: Coefficient, high: Coefficient
+) -> list[Coefficient]:
+    """Return coefficients with the signs of the Bernstein coefficients of p on [low, high]
+    (positive multiples).
+    """
     kind = type(p)
     n = p.degree()
     local = p(kind([low, high - low]))
@@ -276,14 +315,18 @@ def _bernstein_coefficients(p: Polynomial, low: Coefficient, high: Coefficient) 
 
 
 def _bernstein_signs(coefficients: list[Coefficient]) -> _Signs:
-    """Return positive if all are, so that the piece is, with its ends; mixed if one is negative; else unclear."""
+    """Return positive if all are, so that the piece is, with its ends; mixed if one is negative;
+    else unclear.
+    """
     if all(c >= 0 for c in coefficients) and coefficients[0] > 0 and coefficients[-1] > 0:
         return _Signs.POSITIVE
     return _Signs.MIXED if any(c < 0 for c in coefficients) else _Signs.UNCLEAR
 
 
 def positive_on_half_line(p: Polynomial, *, deadline: float = np.inf) -> Decision:
-    """Prove p(y) > 0 for all y >= 0; p is an arb_poly or fmpq_poly of python-flint. Infinity is not examined.
+    """Prove p(y) > 0 for all y >= 0; p is an arb_poly or fmpq_poly of python-flint.
+
+    Infinity is not examined.
 
     >>> from flint import fmpq, fmpq_poly
     >>> positive_on_half_line(fmpq_poly([fmpq(1000001, 1000000), -2, 1])).holds    # (y - 1)^2 + 1e-6

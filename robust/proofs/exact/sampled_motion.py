@@ -1,19 +1,21 @@
 r"""A continuous plant x' = A(theta) x + B(theta) v over one sample T: v is held, theta moves.
 
-With xi = [x; v], M = [A B; 0 0], a >= |M(theta)| and theta(t) = theta_k + delta(t), |delta(t)| <= nu t:
+With xi = [x; v], M = [A B; 0 0], a >= |M(theta)| and theta(t) = theta_k + delta(t), |delta(t)| <=
+nu t:
 
     x(T) = F(theta_k) xi + L w + e,    |w| <= |R xi|,  |e| <= eps |xi|
 
-F is the exponential of M T as a Taylor series with scaling and squaring, cut in the Chebyshev basis (Lanczos): what is
-cut off is in eps. The motion is M(theta(t)) - M(theta_k) = b Q(t) c + a rest for eps, |Q(t)| <= nu kappa t. With
-p = (T/t) Q c xi, and zeta_0 = c exp(M t) xi:
+F is the exponential of M T as a Taylor series with scaling and squaring, cut in the Chebyshev basis
+(Lanczos): what is cut off is in eps. The motion is M(theta(t)) - M(theta_k) = b Q(t) c + a rest for
+eps, |Q(t)| <= nu kappa t. With p = (T/t) Q c xi, and zeta_0 = c exp(M t) xi:
 
     |p| <= f |zeta_0| in L2,   f = nu kappa T/(1 - g),   g = nu kappa T |c| |b| exp(a T) T/sqrt(12)
     R'R + delta_R^2 >= f^2 int exp(M't) c'c exp(M t) dt
     L L' + delta_L^2 >= int exp(A(T-t)) b b' exp(A'(T-t)) (t/T)^2 dt
 
-Both integrals are polynomials of theta, from Taylor series with their remainder, so R and L are verified at every
-theta in [-1, 1]. Doubles propose b, c, R and L. Everything is in units in which A is balanced, powers of two.
+Both integrals are polynomials of theta, from Taylor series with their remainder, so R and L are
+verified at every theta in [-1, 1]. Doubles propose b, c, R and L. Everything is in units in which A
+is balanced, powers of two.
 """
 
 from __future__ import annotations
@@ -29,7 +31,9 @@ from nlfrf._base.values import value
 from robust.lti.lti import balance_matrix
 from robust.proofs.exact.polynomial_matrices import PolynomialMatrix, stacked
 
-_CUT, _FINE = 1e-11, 1e-14  # of a Chebyshev coefficient that is cut off, relative: at the end, and before
+# of a Chebyshev coefficient that is cut off, relative: at the end, and before
+_CUT = 1e-11
+_FINE = 1e-14
 _TERMS = 16  # of a Taylor series at a norm of at most one half
 _RANK = 1e-12  # relative singular value that counts as zero
 _SMALL = (1e-7, 1e-6, 1e-5)  # relative singular value of R and L that goes into eps, tried in turn
@@ -61,7 +65,9 @@ class _SampledMotion:
 
 
 def sample_plant(A: np.ndarray, B: np.ndarray, *, dt: float, rate: float) -> _SampledMotion | None:
-    """Return one sample of a plant; rate: of theta [1/s], 0 if theta is held within a sample. None: moves too fast.
+    """Return one sample of a plant; rate: of theta [1/s], 0 if theta is held within a sample.
+
+    None: moves too fast.
 
     A, B : (d + 1, n, n), (d + 1, n, m) coefficients.
     """
@@ -83,7 +89,9 @@ def sample_plant(A: np.ndarray, B: np.ndarray, *, dt: float, rate: float) -> _Sa
 
 
 def augmented_plant(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the coefficients of [A B; 0 0] in balanced units, and the units: exact, as powers of two."""
+    """Return the coefficients of [A B; 0 0] in balanced units, and the units: exact, as powers of
+    two.
+    """
     n, m = B.shape[1:]
     units = _balanced_units(A, B)
     both = np.concatenate([np.concatenate([A, B], axis=2), np.zeros((len(A), m, n + m))], axis=1)
@@ -105,7 +113,10 @@ def norm_bound(matrix: arb_mat) -> arb:
     rows = [[abs(x) for x in row] for row in matrix.tolist()]
     if not rows or not rows[0]:
         return arb(0)
-    sums = [sum(row, arb(0)).upper() for row in rows], [sum(col, arb(0)).upper() for col in zip(*rows, strict=True)]
+    sums = (
+        [sum(row, arb(0)).upper() for row in rows],
+        [sum(col, arb(0)).upper() for col in zip(*rows, strict=True)],
+    )
     return (max(sums[0]) * max(sums[1])).sqrt().upper()
 
 
@@ -127,8 +138,12 @@ def _round(polynomial: PolynomialMatrix) -> tuple[PolynomialMatrix, arb]:
 # ---- The exponential.
 
 
-def _cut(polynomial: PolynomialMatrix, smallest: float = _FINE) -> tuple[PolynomialMatrix, arb, arb]:
-    """Return the polynomial without small Chebyshev coefficients, bounds of what is cut off and of the whole."""
+def _cut(
+    polynomial: PolynomialMatrix, smallest: float = _FINE
+) -> tuple[PolynomialMatrix, arb, arb]:
+    """Return the polynomial without small Chebyshev coefficients, bounds of what is cut off and of
+    the whole.
+    """
     n = len(polynomial.parts)
     to, back = (_basis_change(change, n) for change in (chebyshev.poly2cheb, chebyshev.cheb2poly))
     terms = _combine(to, polynomial.parts)
@@ -152,7 +167,10 @@ def _basis_change(change: object, n: int) -> np.ndarray:
 
 def _combine(weights: np.ndarray, parts: Sequence[arb_mat]) -> list[arb_mat]:
     zero = parts[0] * arb(0)
-    return [sum((p * arb(w) for w, p in zip(row, parts, strict=True) if w), zero) for row in weights.tolist()]
+    return [
+        sum((p * arb(w) for w, p in zip(row, parts, strict=True) if w), zero)
+        for row in weights.tolist()
+    ]
 
 
 def _powers(M: PolynomialMatrix, first: PolynomialMatrix, count: int) -> list[PolynomialMatrix]:
@@ -171,7 +189,9 @@ def _exponential(M: PolynomialMatrix) -> tuple[PolynomialMatrix, arb]:
     x = size * arb(2) ** -halvings
     one = PolynomialMatrix.of(np.eye(M.shape[0])[None])
     made, error, power, dropped = one, x**_TERMS / factorial(_TERMS) * x.exp(), one, arb(0)
-    for k in range(1, _TERMS):  # powers are cut, too: the error of M^k is that of M^(k-1) times |M|, and what is cut
+    for k in range(
+        1, _TERMS
+    ):  # powers are cut, too: the error of M^k is that of M^(k-1) times |M|, and what is cut
         power, lost, _ = _cut(power * small)
         dropped = (dropped * x + lost).upper()
         made = made + power.scaled(arb(1) / factorial(k))
@@ -223,7 +243,9 @@ def _motion(
 
 
 def _factor(moving: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
-    """Return b (n, r), c (r', n + m) and Q_j with M_j = b Q_j c to rounding, from coefficients (d, n + m, n + m)."""
+    """Return b (n, r), c (r', n + m) and Q_j with M_j = b Q_j c to rounding, from coefficients (d,
+    n + m, n + m).
+    """
     top = moving[:, :n]
     U, s, _ = np.linalg.svd(np.hstack(list(top)), full_matrices=False)
     _, q, V = np.linalg.svd(np.vstack(list(top)), full_matrices=False)
@@ -234,7 +256,9 @@ def _factor(moving: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, list[np
 
 
 def _gramian(terms: list[PolynomialMatrix], T: arb, *, late: bool) -> PolynomialMatrix:
-    """Return int (sum_k G_k s^k/k!)' (sum_k G_k s^k/k!) ds over [0, T]; late: with weight (1 - s/T)^2."""
+    """Return int (sum_k G_k s^k/k!)' (sum_k G_k s^k/k!) ds over [0, T]; late: with weight (1 -
+    s/T)^2.
+    """
     K, rows = len(terms), terms[0].shape[0]
     G = stacked(terms)
 
@@ -252,7 +276,9 @@ def _gramian(terms: list[PolynomialMatrix], T: arb, *, late: bool) -> Polynomial
 
 
 def _cover(gramian: PolynomialMatrix) -> tuple[np.ndarray | None, arb]:
-    """Return rows R and delta with R'R + delta^2 >= gramian at every theta in [-1, 1], verified; None if it fails."""
+    """Return rows R and delta with R'R + delta^2 >= gramian at every theta in [-1, 1], verified;
+    None if it fails.
+    """
     parts = gramian.to_array()
     nodes = np.cos(np.pi * np.arange(_NODES) / (_NODES - 1))
     values = np.array([np.tensordot(x ** np.arange(len(parts)), parts, 1) for x in nodes])
@@ -263,7 +289,10 @@ def _cover(gramian: PolynomialMatrix) -> tuple[np.ndarray | None, arb]:
         delta2 = small**2 * eigenvalues[-1]
         kept = eigenvalues > delta2
         root = vectors / np.sqrt(np.where(kept, eigenvalues, 0) + delta2 / 2)
-        factor = _COVER * np.linalg.eigvalsh(root.T @ (values - delta2 / 4 * np.eye(len(mean))) @ root).max()
+        factor = (
+            _COVER
+            * np.linalg.eigvalsh(root.T @ (values - delta2 / 4 * np.eye(len(mean))) @ root).max()
+        )
         R = np.sqrt(factor * eigenvalues[kept])[:, None] * vectors[:, kept].T
         delta, exact = arb(float(np.sqrt(max(factor, 1.0) * delta2))), PolynomialMatrix.of(R[None])
         if (exact.transpose() * exact + eye.scaled(delta**2) - gramian).is_positive_definite():

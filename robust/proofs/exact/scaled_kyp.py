@@ -1,13 +1,15 @@
-"""A level of the structured singular value at every frequency, from one matrix P and one scaling for all of them.
+"""A level of the structured singular value at every frequency, from one matrix P and one scaling
+for all of them.
 
-With X_L > 0 and X_R > 0 that commute with the perturbation (Delta X_L = X_R Delta), G skew on the repeated real blocks,
-and P > 0, the inequality
+With X_L > 0 and X_R > 0 that commute with the perturbation (Delta X_L = X_R Delta), G skew on the
+repeated real blocks, and P > 0, the inequality
 
-    [A'P + PA, PB; B'P, 0] + [C D]' X_L [C D] - [0; I] G [C D] - [C D]' G' [0 I] - level^2 [0 0; 0 X_R] < 0
+    [A'P + PA, PB; B'P, 0] + [C D]' X_L [C D] - [0; I] G [C D] - [C D]' G' [0 I] - level^2 [0 0; 0
+    X_R] < 0
 
-(in discrete time its counterpart) proves that the system is stable, and that no perturbation of the structure with a
-gain of up to 1/level makes its loop unstable. It is assembled over the rationals from the stored numbers. It does not
-matter how these were found.
+(in discrete time its counterpart) proves that the system is stable, and that no perturbation of the
+structure with a gain of up to 1/level makes its loop unstable. It is assembled over the rationals
+from the stored numbers. It does not matter how these were found.
 """
 
 from __future__ import annotations
@@ -22,7 +24,13 @@ from nlfrf._base.values import value
 from robust.proofs.exact.claim import Matrices
 from robust.proofs.exact.claim_files import SQUARE
 from robust.proofs.exact.matrices import positive_definite, stack
-from robust.proofs.exact.polynomials import Decision, proved, to_rational, to_rational_matrix, undecided
+from robust.proofs.exact.polynomials import (
+    Decision,
+    proved,
+    to_rational,
+    to_rational_matrix,
+    undecided,
+)
 
 _KINDS = ("full", "repeated", "real")
 
@@ -37,7 +45,9 @@ def require_blocks(system: Matrices, blocks: Sequence[Block], level: float) -> l
         raise ValueError(f"blocks must add up to D, got {blocks} for shape {system.D.shape}")
     for rows, cols, kind in blocks:
         if kind not in _KINDS or rows < 1 or cols < 1 or (kind != "full" and rows != cols):
-            raise ValueError(f"blocks must be (rows, cols, kind) of a known kind, got {(rows, cols, kind)}")
+            raise ValueError(
+                f"blocks must be (rows, cols, kind) of a known kind, got {(rows, cols, kind)}"
+            )
     if not (np.isfinite(level) and level > 0):
         raise ValueError(f"level must be positive, got {level}")
     return [1 if kind == "full" else rows for rows, _, kind in blocks]
@@ -47,15 +57,22 @@ def require_blocks(system: Matrices, blocks: Sequence[Block], level: float) -> l
 class ScaledClaim:
     """A claim on a system, with the matrices that prove it."""
 
-    system: Matrices  # stable; its structured singular value stays below the level at every frequency
-    # kinds as in `robust.mu`: "full" (any matrix), "repeated" (a number times the identity), "real" (a real one)
+    system: (
+        Matrices  # stable; its structured singular value stays below the level at every frequency
+    )
+    # kinds as in `robust.mu`: "full" (any matrix), "repeated" (a number times the identity), "real"
+    # (a real one)
     blocks: tuple[Block, ...]
     level: float  # the level
-    P: Annotated[np.ndarray, SQUARE]  # (n, n) P in the coordinates z = T x; in the states x of the system it is T' P T
+    P: Annotated[
+        np.ndarray, SQUARE
+    ]  # (n, n) P in the coordinates z = T x; in the states x of the system it is T' P T
     T: Annotated[np.ndarray, SQUARE]  # (n, n) coordinates
     # X of each block: (1, 1) for a full block, (rows, rows) and symmetric for the others
     scalings: tuple[np.ndarray, ...]
-    skews: tuple[np.ndarray, ...]  # G of each block: (rows, rows) with G' = -G for a real block, else zero
+    skews: tuple[
+        np.ndarray, ...
+    ]  # G of each block: (rows, rows) with G' = -G for a real block, else zero
 
     def __post_init__(self) -> None:
         n, sizes = self.system.order, require_blocks(self.system, self.blocks, self.level)
@@ -63,7 +80,9 @@ class ScaledClaim:
         for name, sides in wanted.items():
             given = (getattr(self, name),) if name in "PT" else getattr(self, name)
             if [M.shape for M in given] != [(side, side) for side in sides]:
-                raise ValueError(f"{name} must fit system and blocks, got {[M.shape for M in given]}")
+                raise ValueError(
+                    f"{name} must fit system and blocks, got {[M.shape for M in given]}"
+                )
             if not all(M.dtype == np.float64 and np.isfinite(M).all() for M in given):
                 raise ValueError(f"{name} must hold finite numbers")
 
@@ -84,11 +103,18 @@ def decide_scaled(claim: ScaledClaim) -> dict[str, Decision]:
     >>> [decide_scaled(at(x))["structured singular value"].holds for x in (1.0, np.nextafter(1, 2))]
     [False, True]
     """
-    refused = {name: undecided(f"{part} does not pass") for name, part in ((STABLE, "P"), (LEVEL, "the inequality"))}
+    refused = {
+        name: undecided(f"{part} does not pass")
+        for name, part in ((STABLE, "P"), (LEVEL, "the inequality"))
+    }
     A, B, C, D, P, T = (
-        to_rational_matrix(M) for M in (*(getattr(claim.system, name) for name in "ABCD"), claim.P, claim.T)
+        to_rational_matrix(M)
+        for M in (*(getattr(claim.system, name) for name in "ABCD"), claim.P, claim.T)
     )
-    if not all(_is_structured(*each) for each in zip(claim.blocks, claim.scalings, claim.skews, strict=True)):
+    if not all(
+        _is_structured(*each)
+        for each in zip(claim.blocks, claim.scalings, claim.skews, strict=True)
+    ):
         return refused | {LEVEL: undecided("the scaling does not commute with the perturbation")}
     P = T.transpose() * P * T
     P = (P + P.transpose()) / fmpq(2)
@@ -102,7 +128,9 @@ def decide_scaled(claim: ScaledClaim) -> dict[str, Decision]:
     top += C.transpose() * X_L * C
     side += C.transpose() * (X_L * D - G.transpose())
     across = G * D
-    corner += D.transpose() * X_L * D - across - across.transpose() - X_R * to_rational(claim.level) ** 2
+    corner += (
+        D.transpose() * X_L * D - across - across.transpose() - X_R * to_rational(claim.level) ** 2
+    )
     M = stack([[top, side], [side.transpose(), corner]])
     return {STABLE: proved(), LEVEL: proved() if positive_definite(-M) else refused[LEVEL]}
 
@@ -111,8 +139,14 @@ STABLE, LEVEL = "stability", "structured singular value"
 
 
 def _is_structured(block: tuple[int, int, str], X: np.ndarray, G: np.ndarray) -> bool:
-    """Return whether X is symmetric and positive definite, and G skew on a real block, zero on any other."""
-    if not np.array_equal(X, X.T) or not np.array_equal(G, -G.T) or (block[2] != "real" and G.any()):
+    """Return whether X is symmetric and positive definite, and G skew on a real block, zero on any
+    other.
+    """
+    if (
+        not np.array_equal(X, X.T)
+        or not np.array_equal(G, -G.T)
+        or (block[2] != "real" and G.any())
+    ):
         return False
     return positive_definite(to_rational_matrix(X))
 
@@ -127,7 +161,9 @@ def place_scalings(
     r = c = 0
     for (rows, cols, kind), X, G in zip(blocks, scalings, skews, strict=True):
         at, into = slice(r, r + rows), slice(c, c + cols)
-        left[at, at], right[into, into] = (X[0, 0] * np.eye(rows), X[0, 0] * np.eye(cols)) if kind == "full" else (X, X)
+        left[at, at], right[into, into] = (
+            (X[0, 0] * np.eye(rows), X[0, 0] * np.eye(cols)) if kind == "full" else (X, X)
+        )
         if kind == "real":
             skew[into, at] = G
         r, c = r + rows, c + cols

@@ -1,14 +1,17 @@
-r"""The claim of a schedule: V = x'P(theta)x falls on every trajectory of theta and for every perturbation.
+r"""The claim of a schedule: V = x'P(theta)x falls on every trajectory of theta and for every
+perturbation.
 
     continuous   [A'P + PA +- nu P', PB; B'P, 0] + [C D]' X_L [C D] - diag(0, X_R) < 0
     discrete     [A B]' P+ [A B] - diag(P, 0)    + [C D]' X_L [C D] - diag(0, X_R) < 0
 
-at every theta in [-1, 1], with P > 0 and X > 0, and X_R = gamma^2 X_L on the gain (Wu, Yang, Packard & Becker 1996;
-with jumps Daafouz & Bernussou 2001). The first is affine in theta', the second in P+ = P(theta + v), |v| <= s = nu T,
-which lies in the convex hull of the Bernstein coefficients of P(theta + v) in v. A perturbation is causal with an L2
-gain of at most one: from rest the supply of each block is not negative at any time, nor is V.
+at every theta in [-1, 1], with P > 0 and X > 0, and X_R = gamma^2 X_L on the gain (Wu, Yang,
+Packard & Becker 1996; with jumps Daafouz & Bernussou 2001). The first is affine in theta', the
+second in P+ = P(theta + v), |v| <= s = nu T, which lies in the convex hull of the Bernstein
+coefficients of P(theta + v) in v. A perturbation is causal with an L2 gain of at most one: from
+rest the supply of each block is not negative at any time, nor is V.
 
-The error of a sampled plant is in the margin: |[A B] xi + e|_P^2 <= (1 + a) |[A B] xi|_P^2 + (1 + 1/a) |e|_P^2.
+The error of a sampled plant is in the margin: |[A B] xi + e|_P^2 <= (1 + a) |[A B] xi|_P^2 + (1 +
+1/a) |e|_P^2.
 """
 
 from __future__ import annotations
@@ -32,26 +35,29 @@ from robust.proofs.exact.verification import Verification, summarise_claims
 
 @value
 class ScheduleClaim:
-    """A claim on a loop whose plant and controller go with theta in [-1, 1], and the matrices that prove it.
+    """A claim on a loop whose plant and controller go with theta in [-1, 1], and the matrices that
+    prove it.
 
     Fields
     ------
     plant, controller : LpvMatrices
-        u = -K y. The plant is continuous, or discrete like the controller; it has no direct feedthrough.
+        u = -K y. The plant is continuous, or discrete like the controller; it has no direct
+        feedthrough.
     weight : Matrices or None
         W of the set.
     reads : tuple of str
-        Form of the set, as in `LoopClaim`: ("G", "K"): G (1 + W Delta) at the input; ("K",): G + W Delta; (), ("G",):
-        the inverse forms.
+        Form of the set, as in `LoopClaim`: ("G", "K"): G (1 + W Delta) at the input; ("K",): G + W
+        Delta; (), ("G",): the inverse forms.
     delay : int
         Samples between u and the plant.
     rate : float
         Largest |theta'| [1/s]; 0 for jumps.
     jumps : bool
-        True: theta jumps, at the samples of a sampled loop (held in between), otherwise at any time.
+        True: theta jumps, at the samples of a sampled loop (held in between), otherwise at any
+        time.
     gain, level : str, float
-        "S" (from the reference to the error) or "GS" (from the input of the plant to its output), and the level of its
-        L2 gain; "" and 1 for stability alone.
+        "S" (from the reference to the error) or "GS" (from the input of the plant to its output),
+        and the level of its L2 gain; "" and 1 for stability alone.
     P : (d + 1, n, n) ndarray
         V = z'P(theta)z with z = S^-1 x.
     S : (n, n) ndarray
@@ -62,7 +68,9 @@ class ScheduleClaim:
 
     SCHEMA: ClassVar[str] = "robust-schedule-certificate"
     UNITS: ClassVar[Mapping[str, str]] = {"dt": "s", "rate": "1/s", "delay": "samples"}
-    LOOP: ClassVar[str] = "u = -K(theta) y, theta in [-1, 1]; a continuous plant under a sampled K is held exactly"
+    LOOP: ClassVar[str] = (
+        "u = -K(theta) y, theta in [-1, 1]; a continuous plant under a sampled K is held exactly"
+    )
 
     plant: LpvMatrices
     controller: LpvMatrices
@@ -80,9 +88,14 @@ class ScheduleClaim:
     def __post_init__(self) -> None:
         require_schedule(self.plant, self.controller, self.weight, self.reads)
         if self.gain not in ("", *GAINS) or not 0 < self.level < np.inf:
-            raise ValueError(f"gain must be S or GS with a positive level, got {self.gain!r} with {self.level}")
+            raise ValueError(
+                f"gain must be S or GS with a positive level, got {self.gain!r} with {self.level}"
+            )
         if self.delay < 0 or not 0 <= self.rate < np.inf or bool(self.rate) is self.jumps:
-            raise ValueError(f"rate must be positive, 0 for jumps, and delay in samples, got {self.rate}, {self.delay}")
+            raise ValueError(
+                f"rate must be positive, 0 for jumps, and delay in samples, got {self.rate},"
+                f" {self.delay}"
+            )
 
     @property
     def speed(self) -> float:
@@ -108,29 +121,45 @@ def require_schedule(
     """Refuse parts that do not fit each other."""
     m, p = plant.B.shape[2], plant.C.shape[1]
     if plant.D.any():
-        raise ValueError("plant must have no direct feedthrough from input to output, got a D that is not zero")
+        raise ValueError(
+            "plant must have no direct feedthrough from input to output, got a D that is not zero"
+        )
     if controller.D.shape[1:] != (m, p):
         raise ValueError(
-            f"K must have {p} inputs and {m} outputs, got {controller.D.shape[2]} and {controller.D.shape[1]}"
+            f"K must have {p} inputs and {m} outputs, got {controller.D.shape[2]} and"
+            f" {controller.D.shape[1]}"
         )
     if plant.dt and plant.dt != controller.dt:
-        raise ValueError(f"K must have the sampling time of the plant, {plant.dt:g} s, got {controller.dt:g} s")
+        raise ValueError(
+            f"K must have the sampling time of the plant, {plant.dt:g} s, got {controller.dt:g} s"
+        )
     if weight is not None:
         sides = (m if "K" in reads else p), (m if "G" in reads else p)
-        if weight.D.shape[1] != sides[0] or weight.D.shape[0] != sides[1] or weight.dt != controller.dt:
+        if (
+            weight.D.shape[1] != sides[0]
+            or weight.D.shape[0] != sides[1]
+            or weight.dt != controller.dt
+        ):
             raise ValueError(
-                f"weight must have {sides[0]} inputs, {sides[1]} outputs and the dt of K, got {weight.D.shape[::-1]}"
+                f"weight must have {sides[0]} inputs, {sides[1]} outputs and the dt of K, got"
+                f" {weight.D.shape[::-1]}"
             )
 
 
 def verify_schedule(claim: ScheduleClaim, *, time_cap: float = 60.0) -> Verification:
-    """Prove a claim again from its numbers alone; it takes a few seconds at most, which no cap stops."""
+    """Prove a claim again from its numbers alone; it takes a few seconds at most, which no cap
+    stops.
+    """
     return summarise_claims({describe(claim): decide_schedule(claim)})
 
 
 def describe(claim: ScheduleClaim) -> str:
     """Return the name of a claim."""
-    return "stability on every trajectory" if not claim.gain else f"gain {claim.gain} on every trajectory"
+    return (
+        "stability on every trajectory"
+        if not claim.gain
+        else f"gain {claim.gain} on every trajectory"
+    )
 
 
 def decide_schedule(claim: ScheduleClaim) -> Decision:
@@ -165,7 +194,9 @@ def inequalities(loop: ScheduledLoop, claim: ScheduleClaim) -> list[PolynomialMa
     n, m = B.shape
     left, right = scaled_blocks(loop.blocks, claim.scalings, claim.level if claim.gain else None)
     CD = _beside(C, D)
-    rest = CD.transpose() * constant(left) * CD - constant(np.diag(np.concatenate([np.zeros(n), right])))
+    rest = CD.transpose() * constant(left) * CD - constant(
+        np.diag(np.concatenate([np.zeros(n), right]))
+    )
     states, inputs = constant(np.eye(n, n + m)), constant(np.eye(m, n + m, n))
     AB = A * states + B * inputs
     if not loop.dt:
@@ -191,7 +222,9 @@ def inequalities(loop: ScheduledLoop, claim: ScheduleClaim) -> list[PolynomialMa
     return made
 
 
-def scaled_blocks(blocks: list[tuple[int, int]], X: np.ndarray, level: float | None) -> tuple[np.ndarray, np.ndarray]:
+def scaled_blocks(
+    blocks: list[tuple[int, int]], X: np.ndarray, level: float | None
+) -> tuple[np.ndarray, np.ndarray]:
     """Return X_L (matrix) and the diagonal of X_R; the last block is the gain if a level is given.
 
     The level is squared in doubles and rounded down, so what is proved is the level or less.
@@ -204,7 +237,9 @@ def scaled_blocks(blocks: list[tuple[int, int]], X: np.ndarray, level: float | N
 
 
 def moved_polynomials(P: PolynomialMatrix, s: float) -> list[PolynomialMatrix]:
-    """Return polynomials whose convex hull holds P(theta + v) for |v| <= s; for s = inf, P anywhere in [-1, 1]."""
+    """Return polynomials whose convex hull holds P(theta + v) for |v| <= s; for s = inf, P anywhere
+    in [-1, 1].
+    """
     d = len(P.parts) - 1
     around = PolynomialMatrix([P.parts[0]]) if np.isinf(s) else P
     derivatives = [around]
@@ -219,7 +254,9 @@ def moved_polynomials(P: PolynomialMatrix, s: float) -> list[PolynomialMatrix]:
         ends = [-step] * (d - i) + [step] * i
         total = derivatives[0]
         for j in range(1, d + 1):
-            symmetric = sum((prod(chosen, start=arb(1)) for chosen in combinations(ends, j)), arb(0))
+            symmetric = sum(
+                (prod(chosen, start=arb(1)) for chosen in combinations(ends, j)), arb(0)
+            )
             total = total + derivatives[j].scaled(symmetric / comb(d, j))
         made.append(total)
     return made
@@ -233,4 +270,6 @@ def _diagonal_blocks(S: arb_mat, m: int) -> arb_mat:
     """Return diag(S, I)."""
     n = S.nrows()
     top = [x for row in S.tolist() for x in (*row, *[arb(0)] * m)]
-    return arb_mat(n + m, n + m, top + [arb(int(j == n + i)) for i in range(m) for j in range(n + m)])
+    return arb_mat(
+        n + m, n + m, top + [arb(int(j == n + i)) for i in range(m) for j in range(n + m)]
+    )

@@ -1,4 +1,5 @@
-"""The loop u = -K(theta) y of a plant that goes with theta: polynomials, with every channel pulled out.
+"""The loop u = -K(theta) y of a plant that goes with theta: polynomials, with every channel pulled
+out.
 
 plant       x' = A x + B v, y = C x; continuous under a sampled controller: one sample of it (`sampled_motion`)
 set         v = u + w or y = C x + w, with w = Delta W u or Delta W y, as the form says; |Delta| <= 1
@@ -20,7 +21,8 @@ GAINS = ("S", "GS")
 
 @value(copy=False)
 class ScheduledLoop:
-    """x' (or x+) = A x + B w, z = C x + D w, with blocks w_k = Delta_k z_k of gain one, and the gain last.
+    """x' (or x+) = A x + B w, z = C x + D w, with blocks w_k = Delta_k z_k of gain one, and the
+    gain last.
 
     Fields
     ------
@@ -57,8 +59,9 @@ def assemble_schedule(
 ) -> ScheduledLoop | None:
     """Return the loop; None if theta moves too fast within a sample for a bound.
 
-    weight : W, on u or y. reads : "K" in it: W reads u, else y; "G" in it: w enters at v, else at y. delay : samples
-    between u and v. rate : of theta [1/s] for a plant that is sampled here, 0 if theta is held within a sample.
+    weight : W, on u or y. reads : "K" in it: W reads u, else y; "G" in it: w enters at v, else at
+    y. delay : samples between u and v. rate : of theta [1/s] for a plant that is sampled here, 0 if
+    theta is held within a sample.
     """
     n, m, p = plant.order, plant.B.shape[2], plant.C.shape[1]
     sampled = None
@@ -67,11 +70,9 @@ def assemble_schedule(
         if sampled is None:
             return None
     units = np.ones(n + m) if sampled is None else sampled.units
-    n_K, n_W, moving = (
-        controller.order,
-        0 if weight is None else weight.order,
-        0 if sampled is None else sampled.L.shape[1],
-    )
+    n_K = controller.order
+    n_W = 0 if weight is None else weight.order
+    moving = 0 if sampled is None else sampled.L.shape[1]
     into_plant = "G" in reads
     wide = 0 if weight is None else m if into_plant else p
     d = {"": 0, "S": p, "GS": m}[gain]

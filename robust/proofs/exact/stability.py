@@ -1,8 +1,9 @@
 """Stability of polynomials and of loops with a delay, decided in exact or enclosed arithmetic.
 
-Without a delay Routh's array decides (`robust.proofs.exact.polynomials`). With a delay the roots of D + N exp(-s tau)
-are those of D + N at tau = 0. They cross the axis only at |D| = |N|, in the direction in which |D| - |N| changes its
-sign (Cooke & van den Driessche 1986; Walton & Marshall 1987).
+Without a delay Routh's array decides (`robust.proofs.exact.polynomials`). With a delay the roots of
+D + N exp(-s tau) are those of D + N at tau = 0. They cross the axis only at |D| = |N|, in the
+direction in which |D| - |N| changes its sign (Cooke & van den Driessche 1986; Walton & Marshall
+1987).
 """
 
 from __future__ import annotations
@@ -46,7 +47,9 @@ def squared_magnitude(p: Polynomial) -> Polynomial:
 
 
 def hurwitz_with_delay(den: fmpq_poly, num: fmpq_poly, *, degree: int, delay: fmpq) -> Decision:
-    """Decide whether every root of den + num exp(-s delay) lies in the open left half plane; fmpq_poly and fmpq."""
+    """Decide whether every root of den + num exp(-s delay) lies in the open left half plane;
+    fmpq_poly and fmpq.
+    """
     total = den + num
     if total[0] == 0:
         return refuted("a pole at zero")
@@ -68,7 +71,9 @@ def hurwitz_with_delay(den: fmpq_poly, num: fmpq_poly, *, degree: int, delay: fm
 
 
 def _roots_outside(p: fmpq_poly) -> int | None:
-    """Return the number of roots of a fmpq_poly in the right half plane; None if one may lie on the axis."""
+    """Return the number of roots of a fmpq_poly in the right half plane; None if one may lie on the
+    axis.
+    """
     count = 0
     for root, many in complex_roots(p):
         if root.real > 0:
@@ -79,7 +84,9 @@ def _roots_outside(p: fmpq_poly) -> int | None:
 
 
 def _delay_crossings(den: fmpq_poly, num: fmpq_poly, delay: arb) -> int | None:
-    """Return the number of roots of den + num exp(-s tau) that leave the left half plane up to the delay."""
+    """Return the number of roots of den + num exp(-s tau) that leave the left half plane up to the
+    delay.
+    """
     balance = squared_magnitude(den) - squared_magnitude(num)
     if balance.degree() <= 0:
         return 0 if balance[0] != 0 else None
@@ -93,8 +100,12 @@ def _delay_crossings(den: fmpq_poly, num: fmpq_poly, delay: arb) -> int | None:
             return None
         omega = root.real.sqrt()
         s = acb(0, omega)
-        ratio = -arb_poly(num)(s) / arb_poly(den)(s)  # exp(s tau) at a crossing: tau = (angle + 2 pi k)/omega
-        angle = ratio.arg() if ratio.real > 0 else (-ratio).arg() + pi  # away from the cut of the argument
+        ratio = -arb_poly(num)(s) / arb_poly(den)(
+            s
+        )  # exp(s tau) at a crossing: tau = (angle + 2 pi k)/omega
+        angle = (
+            ratio.arg() if ratio.real > 0 else (-ratio).arg() + pi
+        )  # away from the cut of the argument
         turns = (omega * delay - angle) / (2 * pi)
         # crossings at tau > 0 have angle + 2 pi k > 0, those up to the delay k <= turns
         first, last = (-angle / (2 * pi)), turns
@@ -123,16 +134,20 @@ def _sign_of_slope(p: fmpq_poly, y: arb, order: int) -> int | None:
     return 1 if slope > 0 else -1 if slope < 0 else None
 
 
-# ---- A claimed loop on one imaginary axis: its parts as polynomials at the working precision, and its terms along it.
+# ---- A claimed loop on one imaginary axis: its parts as polynomials at the working precision, and
+# its terms along it.
 
 WHOLE_SAMPLES, _WHOLE_SAMPLES_DISCRETE, _SAME_CLOCK = 1e-9, 1e-6, 1e-9
 
 
 @value
 class Axis:
-    """The loop on s = j x: x is omega [rad/s] for a continuous loop, tan(omega dt/2) for a sampled one."""
+    """The loop on s = j x: x is omega [rad/s] for a continuous loop, tan(omega dt/2) for a sampled
+    one.
+    """
 
-    # G, K, w, P: plant (hold and delay by samples inside), controller, weights; P is None without one
+    # G, K, w, P: plant (hold and delay by samples inside), controller, weights; P is None without
+    # one
     G: Quotient
     K: Quotient
     w: Quotient
@@ -140,7 +155,8 @@ class Axis:
     # dt, delay: sampling time [s], 0 for continuous; delay [s] that is not in G (continuous loops)
     dt: fmpq
     delay: fmpq
-    # w_timed, P_timed: True for a continuous weight around a sampled loop: it is a function of s = j omega
+    # w_timed, P_timed: True for a continuous weight around a sampled loop: it is a function of s =
+    # j omega
     w_timed: bool
     P_timed: bool
     W: Quotient | None = None  # scaling of the plant, for coprime factors
@@ -152,10 +168,16 @@ class Axis:
 
 
 def claim_on_axis(claim: LoopClaim) -> Axis:
-    """Put the parts of a claim on one axis, by the rules of `LoopClaim`; a part that violates them is refused."""
+    """Put the parts of a claim on one axis, by the rules of `LoopClaim`; a part that violates them
+    is refused.
+    """
     G, K, dt, delay = loop_on_axis(claim.plant, claim.controller, claim.delay)
     w, w_timed = _weight_quotient("weight", claim.weight, dt)
-    P, P_timed = (None, False) if claim.performance is None else _weight_quotient("performance", claim.performance, dt)
+    P, P_timed = (
+        (None, False)
+        if claim.performance is None
+        else _weight_quotient("performance", claim.performance, dt)
+    )
     W = _shaping_product(claim, dt) if "M" in claim.reads else None
     return Axis(G=G, K=K, w=w, P=P, dt=dt, delay=delay, w_timed=w_timed, P_timed=P_timed, W=W)
 
@@ -163,7 +185,9 @@ def claim_on_axis(claim: LoopClaim) -> Axis:
 def _shaping_product(claim: LoopClaim, dt: fmpq) -> Quotient:
     """Return the product of the shaping functions, on the axis of the loop."""
     if dt and not claim.plant.dt:
-        raise ValueError("plant must be sampled as the controller is for coprime factors, got a continuous one")
+        raise ValueError(
+            "plant must be sampled as the controller is for coprime factors, got a continuous one"
+        )
     num = den = fmpq_poly([1])
     degree = 0
     for W in claim.shaping:
@@ -174,8 +198,11 @@ def _shaping_product(claim: LoopClaim, dt: fmpq) -> Quotient:
     return Quotient(num=num, den=den, degree=degree)
 
 
-def loop_on_axis(plant: Matrices, K: Matrices, seconds: fmpq | float) -> tuple[Quotient, Quotient, fmpq, fmpq]:
-    """Return plant and controller on one axis, the sampling time, and the delay [s] that is not in the plant.
+def loop_on_axis(
+    plant: Matrices, K: Matrices, seconds: fmpq | float
+) -> tuple[Quotient, Quotient, fmpq, fmpq]:
+    """Return plant and controller on one axis, the sampling time, and the delay [s] that is not in
+    the plant.
 
     `seconds` is a double or a rational.
     """
@@ -183,12 +210,15 @@ def loop_on_axis(plant: Matrices, K: Matrices, seconds: fmpq | float) -> tuple[Q
     dt = to_rational(plant.dt or K.dt)
     if plant.dt:
         if K.order and not _is_same_sampling_time(K.dt, plant.dt):
-            raise ValueError(f"controller must have the sampling time of the plant, {plant.dt} s, got {K.dt} s")
+            raise ValueError(
+                f"controller must have the sampling time of the plant, {plant.dt} s, got {K.dt} s"
+            )
         samples = delay / dt
         whole = int((samples + to_rational(0.5)).floor())
         if abs(samples - whole) > to_rational(_WHOLE_SAMPLES_DISCRETE):
             raise ValueError(f"delay must be whole samples of {plant.dt} s, got {seconds} s")
-        G, delay = bilinear_image(delay_by_samples(transfer_quotient(plant), whole)), to_rational(0.0)
+        G = bilinear_image(delay_by_samples(transfer_quotient(plant), whole))
+        delay = to_rational(0.0)
     elif dt:
         whole = int((delay / dt + to_rational(WHOLE_SAMPLES)).floor())
         rest = delay - whole * dt
@@ -211,7 +241,9 @@ def _weight_quotient(name: str, system: Matrices, dt: fmpq) -> tuple[Quotient, b
         return found, False
     if system.dt:
         if not dt or not _is_same_sampling_time(system.dt, int(dt.p) / int(dt.q)):
-            raise ValueError(f"{name} must be continuous or sampled as the loop is, got {system.dt} s")
+            raise ValueError(
+                f"{name} must be continuous or sampled as the loop is, got {system.dt} s"
+            )
         return bilinear_image(found), False
     return found, bool(dt)
 
@@ -224,8 +256,8 @@ SquaredPart: TypeAlias = tuple[arb_poly, arb_poly, int]
 class Squares:
     """Polynomials in y = x^2 (arb_poly, at the current precision) and their formal degrees.
 
-    Those of the loop (G, K, closed) have one variable; those of a timed weight have omega^2. `even` and `odd` give
-    N D* = even + j x odd, without the delay.
+    Those of the loop (G, K, closed) have one variable; those of a timed weight have omega^2. `even`
+    and `odd` give N D* = even + j x odd, without the delay.
     """
 
     G: SquaredPart
@@ -240,7 +272,9 @@ class Squares:
 
 def squared_magnitudes(axis: Axis) -> Squares:
     """Return the squared magnitudes of the parts of a loop."""
-    G_num, G_den, K_num, K_den = (arb_poly(p) for p in (axis.G.num, axis.G.den, axis.K.num, axis.K.den))
+    G_num, G_den, K_num, K_den = (
+        arb_poly(p) for p in (axis.G.num, axis.G.den, axis.K.num, axis.K.den)
+    )
     N, D = G_num * K_num, G_den * K_den
     both = (N * arb_poly([c if k % 2 == 0 else -c for k, c in enumerate(D.coeffs())])).coeffs()
 
@@ -248,7 +282,11 @@ def squared_magnitudes(axis: Axis) -> Squares:
         return arb_poly([c if k % 2 == 0 else -c for k, c in enumerate(coefficients)])
 
     def of_weight(part: Quotient) -> SquaredPart:
-        return squared_magnitude(arb_poly(part.num)), squared_magnitude(arb_poly(part.den)), part.degree
+        return (
+            squared_magnitude(arb_poly(part.num)),
+            squared_magnitude(arb_poly(part.den)),
+            part.degree,
+        )
 
     return Squares(
         G=(squared_magnitude(G_num), squared_magnitude(G_den), axis.G.degree),
@@ -287,15 +325,21 @@ def loop_terms(
     )
 
 
-def map_parts(found: Squares, pair: Callable[[SquaredPart], Made]) -> tuple[Made, Made, Made, Made | None, Made | None]:
-    """Return the results of `pair` for plant, controller and weights; None for a weight that is absent."""
+def map_parts(
+    found: Squares, pair: Callable[[SquaredPart], Made]
+) -> tuple[Made, Made, Made, Made | None, Made | None]:
+    """Return the results of `pair` for plant, controller and weights; None for a weight that is
+    absent.
+    """
     P, W = (None if part is None else pair(part) for part in (found.P, found.W))
     return pair(found.G), pair(found.K), pair(found.w), P, W
 
 
 def polynomial_terms(found: Squares) -> Terms:
     """Return the terms as polynomials in y, for a loop that is algebraic."""
-    return loop_terms(*map_parts(found, lambda part: part[:2]), cross=found.even, closed=found.closed)
+    return loop_terms(
+        *map_parts(found, lambda part: part[:2]), cross=found.even, closed=found.closed
+    )
 
 
 def terms_at_infinity(found: Squares) -> Terms:
@@ -307,18 +351,19 @@ def terms_at_infinity(found: Squares) -> Terms:
 
 # ---- Stability of a loop or of a matrix of doubles, decided where floating point cannot decide.
 #
-# The characteristic polynomial of a matrix of doubles is exact over the rationals, and Routh's array decides stability
-# in every case. A plant behind a hold has balls as coefficients, which are refined until they decide; only a pole
-# exactly on the boundary stays undecided there.
+# The characteristic polynomial of a matrix of doubles is exact over the rationals, and Routh's
+# array decides stability in every case. A plant behind a hold has balls as coefficients, which are
+# refined until they decide; only a pole exactly on the boundary stays undecided there.
 
 _POLE_BITS = (256, 1024, 4096)
 
 
 def decide_loop_stability(plant: Matrices, controller: Matrices, *, delay: float = 0.0) -> Decision:
-    """Decide whether every pole of u = K (r - y) around the plant, hidden modes included, is strictly stable.
+    """Decide whether every pole of u = K (r - y) around the plant, hidden modes included, is
+    strictly stable.
 
-    Hold and delay are those of `LoopClaim`; the delay of a continuous loop is exact. The decision `holds` for a stable
-    loop, and is `violated` for an unstable one.
+    Hold and delay are those of `LoopClaim`; the delay of a continuous loop is exact. The decision
+    `holds` for a stable loop, and is `violated` for an unstable one.
 
     >>> import numpy as np
     >>> one = np.ones((1, 1))
@@ -338,7 +383,8 @@ def decide_loop_stability(plant: Matrices, controller: Matrices, *, delay: float
 
 
 def decide_matrix_stability(A: np.ndarray, *, discrete: bool = False) -> Decision:
-    """Decide whether every eigenvalue of a matrix of doubles is in the open left half plane, or in the unit circle.
+    """Decide whether every eigenvalue of a matrix of doubles is in the open left half plane, or in
+    the unit circle.
 
     >>> import numpy as np
     >>> [decide_matrix_stability(np.array([[0.0, 1.0], [-1.0, d]])).holds for d in (0.0, -5e-324, 5e-324)]
@@ -352,7 +398,9 @@ def decide_matrix_stability(A: np.ndarray, *, discrete: bool = False) -> Decisio
 
 
 def decide_quotient_stability(G: Quotient, K: Quotient, delay: fmpq) -> Decision:
-    """Decide whether the loop of two quotients on one axis with a delay (fmpq) is stable, at the current precision."""
+    """Decide whether the loop of two quotients on one axis with a delay (fmpq) is stable, at the
+    current precision.
+    """
     kind = type(G.num) if type(G.num) is type(K.num) else arb_poly
     N: Polynomial = kind(G.num) * kind(K.num)
     D: Polynomial = kind(G.den) * kind(K.den)

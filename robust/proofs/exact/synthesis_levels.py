@@ -1,10 +1,11 @@
 """Levels of H-infinity synthesis that no controller reaches, in many digits.
 
-If states lie decades apart, rounding makes the existence conditions fail at levels that can be reached. Here the plant
-is used as given. The two Riccati equations are solved by the sign of their Hamiltonian matrices (Roberts 1980), with as
-many digits as needed. A level fails if a Hamiltonian has eigenvalues on the axis, if a solution is not semidefinite, or
-if the spectral radius of their product reaches the level squared; then every lower level fails too (Doyle, Glover,
-Khargonekar & Francis 1989). The result is a number with many digits, and not a proof.
+If states lie decades apart, rounding makes the existence conditions fail at levels that can be
+reached. Here the plant is used as given. The two Riccati equations are solved by the sign of their
+Hamiltonian matrices (Roberts 1980), with as many digits as needed. A level fails if a Hamiltonian
+has eigenvalues on the axis, if a solution is not semidefinite, or if the spectral radius of their
+product reaches the level squared; then every lower level fails too (Doyle, Glover, Khargonekar &
+Francis 1989). The result is a number with many digits, and not a proof.
 """
 
 from __future__ import annotations
@@ -37,8 +38,9 @@ def level_fails(
 
     None if it is unknown: too many states, or no full rank at infinite frequency in u and in y.
 
-    plant : the generalised plant. into_u, out_of_y : combinations of its last inputs and outputs that act and measure.
-    circle : ends of the disc in the right half plane [rad/s] that replaces the half plane.
+    plant : the generalised plant. into_u, out_of_y : combinations of its last inputs and outputs
+    that act and measure. circle : ends of the disc in the right half plane [rad/s] that replaces
+    the half plane.
 
     >>> import numpy as np
     >>> P = Matrices(A=-np.eye(1), B=np.ones((1, 2)), C=np.array([[1.0], [0.0], [1.0]]),
@@ -52,15 +54,23 @@ def level_fails(
     with ctx.workprec(_BITS):
         A, B, C, D = (_to_balls(getattr(plant, name)) for name in "ABCD")
         inputs = stack(
-            [[_identity_balls(w), arb_mat(w, into_u.shape[1])], [arb_mat(len(into_u), w), _to_balls(into_u)]]
+            [
+                [_identity_balls(w), arb_mat(w, into_u.shape[1])],
+                [arb_mat(len(into_u), w), _to_balls(into_u)],
+            ]
         )
         outputs = stack(
-            [[_identity_balls(z), arb_mat(z, out_of_y.shape[1])], [arb_mat(len(out_of_y), z), _to_balls(out_of_y)]]
+            [
+                [_identity_balls(z), arb_mat(z, out_of_y.shape[1])],
+                [arb_mat(len(out_of_y), z), _to_balls(out_of_y)],
+            ]
         )
         try:
             parts = _balance_states((A, B * inputs, outputs * C, outputs * D * inputs))
             parts = _half_plane_image(parts, 1.0, -1.0) if plant.dt else parts
-            return _existence_fails(_half_plane_image(parts, *circle) if circle else parts, z, w, arb(level))
+            return _existence_fails(
+                _half_plane_image(parts, *circle) if circle else parts, z, w, arb(level)
+            )
         except ZeroDivisionError:
             return None
 
@@ -68,16 +78,24 @@ def level_fails(
 def _half_plane_image(plant: Balls, a: float, b: float) -> Balls:
     """Return the image under p = (s - a)/(1 - s/b), as in `robust.lti.norms.to_half_plane`.
 
-    For a discrete system 1 and -1 are the ends of the disc whose outside becomes the right half plane.
+    For a discrete system 1 and -1 are the ends of the disc whose outside becomes the right half
+    plane.
     """
     A, B, C, D = plant
     one, near, far = _identity_balls(A.nrows()), arb(a), arb(b)
     inverse = (one - A * (1 / far)).inv()
-    return inverse * (A - one * near), inverse * B * (1 - near / far), C * inverse, D + C * inverse * B * (1 / far)
+    return (
+        inverse * (A - one * near),
+        inverse * B * (1 - near / far),
+        C * inverse,
+        D + C * inverse * B * (1 / far),
+    )
 
 
 def _existence_fails(plant: Balls, z: int, w: int, level: arb) -> bool | None:
-    """Return True if a level fails, at the current precision, for z outputs and w inputs besides y and u."""
+    """Return True if a level fails, at the current precision, for z outputs and w inputs besides y
+    and u.
+    """
     A, B, C, D = plant
     dual = A.transpose(), C.transpose(), B.transpose(), D.transpose()
     found: list[arb_mat] = []
@@ -95,7 +113,8 @@ def _existence_fails(plant: Balls, z: int, w: int, level: arb) -> bool | None:
 
 
 def _control_storage(plant: Balls, z: int, w: int, level: arb) -> arb_mat | None:
-    """Return X of a level for known states and known w, or Y for the dual plant; None if there is none.
+    """Return X of a level for known states and known w, or Y for the dual plant; None if there is
+    none.
 
     A ZeroDivisionError is raised if u does not reach z at infinite frequency.
     """
@@ -105,8 +124,14 @@ def _control_storage(plant: Balls, z: int, w: int, level: arb) -> arb_mat | None
         raise ZeroDivisionError
     C1, D1 = (arb_mat(M.tolist()[:z]) for M in (C, D))
     R = D1.transpose() * D1
-    R = arb_mat([[R[i, j] - (level * level if i == j < w else 0) for j in range(w + n_u)] for i in range(w + n_u)])
-    # the Schur complement of u in R is negative at levels above the direct term that remains for any u
+    R = arb_mat(
+        [
+            [R[i, j] - (level * level if i == j < w else 0) for j in range(w + n_u)]
+            for i in range(w + n_u)
+        ]
+    )
+    # the Schur complement of u in R is negative at levels above the direct term that remains for
+    # any u
     corner = arb_mat([[R[i, j] for j in range(w, w + n_u)] for i in range(w, w + n_u)])
     side = arb_mat([[R[i, j] for j in range(w, w + n_u)] for i in range(w)])
     top = arb_mat([[R[i, j] for j in range(w)] for i in range(w)])
@@ -127,8 +152,12 @@ def _control_storage(plant: Balls, z: int, w: int, level: arb) -> arb_mat | None
     right = arb_mat([[-rows[i][j] - (i == j) for j in range(n)] for i in range(2 * n)])
     X = _symmetric_part((left.transpose() * left).solve(left.transpose() * right)).mid()
     # X is zero to the last digit if y determines w completely
-    rounding = (_frobenius_norm(X) + _frobenius_norm(H) * arb(2) ** -(_BITS // 4)) * arb(2) ** -(_BITS // 4)
-    return X if all(p > 0 for p in ldl_pivots((X + _identity_balls(n) * rounding).tolist())) else None
+    rounding = (_frobenius_norm(X) + _frobenius_norm(H) * arb(2) ** -(_BITS // 4)) * arb(2) ** -(
+        _BITS // 4
+    )
+    return (
+        X if all(p > 0 for p in ldl_pivots((X + _identity_balls(n) * rounding).tolist())) else None
+    )
 
 
 def _sign_of(H: arb_mat) -> arb_mat | None:
@@ -155,7 +184,9 @@ def _balance_states(loop: Balls) -> Balls:
     """Return the loop with its states in balanced units, which are powers of two."""
     A, B, C, D = loop
     n, (a, b, c) = A.nrows(), (np.abs(_to_doubles(M)) for M in (A, B, C))
-    bordered = np.block([[a, b.max(axis=1, initial=0.0)[:, None]], [c.max(axis=0, initial=0.0), np.zeros(1)]])
+    bordered = np.block(
+        [[a, b.max(axis=1, initial=0.0)[:, None]], [c.max(axis=0, initial=0.0), np.zeros(1)]]
+    )
     sizes = matrix_balance(bordered, permute=False, separate=True)[1][0]
     units = [arb(float(size / sizes[n])) for size in sizes[:n]]
     forth, back = _diagonal_balls([1 / u for u in units]), _diagonal_balls(units)
@@ -173,7 +204,9 @@ def _to_balls(matrix: np.ndarray) -> arb_mat:
 
 
 def _to_doubles(matrix: arb_mat) -> np.ndarray:
-    return np.array([[float(x.mid()) for x in row] for row in matrix.tolist()]).reshape(matrix.nrows(), -1)
+    return np.array([[float(x.mid()) for x in row] for row in matrix.tolist()]).reshape(
+        matrix.nrows(), -1
+    )
 
 
 def _symmetric_part(matrix: arb_mat) -> arb_mat:

@@ -1,8 +1,10 @@
-"""Taylor models: a smooth function on a short interval as a polynomial and a ball for the remainder.
+"""Taylor models: a smooth function on a short interval as a polynomial and a ball for the
+remainder.
 
-A jet is a polynomial of degree `_ORDER` in x, |x| <= 1, on the interval middle + x half. The terms of a product or a
-composition beyond that degree are bounded by the sum of their coefficients and added to the constant as a ball. So the
-error falls with the sixth power of the length: a function that nearly touches zero is still decided on few intervals.
+A jet is a polynomial of degree `_ORDER` in x, |x| <= 1, on the interval middle + x half. The terms
+of a product or a composition beyond that degree are bounded by the sum of their coefficients and
+added to the constant as a ball. So the error falls with the sixth power of the length: a function
+that nearly touches zero is still decided on few intervals.
 """
 
 from __future__ import annotations
@@ -24,7 +26,9 @@ Summand: TypeAlias = "TaylorModel | arb | int"
 
 
 class TaylorModel:
-    """A polynomial in x (arb_poly) of degree at most `_ORDER` that encloses a function on [-1, 1]."""
+    """A polynomial in x (arb_poly) of degree at most `_ORDER` that encloses a function on
+    [-1, 1].
+    """
 
     __slots__ = ("p",)
 
@@ -40,7 +44,11 @@ class TaylorModel:
         return TaylorModel(self.p - (other.p if isinstance(other, TaylorModel) else other))
 
     def __mul__(self, other: Summand) -> TaylorModel:
-        return _truncate(self.p * other.p) if isinstance(other, TaylorModel) else TaylorModel(self.p * other)
+        return (
+            _truncate(self.p * other.p)
+            if isinstance(other, TaylorModel)
+            else TaylorModel(self.p * other)
+        )
 
     __rmul__ = __mul__
 
@@ -60,7 +68,9 @@ def linear_model(middle: arb, half: arb) -> TaylorModel:
 
 
 def _sine_and_cosine(middle: arb, half: arb) -> tuple[TaylorModel, TaylorModel]:
-    """Return sin and cos of middle + half x: their Taylor polynomials, and half^(n+1)/(n+1)! for the remainder."""
+    """Return sin and cos of middle + half x: their Taylor polynomials, and half^(n+1)/(n+1)! for
+    the remainder.
+    """
     at = (middle.sin(), middle.cos())
     cycle = (at[0], at[1], -at[0], -at[1], at[0])
     powers, factor = [], arb(1)
@@ -86,7 +96,9 @@ def cosine(middle: arb, half: arb) -> TaylorModel:
 
 
 def compose_polynomial(p: Polynomial, argument: TaylorModel) -> TaylorModel:
-    """Return p of a jet by the Taylor coefficients of p at the middle; those beyond the order are bounded by a sum."""
+    """Return p of a jet by the Taylor coefficients of p at the middle; those beyond the order are
+    bounded by a sum.
+    """
     middle = argument.p[0].mid()
     away = argument.p - middle
     reach = sum((abs(c) for c in away.coeffs()), arb(0)).abs_upper()
@@ -100,7 +112,9 @@ def compose_polynomial(p: Polynomial, argument: TaylorModel) -> TaylorModel:
 
 @lru_cache(maxsize=64)
 def _bernstein_matrix(n: int, precision: int) -> arb_mat:
-    """Return the matrix from the coefficients of a polynomial of degree n to its Bernstein coefficients on [0, 1]."""
+    """Return the matrix from the coefficients of a polynomial of degree n to its Bernstein
+    coefficients on [0, 1].
+    """
     with ctx.workprec(precision):
         return arb_mat([[arb(comb(i, k)) / comb(n, k) for k in range(n + 1)] for i in range(n + 1)])
 
@@ -119,11 +133,13 @@ def lower_bound(jet: TaylorModel) -> arb:
     return least
 
 
-# ---- Claims with a delay or a continuous weight are not polynomials: they are proved interval by interval.
+# ---- Claims with a delay or a continuous weight are not polynomials: they are proved interval by
+# interval.
 #
-# On an interval every term is a Taylor model in omega (`robust.proofs.exact.taylor_models`). The least Bernstein
-# coefficient of an expression that must be positive decides. Intervals that fail are cut. In a continuous loop all
-# frequencies beyond the last interval are decided at once, for any phase of the delay.
+# On an interval every term is a Taylor model in omega (`robust.proofs.exact.taylor_models`). The
+# least Bernstein coefficient of an expression that must be positive decides. Intervals that fail
+# are cut. In a continuous loop all frequencies beyond the last interval are decided at once, for
+# any phase of the delay.
 
 _MIN_RELATIVE_WIDTH = 1e-12
 _NARROW = 1e-3  # of the frequency: width of intervals whose middle is examined
@@ -134,7 +150,9 @@ _MIN_OMEGA_SHARE = 1e-30  # of the highest frequency
 Inequalities = Callable[[Terms], list[Quantity]]
 
 
-def positive_on_intervals(axis: Axis, found: Squares, *, inequalities: Inequalities, deadline: float) -> Decision:
+def positive_on_intervals(
+    axis: Axis, found: Squares, *, inequalities: Inequalities, deadline: float
+) -> Decision:
     """Prove that all expressions of the terms are positive from zero to Nyquist, or to infinity."""
     if axis.dt:
         # slightly beyond Nyquist, because pi is not a double
@@ -154,16 +172,25 @@ def positive_on_intervals(axis: Axis, found: Squares, *, inequalities: Inequalit
         at = [jet.p[0] for jet in inequalities(terms(arb(omega), arb(0)))]
         if any(x <= 0 for x in at):
             return refuted("negative there", omega)
-        return proved() if all(x > 0 for x in at) else undecided(f"undecided at {omega:.6g} rad/s", needs_digits=True)
+        return (
+            proved()
+            if all(x > 0 for x in at)
+            else undecided(f"undecided at {omega:.6g} rad/s", needs_digits=True)
+        )
 
     at_zero = at_point(0.0)
     return bisect_axis(holds, at_point, top, deadline) if at_zero.holds else at_zero
 
 
 def bisect_axis(
-    holds: Callable[[float, float], bool], at_point: Callable[[float], Decision], top: float, deadline: float
+    holds: Callable[[float, float], bool],
+    at_point: Callable[[float], Decision],
+    top: float,
+    deadline: float,
 ) -> Decision:
-    """Cut the axis until a claim holds on every interval; the middle of a narrow one may refute it or leave it open."""
+    """Cut the axis until a claim holds on every interval; the middle of a narrow one may refute it
+    or leave it open.
+    """
     todo = [(0.0, top)]
     for count in range(_MAX_INTERVALS):
         if not todo:
@@ -177,7 +204,13 @@ def bisect_axis(
             return undecided(f"undecided near {high:.6g} rad/s", needs_digits=True)
         if time.thread_time() > deadline:
             return undecided(f"undecided after {count} intervals: the time limit was reached")
-        cut = high / 16 if low == 0 else sqrt(low) * sqrt(high) if high > 4 * low else (low + high) / 2
+        cut = (
+            high / 16
+            if low == 0
+            else sqrt(low) * sqrt(high)
+            if high > 4 * low
+            else (low + high) / 2
+        )
         todo += [(cut, high), (low, cut)]
     return undecided(f"undecided after {_MAX_INTERVALS} intervals")
 
@@ -191,30 +224,31 @@ def _delayed_terms(axis: Axis, found: Squares) -> Callable[[arb, arb], Terms]:
         y = omega * omega
         phase = middle * tau, half * tau
         G, K, w, P, W = map_parts(found, lambda part: _quotient_at(part, y))
-        cross = compose_polynomial(found.even, y) * cosine(*phase) + compose_polynomial(found.odd, y) * omega * sine(
-            *phase
-        )
+        cross = compose_polynomial(found.even, y) * cosine(*phase) + compose_polynomial(
+            found.odd, y
+        ) * omega * sine(*phase)
         return loop_terms(G, K, w, P, W, cross=cross, closed=G[0] * K[0] + G[1] * K[1] + cross * 2)
 
     return terms
 
 
 def sampled_terms(axis: Axis, found: Squares, samples: int = 0) -> Callable[[arb, arb], Terms]:
-    """Return the terms of a sampled loop on an interval of omega, by polynomials in u = sin^2(omega dt/2).
+    """Return the terms of a sampled loop on an interval of omega, by polynomials in u = sin^2(omega
+    dt/2).
 
-    y = u/(1 - u). A delay of `samples` whole samples that is not in the plant enters by its exact phase; as poles at
-    zero it would raise the degree of the polynomials.
+    y = u/(1 - u). A delay of `samples` whole samples that is not in the plant enters by its exact
+    phase; as poles at zero it would raise the degree of the polynomials.
     """
     dt = arb(axis.dt)
     G_in_sine, K_in_sine, w_in_sine, P_in_sine, W_in_sine = map_parts(found, _part_in_sine)
-    w_known = found.w if axis.w_timed else w_in_sine  # a timed weight is made of polynomials in omega^2
+    w_known = (
+        found.w if axis.w_timed else w_in_sine
+    )  # a timed weight is made of polynomials in omega^2
     P_known = found.P if axis.P_timed else P_in_sine
     n = found.G[2] + found.K[2]
-    even, whole, odd = (
-        _polynomial_in_sine(found.even, n),
-        _polynomial_in_sine(found.closed, n),
-        _polynomial_in_sine(found.odd, max(n - 1, 0)),
-    )
+    even = _polynomial_in_sine(found.even, n)
+    whole = _polynomial_in_sine(found.closed, n)
+    odd = _polynomial_in_sine(found.odd, max(n - 1, 0))
 
     def terms(middle: arb, half: arb) -> Terms:
         omega = linear_model(middle, half)
@@ -226,9 +260,12 @@ def sampled_terms(axis: Axis, found: Squares, samples: int = 0) -> Callable[[arb
         W = None if W_in_sine is None else _quotient_at(W_in_sine, u)
         cross, closed = compose_polynomial(even, u), compose_polynomial(whole, u)
         if samples:
-            # x (1 - u) = sin(omega dt)/2: a part that is odd in x = tan(omega dt/2) has one power of 1 - u less
+            # x (1 - u) = sin(omega dt)/2: a part that is odd in x = tan(omega dt/2) has one power
+            # of 1 - u less
             phase, turn = (middle * dt * samples, half * dt * samples), sine(middle * dt, half * dt)
-            cross = cross * cosine(*phase) + compose_polynomial(odd, u) * turn * sine(*phase) * arb("0.5")
+            cross = cross * cosine(*phase) + compose_polynomial(odd, u) * turn * sine(*phase) * arb(
+                "0.5"
+            )
             closed = G[0] * K[0] + G[1] * K[1] + cross * 2
         return loop_terms(G, K, w, P, W, cross=cross, closed=closed)
 
@@ -247,7 +284,9 @@ def _part_in_sine(part: SquaredPart) -> SquaredPart:
 
 
 def _polynomial_in_sine(p: arb_poly, degree: int) -> arb_poly:
-    """Return (1 - u)^degree p(u/(1 - u)), a polynomial in u; with v = 1 - u the argument is 1/v - 1."""
+    """Return (1 - u)^degree p(u/(1 - u)), a polynomial in u; with v = 1 - u the argument is 1/v -
+    1.
+    """
     kind = type(p)
     shifted = p(kind([-1, 1]))
     return kind([shifted[k] for k in range(degree, -1, -1)])(kind([1, -1]))
@@ -268,7 +307,9 @@ def _ratio_at_infinity(part: SquaredPart, v: arb) -> tuple[arb, arb]:
 
 
 def _tail_frequency(found: Squares, inequalities: Inequalities) -> float:
-    """Return a frequency above which the claim holds for any phase of the delay; inf if none is found."""
+    """Return a frequency above which the claim holds for any phase of the delay; inf if none is
+    found.
+    """
     omega = 1e-3
     while omega < _MAX_OMEGA:
         v = arb(0).union(1 / arb(omega) ** 2)

@@ -1,7 +1,9 @@
-"""Trajectories of theta on which a loop grows: the product of its transition matrices over one period, in balls.
+"""Trajectories of theta on which a loop grows: the product of its transition matrices over one
+period, in balls.
 
-theta is linear between vertices, or held from one to the next. For linear motion x' = A(theta(t)) x is solved as a
-power series in time, whose rest is below that of the scalar equation with norms. A period with matrix Phi grows if
+theta is linear between vertices, or held from one to the next. For linear motion x' = A(theta(t)) x
+is solved as a power series in time, whose rest is below that of the scalar equation with norms. A
+period with matrix Phi grows if
 |trace Phi^k| > n for some k, because then its spectral radius is above one.
 """
 
@@ -54,7 +56,9 @@ class Trajectory:
 
 
 def grows(claim: ScheduleClaim, trajectory: Trajectory) -> bool:
-    """Return whether the loop of a claim certainly grows on a trajectory; its P and scalings are not used."""
+    """Return whether the loop of a claim certainly grows on a trajectory; its P and scalings are
+    not used.
+    """
     if not (np.abs(trajectory.theta).max() <= 1 and abs(trajectory.delta) <= 1):
         return False
     with ctx.workprec(_BITS):
@@ -75,13 +79,17 @@ def grows(claim: ScheduleClaim, trajectory: Trajectory) -> bool:
 
 
 def held_loop(claim: ScheduleClaim) -> ScheduledLoop:
-    """Return the loop of a claim with theta held within a sample, which has no block for its motion."""
+    """Return the loop of a claim with theta held within a sample, which has no block for its
+    motion.
+    """
     loop = replace(claim, rate=0.0, jumps=True).loop()
     assert loop is not None  # a motion may be too fast for a bound, a hold is not
     return loop
 
 
-def _close_loop(loop: ScheduledLoop, theta: float, delta: float, *, weighted: bool) -> tuple[arb_mat, arb_mat]:
+def _close_loop(
+    loop: ScheduledLoop, theta: float, delta: float, *, weighted: bool
+) -> tuple[arb_mat, arb_mat]:
     """Return A at theta with the perturbation delta, and w over x (rows of all channels)."""
     A, B, C, D = (getattr(loop, name).at(arb(theta)) for name in "ABCD")
     n, m = B.nrows(), B.ncols()
@@ -96,8 +104,12 @@ def _close_loop(loop: ScheduledLoop, theta: float, delta: float, *, weighted: bo
     return A + B * w, w
 
 
-def _continuous_steps(claim: ScheduleClaim, loop: ScheduledLoop, trajectory: Trajectory) -> list[arb_mat]:
-    """Return the transition matrices of a continuous loop; a perturbation with direct feedthrough is left out."""
+def _continuous_steps(
+    claim: ScheduleClaim, loop: ScheduledLoop, trajectory: Trajectory
+) -> list[arb_mat]:
+    """Return the transition matrices of a continuous loop; a perturbation with direct feedthrough
+    is left out.
+    """
     A = loop.A
     if trajectory.delta:
         if claim.weight is None:
@@ -106,14 +118,18 @@ def _continuous_steps(claim: ScheduleClaim, loop: ScheduledLoop, trajectory: Tra
         if any(x != 0 for part in loop.D.parts for row in part.tolist()[:q] for x in row[:q]):
             return []
         pick = constant(np.eye(loop.B.shape[1], q))
-        A = A + loop.B * pick * constant(np.eye(q, loop.C.shape[0])) * loop.C.scaled(trajectory.delta)
+        A = A + loop.B * pick * constant(np.eye(q, loop.C.shape[0])) * loop.C.scaled(
+            trajectory.delta
+        )
     ends = np.append(trajectory.theta, trajectory.theta[0])
     if trajectory.held:
         return [transition(A, a, a, trajectory.step) for a in trajectory.theta]
     return [transition(A, a, b, trajectory.step) for a, b in pairwise(ends)]
 
 
-def _sampled_steps(claim: ScheduleClaim, loop: ScheduledLoop, trajectory: Trajectory) -> list[arb_mat]:
+def _sampled_steps(
+    claim: ScheduleClaim, loop: ScheduledLoop, trajectory: Trajectory
+) -> list[arb_mat]:
     """Return the closed loop from sample to sample; the plant moves exactly in between."""
     n = claim.plant.order
     plant = PolynomialMatrix.of(augmented_plant(claim.plant.A, claim.plant.B)[0])
@@ -124,14 +140,18 @@ def _sampled_steps(claim: ScheduleClaim, loop: ScheduledLoop, trajectory: Trajec
         if not claim.plant.dt:
             flow = transition(plant, a, a if trajectory.held else b, claim.controller.dt)
             xi, order = loop.xi.at(arb(a)).tolist(), A.nrows()
-            reached = arb_mat([row[:order] for row in xi]) + arb_mat([row[order:] for row in xi]) * w
+            reached = (
+                arb_mat([row[:order] for row in xi]) + arb_mat([row[order:] for row in xi]) * w
+            )
             A = arb_mat((flow * reached).tolist()[:n] + A.tolist()[n:])
         made.append(A)
     return made
 
 
 def transition(A: PolynomialMatrix, start: float, end: float, step: float) -> arb_mat:
-    """Return the transition matrix of x' = A(theta) x over a step [s], with theta linear from start to end."""
+    """Return the transition matrix of x' = A(theta) x over a step [s], with theta linear from start
+    to end.
+    """
     d, n = len(A.parts) - 1, A.shape[0]
     slope, T = arb(end) - arb(start), arb(step)
     parts = []  # of A at theta = start + slope tau, tau in [0, 1], times T

@@ -24,7 +24,8 @@ class Verification:
 
     References
     ----------
-    F. Johansson, "Arb: efficient arbitrary-precision midpoint-radius interval arithmetic", IEEE Trans. Computers, 2017.
+    F. Johansson, "Arb: efficient arbitrary-precision midpoint-radius interval arithmetic", IEEE
+    Trans. Computers, 2017.
 
     Examples
     --------
@@ -53,7 +54,9 @@ def summarise_claims(decided: dict[str, Decision]) -> Verification:
     """Return the verification of decisions, claim by claim."""
     return Verification(
         proved=tuple(name for name, found in decided.items() if found.holds),
-        failed=tuple((name, _describe_failure(found)) for name, found in decided.items() if not found.holds),
+        failed=tuple(
+            (name, _describe_failure(found)) for name, found in decided.items() if not found.holds
+        ),
         violated=tuple(name for name, found in decided.items() if found.violated),
     )
 

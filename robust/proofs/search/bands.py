@@ -1,8 +1,10 @@
-"""The largest gain of a system in a band of frequencies, bounded from both sides by one exact arithmetic.
+"""The largest gain of a system in a band of frequencies, bounded from both sides by one exact
+arithmetic.
 
-A level is tried. If the gain exceeds it, exact arithmetic gives the frequencies between which it does, and the gain
-inside is the next level (Bruinsma & Steinbuch 1990). If the gain exceeds it nowhere, the level is proved. There is no
-grid and no Hamiltonian in floating point, so modes over decades or near the axis cannot hide.
+A level is tried. If the gain exceeds it, exact arithmetic gives the frequencies between which it
+does, and the gain inside is the next level (Bruinsma & Steinbuch 1990). If the gain exceeds it
+nowhere, the level is proved. There is no grid and no Hamiltonian in floating point, so modes over
+decades or near the axis cannot hide.
 """
 
 from __future__ import annotations
@@ -32,14 +34,18 @@ from robust.proofs.exact.polynomials import Coefficient, polynomial_roots, to_ra
 _TOLERANCE = 1e-3  # relative, between both bounds
 TIME_CAP = 10.0  # processor time [s] after which a bound is left undecided
 _MAX_LEVELS = 60
-_SMALLEST, _LARGEST = 1e-150, 1e100  # range of levels: a gain below it counts as zero, above it as unbounded
+# range of levels: a gain below it counts as zero, above it as unbounded
+_SMALLEST = 1e-150
+_LARGEST = 1e100
 
 
 @value
 class GainBound:
-    """Bounds of the largest gain in a band, and the frequency [rad/s] at which the lower bound is attained.
+    """Bounds of the largest gain in a band, and the frequency [rad/s] at which the lower bound is
+    attained.
 
-    `upper` is proved at every frequency of the band. If nothing is proved, it is inf, and `reason` is not empty.
+    `upper` is proved at every frequency of the band. If nothing is proved, it is inf, and `reason`
+    is not empty.
     """
 
     upper: float
@@ -59,7 +65,8 @@ def bound_gain(
     tolerance: float = _TOLERANCE,
     time_cap: float = TIME_CAP,
 ) -> GainBound:
-    """Bound the largest singular value of a system over a band [rad/s], including its ends at zero and infinity.
+    """Bound the largest singular value of a system over a band [rad/s], including its ends at zero
+    and infinity.
 
     The system need not be stable. With a pole on the axis inside the band there is no bound.
 
@@ -80,7 +87,9 @@ def bound_transfer(
     tolerance: float = _TOLERANCE,
     time_cap: float = TIME_CAP,
 ) -> GainBound:
-    """Return `bound_gain` of an exact system; a discrete system is given by its bilinear image and its dt."""
+    """Return `bound_gain` of an exact system; a discrete system is given by its bilinear image and
+    its dt.
+    """
     low, high = points_of_band(band, dt)
     s = polynomial_roots(H.characteristic)
     return climb(
@@ -108,7 +117,8 @@ def climb(
 ) -> GainBound:
     """Bound the least level whose inequality holds on bands of the axis.
 
-    size : function that gives the least level at one point, from the parts there; starts : first points x.
+    size : function that gives the least level at one point, from the parts there; starts : first
+    points x.
     """
     above, level = [None if np.isinf(x) else to_rational(x) for x in starts], 0.0
     for _ in range(_MAX_LEVELS):
@@ -119,7 +129,9 @@ def climb(
             break
         level, above = max(lower * (1 + tolerance), _SMALLEST), []
         for low, high in bands:
-            pieces = cut_at_crossings(parts, inequality(level), low=low, high=high, deadline=deadline)
+            pieces = cut_at_crossings(
+                parts, inequality(level), low=low, high=high, deadline=deadline
+            )
             if isinstance(pieces, str):
                 return GainBound(upper=np.inf, lower=lower, omega=omega, reason=pieces)
             above += [piece.x for piece in pieces if not piece.M.is_positive]
@@ -129,9 +141,13 @@ def climb(
     return GainBound(upper=np.inf, lower=lower, omega=omega, reason=reason)
 
 
-def _size_at(parts: Sequence[TransferMatrix], size: Callable[[Sequence[Pair]], float], x: Coefficient | None) -> float:
+def _size_at(
+    parts: Sequence[TransferMatrix], size: Callable[[Sequence[Pair]], float], x: Coefficient | None
+) -> float:
     """Return the least level at a point of the axis; zero if it is unknown, at a pole."""
     try:
-        return float(np.nan_to_num(size([part.on_axis(x) for part in parts]), nan=0.0, posinf=2 * _LARGEST))
+        return float(
+            np.nan_to_num(size([part.on_axis(x) for part in parts]), nan=0.0, posinf=2 * _LARGEST)
+        )
     except (ZeroDivisionError, OverflowError, np.linalg.LinAlgError):
         return 0.0

@@ -1,7 +1,9 @@
-"""Proofs that a norm bound holds at every frequency: the bounded-real lemma, or a determinant, over the rationals.
+"""Proofs that a norm bound holds at every frequency: the bounded-real lemma, or a determinant, over
+the rationals.
 
-The perturbation is one full block, for which the structured singular value is the norm: P is that of
-`robust.proofs.search.scaled_kyp`. If no P is found, or the level does not hold, `robust.proofs.exact.bands` decides.
+The perturbation is one full block, for which the structured singular value is the norm: P is that
+of `robust.proofs.search.scaled_kyp`. If no P is found, or the level does not hold,
+`robust.proofs.exact.bands` decides.
 """
 
 from __future__ import annotations
@@ -26,11 +28,14 @@ from robust.proofs.search.stability import TIME_CAP, certificate_of_loop, norm_o
 _SUBJECT = "norm"
 
 
-def certify_norm(system: LinearSystem, level: float = 1.0, *, solver: str | None = None) -> Certificate:
+def certify_norm(
+    system: LinearSystem, level: float = 1.0, *, solver: str | None = None
+) -> Certificate:
     """Prove by the bounded-real lemma that a system is stable with H-infinity norm below a level.
 
-    P > 0 with [A'P + PA + C'C, PB + C'D; B'P + D'C, D'D - level^2 I] < 0 (in discrete time its counterpart), checked
-    over the rationals. A Riccati equation proposes P, then cvxpy. If no P passes, a determinant decides.
+    P > 0 with [A'P + PA + C'C, PB + C'D; B'P + D'C, D'D - level^2 I] < 0 (in discrete time its
+    counterpart), checked over the rationals. A Riccati equation proposes P, then cvxpy. If no P
+    passes, a determinant decides.
 
     Use this for a bound of a norm that holds between the frequencies of a grid too.
 
@@ -46,8 +51,8 @@ def certify_norm(system: LinearSystem, level: float = 1.0, *, solver: str | None
     Returns
     -------
     Certificate
-        If it does not hold, its reason is: violated, with the norm and its frequency; violated, because the system is
-        not stable; or undecided. A failure of a solver raises nothing.
+        If it does not hold, its reason is: violated, with the norm and its frequency; violated,
+        because the system is not stable; or undecided. A failure of a solver raises nothing.
 
     Raises
     ------
@@ -79,7 +84,8 @@ def certify_norm(system: LinearSystem, level: float = 1.0, *, solver: str | None
 
 def _certify_exactly(system: control.StateSpace, level: float) -> Certificate:
     """Return `certify_norm` over the rationals: that of a loop without a controller."""
-    matrices, nothing = to_matrices(system), to_matrices(control.StateSpace([], [], [], np.zeros((0, 0)), system.dt))
+    matrices = to_matrices(system)
+    nothing = to_matrices(control.StateSpace([], [], [], np.zeros((0, 0)), system.dt))
     loop = ClosedLoopClaim(plant=matrices, controller=nothing, level=level)
     found = decide_closed_loop(loop, deadline=time.thread_time() + TIME_CAP)
     if found.holds:

@@ -10,7 +10,10 @@ from nlfrf._base.values import value
 from robust._base.states import Outcome
 from robust.proofs.exact.verification import Verification
 
-EXACT, SCALED_KYP, GENERALISED_KYP = "exact arithmetic", "scaled KYP", "generalised KYP"  # without floating point
+# without floating point
+EXACT = "exact arithmetic"
+SCALED_KYP = "scaled KYP"
+GENERALISED_KYP = "generalised KYP"
 PIECES = "scalings, each where it holds"  # exact too, but its claim is not kept
 
 
@@ -18,26 +21,28 @@ PIECES = "scalings, each where it holds"  # exact too, but its claim is not kept
 class Certificate:
     """A proof of a bound and its method; or the reason why there is none.
 
-    A loop with one input and one output is proved in exact arithmetic from the given matrices. A loop with several is
-    proved by matrices that are checked over the rationals (scaled and generalised KYP); `verify` repeats the check. A
-    proof by scalings, each where it holds, is exact too, but its claim is not kept. Any other outcome is judged in
-    floating point, with slacks far above its rounding. A norm is the structured singular value for one full block.
+    A loop with one input and one output is proved in exact arithmetic from the given matrices. A
+    loop with several is proved by matrices that are checked over the rationals (scaled and
+    generalised KYP); `verify` repeats the check. A proof by scalings, each where it holds, is exact
+    too, but its claim is not kept. Any other outcome is judged in floating point, with slacks far
+    above its rounding. A norm is the structured singular value for one full block.
 
     Fields
     ------
     subject : str
         Subject of the bound.
     outcome : Outcome
-        "holds" only if the numbers were judged and passed; "violated" only if the bound was disproved; else
-        "undecided".
+        "holds" only if the numbers were judged and passed; "violated" only if the bound was
+        disproved; else "undecided".
     level : float
         The norm is below this level at every frequency.
     method : str
-        "exact arithmetic", "scaled KYP" (P and X, see `robust.proofs.exact.scaled_kyp`) and "generalised KYP" (P, Q and
-        X of every interval, see `robust.proofs.exact.interval_kyp`), all proved, rigorous; "periodic Riccati equation,
-        Bernstein" (friction), or "".
+        "exact arithmetic", "scaled KYP" (P and X, see `robust.proofs.exact.scaled_kyp`) and
+        "generalised KYP" (P, Q and X of every interval, see `robust.proofs.exact.interval_kyp`),
+        all proved, rigorous; "periodic Riccati equation, Bernstein" (friction), or "".
     intervals : (I, 2) ndarray
-        Frequency intervals [rad/s] of the proof; [0, inf] (or Nyquist) for a norm; the frequency of a violation.
+        Frequency intervals [rad/s] of the proof; [0, inf] (or Nyquist) for a norm; the frequency of
+        a violation.
     reason : str
         Reason why it does not hold, for people; empty if it does.
     claim : LoopClaim or another
@@ -82,7 +87,9 @@ class Certificate:
 
     @property
     def judged(self) -> str:
-        """Arithmetic of the judgement: "proved, rigorous" to the last bit, or "judged in floating point"."""
+        """Arithmetic of the judgement: "proved, rigorous" to the last bit, or "judged in floating
+        point".
+        """
         exact = self.method in (EXACT, SCALED_KYP, GENERALISED_KYP, PIECES)
         return "proved, rigorous" if exact else "judged in floating point"
 
@@ -92,8 +99,8 @@ class Certificate:
         Parameters
         ----------
         time_cap : float
-            Seconds of processor time, after which the rest counts as not verified. The load of the machine has no
-            effect.
+            Seconds of processor time, after which the rest counts as not verified. The load of the
+            machine has no effect.
 
         Returns
         -------
@@ -102,7 +109,8 @@ class Certificate:
 
         References
         ----------
-        F. Johansson, "Arb: efficient arbitrary-precision midpoint-radius interval arithmetic", 2017.
+        F. Johansson, "Arb: efficient arbitrary-precision midpoint-radius interval arithmetic",
+        2017.
         """
         if self.again is not None:
             return self.again(self.claim, time_cap=time_cap)
@@ -111,8 +119,17 @@ class Certificate:
 
 
 def failed_certificate(
-    subject: str, level: float, reason: str, *, outcome: Outcome = Outcome.UNDECIDED, violated_at: float = np.nan
+    subject: str,
+    level: float,
+    reason: str,
+    *,
+    outcome: Outcome = Outcome.UNDECIDED,
+    violated_at: float = np.nan,
 ) -> Certificate:
-    """Return a certificate that does not hold: undecided, or violated, with the frequency [rad/s] if it is known."""
+    """Return a certificate that does not hold: undecided, or violated, with the frequency [rad/s]
+    if it is known.
+    """
     where = np.zeros((0, 2)) if np.isnan(violated_at) else np.full((1, 2), violated_at)
-    return Certificate(subject=subject, outcome=outcome, level=level, method="", intervals=where, reason=reason)
+    return Certificate(
+        subject=subject, outcome=outcome, level=level, method="", intervals=where, reason=reason
+    )

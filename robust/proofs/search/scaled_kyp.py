@@ -1,7 +1,9 @@
-"""Search for one matrix P and one scaling that prove a level of the structured singular value at every frequency.
+"""Search for one matrix P and one scaling that prove a level of the structured singular value at
+every frequency.
 
-cvxpy proposes both. P is also computed from a Riccati equation for the proposed scaling, because that P passes closer
-to the level. No solver status is used: `robust.proofs.exact.scaled_kyp` decides over the rationals.
+cvxpy proposes both. P is also computed from a Riccati equation for the proposed scaling, because
+that P passes closer to the level. No solver status is used: `robust.proofs.exact.scaled_kyp`
+decides over the rationals.
 """
 
 from __future__ import annotations
@@ -25,10 +27,17 @@ from robust.proofs.search.certificate import SCALED_KYP, Certificate, failed_cer
 from robust.proofs.search.intervals import SLACK
 from robust.proofs.search.programs import SCS_STEPS, SOLVERS, solve_program
 
-_MAX_STATES = 60  # of a program, ten seconds of CLARABEL; larger systems are proved without a solver if possible
-_WHOLE = 20  # number of states up to which SCS takes all its steps; larger systems get steps for about the same time
-_MIN_SCALING = 1e-7  # least eigenvalue of a scaling with trace one a row, against solvers that return zero
-_HOPELESS = -1e-3  # a margin below which no other solver is tried: there is no scaling for all frequencies
+# of a program, ten seconds of CLARABEL; larger systems are proved without a solver if possible
+_MAX_STATES = 60
+# number of states up to which SCS takes all its steps; larger systems get steps for about the same
+# time
+_WHOLE = 20
+_MIN_SCALING = (
+    1e-7  # least eigenvalue of a scaling with trace one a row, against solvers that return zero
+)
+_HOPELESS = (
+    -1e-3
+)  # a margin below which no other solver is tried: there is no scaling for all frequencies
 _MARGINS = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11)  # relative to the output energy, demanded of every state
 Block = tuple[int, int, str]
 
@@ -52,7 +61,8 @@ def certify_scaled(
     level : float
         Level to prove.
     solver : str, optional
-        "CLARABEL" or "SCS" of cvxpy. If it is not given, a scaling without a solver is tried first, then both.
+        "CLARABEL" or "SCS" of cvxpy. If it is not given, a scaling without a solver is tried first,
+        then both.
     subject : str
         Name of the claim.
 
@@ -75,7 +85,9 @@ def certify_scaled(
                     outcome=Outcome.HOLDS,
                     level=level,
                     method=SCALED_KYP,
-                    intervals=np.array([[0.0, np.pi / timebase(system) if timebase(system) else np.inf]]),
+                    intervals=np.array(
+                        [[0.0, np.pi / timebase(system) if timebase(system) else np.inf]]
+                    ),
                     reason="",
                     claim=claim,
                     again=verify_level,
@@ -86,16 +98,22 @@ def certify_scaled(
 def certify_with_one_scaling(
     system: control.StateSpace, blocks: Sequence[Block], *, solver: str | None, subject: str
 ) -> Certificate:
-    """Return the certificate of mu below one with one scaling for all frequencies, or a failed one."""
+    """Return the certificate of mu below one with one scaling for all frequencies, or a
+    failed one.
+    """
     found = certify_scaled(system, blocks, 1 - SLACK, solver=solver, subject=subject)
     if found is None:
-        return failed_certificate(subject, 1.0, "no P was found with one scaling for all frequencies")
+        return failed_certificate(
+            subject, 1.0, "no P was found with one scaling for all frequencies"
+        )
     return replace(found, level=1.0)
 
 
 @value(copy=False)
 class _Scaling:
-    """X of every block and G of the real ones, for balanced channels; P and margin of the solver, if there is one."""
+    """X of every block and G of the real ones, for balanced channels; P and margin of the solver,
+    if there is one.
+    """
 
     X: tuple[np.ndarray, ...]
     G: tuple[np.ndarray, ...]
@@ -110,19 +128,27 @@ class ScalingSearch:
     matrices: Matrices  # matrices in coordinates T x, with the channels times `balance`
     blocks: tuple[Block, ...]  # the structure
     T: np.ndarray  # coordinates
-    balance: np.ndarray  # (K,) number d of each block: its outputs are multiplied by d, its inputs divided by it
+    balance: (
+        np.ndarray
+    )  # (K,) number d of each block: its outputs are multiplied by d, its inputs divided by it
 
     @classmethod
-    def of(cls, system: control.StateSpace, blocks: tuple[Block, ...], level: float) -> ScalingSearch:
+    def of(
+        cls, system: control.StateSpace, blocks: tuple[Block, ...], level: float
+    ) -> ScalingSearch:
         d = _balance_channels(system, blocks)
         left, right = (np.repeat(d, sizes) for sizes in _channel_sizes(blocks))
         A, B, C, D = continuous_image(system)  # a discrete loop has the same P
         scaled = A, B / right, left[:, None] * C / level, left[:, None] * D / right / level
         conditioned, first = well_conditioned_with(scaled)
         T = _riccati_coordinates(conditioned)
-        return cls(matrices=_change_coordinates(conditioned, T), blocks=blocks, T=T @ first, balance=d)
+        return cls(
+            matrices=_change_coordinates(conditioned, T), blocks=blocks, T=T @ first, balance=d
+        )
 
-    def claim(self, system: exact.Matrices, level: float, scaling: _Scaling, P: np.ndarray) -> ScaledClaim:
+    def claim(
+        self, system: exact.Matrices, level: float, scaling: _Scaling, P: np.ndarray
+    ) -> ScaledClaim:
         """Return the claim in the units of the system."""
         d = self.balance
         return ScaledClaim(
@@ -136,10 +162,14 @@ class ScalingSearch:
         )
 
     def scalings(self, solver: str | None) -> Iterator[_Scaling]:
-        """Yield scalings to try: that of the solver; if none is given, the balance, then those of all solvers."""
+        """Yield scalings to try: that of the solver; if none is given, the balance, then those of
+        all solvers.
+        """
         sizes = [1 if kind == "full" else rows for rows, _, kind in self.blocks]
         if solver is None:
-            yield _Scaling(X=tuple(np.eye(n) for n in sizes), G=tuple(np.zeros((n, n)) for n in sizes))
+            yield _Scaling(
+                X=tuple(np.eye(n) for n in sizes), G=tuple(np.zeros((n, n)) for n in sizes)
+            )
         if self.T.shape[0] > _MAX_STATES:
             return
         for one in SOLVERS if solver is None else (solver,):
@@ -158,7 +188,9 @@ class ScalingSearch:
         X, G, constraints = [], [], []
         for rows, _, kind in self.blocks:
             size = 1 if kind == "full" else rows
-            X.append(cp.Variable((1, 1)) if size == 1 else cp.Variable((size, size), symmetric=True))
+            X.append(
+                cp.Variable((1, 1)) if size == 1 else cp.Variable((size, size), symmetric=True)
+            )
             constraints.append(X[-1] >> _MIN_SCALING * np.eye(size))
             G.append(np.zeros((size, size)))
             if kind == "real" and size > 1:
@@ -172,18 +204,32 @@ class ScalingSearch:
         cross = lower @ skew @ CD
         energy = cp.bmat([[A.T @ P + P @ A, P @ B], [B.T @ P, -X_R]]) if n else -X_R
         M = energy + CD.T @ X_L @ CD - cross - cross.T
-        units = np.diag(1 / np.sqrt(np.concatenate([np.maximum(np.linalg.norm(A, axis=0), 1e-6), np.ones(m)])))
+        units = np.diag(
+            1 / np.sqrt(np.concatenate([np.maximum(np.linalg.norm(A, axis=0), 1e-6), np.ones(m)]))
+        )
         constraints += [units @ M @ units << -t * np.eye(n + m), t <= 1]
         if n:
             constraints.append(P >> 1e-7 * np.eye(n))
         problem = cp.Problem(cp.Maximize(t), constraints)
-        if solve_program(problem, solver, steps=round(SCS_STEPS * min(1, (_WHOLE / max(n, 1)) ** 3))):
+        if solve_program(
+            problem, solver, steps=round(SCS_STEPS * min(1, (_WHOLE / max(n, 1)) ** 3))
+        ):
             return None
-        values = [np.asarray(V.value if hasattr(V, "value") else V, dtype=float) for V in (*X, *G, P)]
+        values = [
+            np.asarray(V.value if hasattr(V, "value") else V, dtype=float) for V in (*X, *G, P)
+        ]
         if any(V.ndim != 2 or not np.isfinite(V).all() for V in values):
             return None
-        found = [(V + V.T) / 2 for V in values[: len(X)]], [(V - V.T) / 2 for V in values[len(X) : -1]]
-        return _Scaling(X=tuple(found[0]), G=tuple(found[1]), P=(values[-1] + values[-1].T) / 2, margin=float(t.value))
+        found = (
+            [(V + V.T) / 2 for V in values[: len(X)]],
+            [(V - V.T) / 2 for V in values[len(X) : -1]],
+        )
+        return _Scaling(
+            X=tuple(found[0]),
+            G=tuple(found[1]),
+            P=(values[-1] + values[-1].T) / 2,
+            margin=float(t.value),
+        )
 
     def place(self, X: Sequence, G: Sequence) -> tuple:
         """Return X_L, X_R and G on the channels, as numbers or as expressions of cvxpy."""
@@ -201,7 +247,9 @@ class ScalingSearch:
         return left, right, skew
 
     def storages(self, scaling: _Scaling) -> Iterator[np.ndarray]:
-        """Yield P for a scaling: that of the solver, then solutions of the Riccati equation with decreasing margin."""
+        """Yield P for a scaling: that of the solver, then solutions of the Riccati equation with
+        decreasing margin.
+        """
         if scaling.P is not None:
             yield scaling.P
         A, B, C, D = self.matrices
@@ -234,7 +282,9 @@ def _change_coordinates(matrices: Matrices, T: np.ndarray) -> Matrices:
 
 
 def _riccati_coordinates(matrices: Matrices) -> np.ndarray:
-    """Return coordinates in which the identity nearly solves the inequality at a level above the norm, as T'T does."""
+    """Return coordinates in which the identity nearly solves the inequality at a level above the
+    norm, as T'T does.
+    """
     A, B, C, D = matrices
     n, m = B.shape
     size = np.linalg.norm(C) ** 2 / max(n, 1) + 1e-12
@@ -253,15 +303,22 @@ def _riccati_coordinates(matrices: Matrices) -> np.ndarray:
     return np.eye(n)
 
 
-def _balance_channels(system: control.StateSpace, blocks: Sequence[Block], n_steps: int = 30) -> np.ndarray:
-    """Return a number for each block, a power of two, that balances the largest gains between them (Osborne 1960)."""
+def _balance_channels(
+    system: control.StateSpace, blocks: Sequence[Block], n_steps: int = 30
+) -> np.ndarray:
+    """Return a number for each block, a power of two, that balances the largest gains between them
+    (Osborne 1960).
+    """
     response = response_by_channel(system, structure_grid(system))
     rows, cols = (np.cumsum([0, *sizes]) for sizes in _channel_sizes(blocks))
     K = len(blocks)
     gains = np.array(
         [
             [
-                np.linalg.norm(response[rows[i] : rows[i + 1], cols[k] : cols[k + 1]], axis=(0, 1)).max() ** 2
+                np.linalg.norm(
+                    response[rows[i] : rows[i + 1], cols[k] : cols[k + 1]], axis=(0, 1)
+                ).max()
+                ** 2
                 for k in range(K)
             ]
             for i in range(K)

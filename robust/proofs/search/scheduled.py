@@ -1,7 +1,8 @@
-"""Search for P(theta) and the scalings of a `ScheduleClaim`: an LMI at nodes of theta, then a check at every theta.
+"""Search for P(theta) and the scalings of a `ScheduleClaim`: an LMI at nodes of theta, then a check
+at every theta.
 
-cvxpy proposes the matrices in balanced coordinates; no solver status is used. Where the check fails between the nodes,
-more nodes are tried.
+cvxpy proposes the matrices in balanced coordinates; no solver status is used. Where the check fails
+between the nodes, more nodes are tried.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ _LEAST, _LARGEST = 1e-7, 1e3  # eigenvalue of P and X, and of P on average
 
 
 def search_schedule(claim: ScheduleClaim, degree: int) -> tuple[ScheduleClaim | None, Decision]:
-    """Return the claim with P of a degree and X that prove it, or None, and the decision on the last proposal.
+    """Return the claim with P of a degree and X that prove it, or None, and the decision on the
+    last proposal.
 
     claim : with any P, S and scalings.
     """
@@ -57,7 +59,9 @@ def search_schedule(claim: ScheduleClaim, degree: int) -> tuple[ScheduleClaim | 
 
 
 def _weakest_points(loop: ScheduledLoop, claim: ScheduleClaim) -> np.ndarray:
-    """Return the theta of the grid at which an inequality fails most, locally; if it holds there, its least margin."""
+    """Return the theta of the grid at which an inequality fails most, locally; if it holds there,
+    its least margin.
+    """
     with ctx.workprec(BITS):
         arrays = [(-M).to_array() for M in inequalities(loop, claim)]
     made: list[float] = []
@@ -66,13 +70,19 @@ def _weakest_points(loop: ScheduledLoop, claim: ScheduleClaim) -> np.ndarray:
         scale = np.sqrt(np.abs(np.diagonal(values, axis1=1, axis2=2)).max(axis=0))
         least = np.linalg.eigvalsh(values / np.outer(scale, scale))[:, 0]
         padded = np.concatenate([[np.inf], least, [np.inf]])
-        local = (least <= padded[:-2]) & (least <= padded[2:]) & ((least < 0) | (least == least.min()))
+        local = (
+            (least <= padded[:-2]) & (least <= padded[2:]) & ((least < 0) | (least == least.min()))
+        )
         made += _GRID[local].tolist()
     return np.array(made)
 
 
-def _balanced_coordinates(loop: ScheduledLoop, level: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return S and a scaling d of each block from the loop with theta held in the middle; None if it is not stable."""
+def _balanced_coordinates(
+    loop: ScheduledLoop, level: float
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return S and a scaling d of each block from the loop with theta held in the middle; None if
+    it is not stable.
+    """
     parts = [_middle(getattr(loop, name)) for name in "ABCD"]
     A = parts[0]
     poles = np.linalg.eigvals(A)
@@ -95,7 +105,11 @@ def _middle(polynomial: PolynomialMatrix) -> np.ndarray:
 
 
 def _solve(
-    loop: ScheduledLoop, claim: ScheduleClaim, degree: int, start: tuple[np.ndarray, np.ndarray], nodes: np.ndarray
+    loop: ScheduledLoop,
+    claim: ScheduleClaim,
+    degree: int,
+    start: tuple[np.ndarray, np.ndarray],
+    nodes: np.ndarray,
 ) -> ScheduleClaim | None:
     """Return the claim with the P and X of the largest margin at nodes, or None."""
     import cvxpy as cp
@@ -106,7 +120,9 @@ def _solve(
     P = [cp.Variable((n, n), symmetric=True) for _ in range(degree + 1)]
     X, t = cp.Variable(max(d.size, 1), nonneg=True), cp.Variable()
     decay = system[0][0] - (np.eye(n) if loop.dt else 0)
-    units = np.concatenate([1 / np.sqrt(np.maximum(np.linalg.norm(decay, axis=0), 1e-9)), np.ones(m)])
+    units = np.concatenate(
+        [1 / np.sqrt(np.maximum(np.linalg.norm(decay, axis=0), 1e-9)), np.ones(m)]
+    )
     constraints = [t <= 1, cp.trace(P[0]) <= _LARGEST * n, X >= _LEAST]
     E = np.eye(n, n + m)
     for theta in nodes:
@@ -116,11 +132,15 @@ def _solve(
         supply = np.zeros((n + m, n + m))
         for k, unit in enumerate(np.eye(d.size)):
             left, right = scaled_blocks(loop.blocks, unit, claim.level if claim.gain else None)
-            supply = supply + X[k] * (CD.T @ left @ CD - np.diag(np.concatenate([np.zeros(n), right])))
+            supply = supply + X[k] * (
+                CD.T @ left @ CD - np.diag(np.concatenate([np.zeros(n), right]))
+            )
         constraints.append(here >> _LEAST * np.eye(n))
         for moved in _moves(loop, claim, P, theta):
             half = E.T @ here @ AB
-            change = AB.T @ moved @ AB - E.T @ here @ E if loop.dt else half + half.T + E.T @ moved @ E
+            change = (
+                AB.T @ moved @ AB - E.T @ here @ E if loop.dt else half + half.T + E.T @ moved @ E
+            )
             M = cp.multiply(np.outer(units, units), change + supply)
             constraints.append((M + M.T) / 2 << -t * np.eye(n + m))
     problem = cp.Problem(cp.Maximize(t), constraints)
@@ -131,7 +151,9 @@ def _solve(
 
 
 def _in_coordinates(loop: ScheduledLoop, S: np.ndarray, d: np.ndarray) -> list[np.ndarray]:
-    """Return the coefficients of A, B, C, D in the coordinates S^-1 x, with the channels balanced by d."""
+    """Return the coefficients of A, B, C, D in the coordinates S^-1 x, with the channels balanced
+    by d.
+    """
     T = np.linalg.inv(S)
     rows, cols = (np.repeat(d, [block[k] for block in loop.blocks]) for k in (0, 1))
     A, B, C, D = (getattr(loop, name).to_array() for name in "ABCD")
@@ -139,11 +161,15 @@ def _in_coordinates(loop: ScheduledLoop, S: np.ndarray, d: np.ndarray) -> list[n
 
 
 def _moves(loop: ScheduledLoop, claim: ScheduleClaim, P: list, theta: float) -> list:
-    """Return P+ of each move of a discrete loop, +- nu dP/dtheta of a continuous one, as expressions."""
+    """Return P+ of each move of a discrete loop, +- nu dP/dtheta of a continuous one, as
+    expressions.
+    """
     if not loop.dt:
         slope = sum((k * theta ** (k - 1) * p for k, p in enumerate(P) if k), 0 * P[0])
         return [slope] if len(P) == 1 else [claim.rate * slope, -claim.rate * slope]
     with ctx.workprec(BITS):  # the weight of each coefficient of P in each move
-        powers = moved_polynomials(PolynomialMatrix.of(np.eye(len(P))[:, :, None]), claim.speed * loop.dt)
+        powers = moved_polynomials(
+            PolynomialMatrix.of(np.eye(len(P))[:, :, None]), claim.speed * loop.dt
+        )
         weights = [[float(x.mid()) for x in each.at(theta).entries()] for each in powers]
     return [sum(w * p for w, p in zip(row, P, strict=True)) for row in weights]

@@ -27,8 +27,11 @@ _BOUNDARY_FACTOR = 1e6  # times the shift of a pole by rounding
 MAX_EXACT_STATES = 60  # number of states; more would take seconds
 
 
-def is_near_boundary(system: control.StateSpace, found: tuple[np.ndarray, np.ndarray] | None = None) -> bool:
-    """Return whether a pole is so close to the stability boundary that rounding may matter, with a wide margin.
+def is_near_boundary(
+    system: control.StateSpace, found: tuple[np.ndarray, np.ndarray] | None = None
+) -> bool:
+    """Return whether a pole is so close to the stability boundary that rounding may matter, with a
+    wide margin.
 
     `found` are its `poles_with_rounding`, if they are known.
     """
@@ -69,10 +72,11 @@ TIME_CAP = 60.0  # processor time [s] after which a loop is left undecided
 def certify_closed_loop(
     P: control.StateSpace, K: control.StateSpace, gamma: float, *, subject: str = "norm"
 ) -> Certificate:
-    """Prove a level just above `gamma`, the computed norm of F_l(P, K); if that fails, just above the norm itself.
+    """Prove a level just above `gamma`, the computed norm of F_l(P, K); if that fails, just above
+    the norm itself.
 
-    The level of the certificate is the proved bound. If it does not hold, its level is a lower bound of the norm (inf
-    for an unstable loop). A loop with zero transfer has level zero.
+    The level of the certificate is the proved bound. If it does not hold, its level is a lower
+    bound of the norm (inf for an unstable loop). A loop with zero transfer has level zero.
     """
     plant, controller = to_matrices(P), to_matrices(K)
     claim = ClosedLoopClaim(plant=plant, controller=controller, level=gamma * (1 + _LEVEL_MARGIN))
@@ -89,10 +93,14 @@ def norm_of_closed_loop(plant: Matrices, controller: Matrices) -> GainBound:
     try:
         loop = transfer_of_loop(plant, controller)
     except ZeroDivisionError:
-        return GainBound(upper=np.inf, lower=np.inf, omega=np.nan, reason="the loop has no solution")
+        return GainBound(
+            upper=np.inf, lower=np.inf, omega=np.nan, reason="the loop has no solution"
+        )
     if not loop.stability.holds:
         return GainBound(upper=np.inf, lower=np.inf, omega=np.nan, reason="the loop is not stable")
-    return bound_transfer(loop, plant.dt or controller.dt, tolerance=_NORM_TOLERANCE, time_cap=TIME_CAP)
+    return bound_transfer(
+        loop, plant.dt or controller.dt, tolerance=_NORM_TOLERANCE, time_cap=TIME_CAP
+    )
 
 
 def certificate_of_loop(claim: ClosedLoopClaim, subject: str) -> Certificate:

@@ -26,7 +26,9 @@ def write_from_files(
     demand: tuple[float | None, float, float],
     **loop: float,
 ) -> None:
-    """Write the page for models and a controller with their paths; demand is (bandwidth [Hz], peak, error)."""
+    """Write the page for models and a controller with their paths; demand is (bandwidth [Hz], peak,
+    error).
+    """
     files, controller = paths
     out, (bandwidth, peak, error) = page_path(out), demand
     sources = PartSources(
@@ -34,9 +36,15 @@ def write_from_files(
         files=tuple(map(str, files)),
         controller="" if controller is None else str(controller),
         demand=f"robust.performance_weight(2 * np.pi * {bandwidth!r}, M_S={peak!r}, A={error!r})",
-        options="" if bandwidth is None else f"--bandwidth {bandwidth!r} --peak {peak!r} --error {error!r}",
+        options=""
+        if bandwidth is None
+        else f"--bandwidth {bandwidth!r} --peak {peak!r} --error {error!r}",
         title="Shape a loop around " + ", ".join(path.stem for path in files),
     )
-    w_P = None if bandwidth is None else performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
+    w_P = (
+        None if bandwidth is None else performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
+    )
     omega_c = None if bandwidth is None else 2 * np.pi * bandwidth
-    write_text(out, page_text(page_content(models, w_P=w_P, K=K, sources=sources, omega_c=omega_c, **loop)))
+    write_text(
+        out, page_text(page_content(models, w_P=w_P, K=K, sources=sources, omega_c=omega_c, **loop))
+    )

@@ -1,4 +1,7 @@
-"""Generated texts of the page: Python to paste into a script, and the command that proves the loop."""
+"""Generated texts of the page:
+
+Python to paste into a script, and the command that proves the loop.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +19,11 @@ _PLACE_OF_K = "# shaped"
 
 @value
 class PartSources:
-    """Names and files of models and controller for the texts of the page; empty if they are not from files.
+    """Names and files of models and controller for the texts of the page; empty if they are not
+    from files.
 
-    demand, options : the demand in Python, and as options of the command. title : heading of the page.
+    demand, options : the demand in Python, and as options of the command. title : heading of the
+    page.
     """
 
     names: tuple[str, ...] = ()
@@ -38,12 +43,20 @@ def python_script(
     dt: float,
     delay: float,
 ) -> str:
-    """Return a script that loads the models, has a marker for the controller, checks each model and saves K."""
-    files = sources.files or tuple(f"model{k + 1 if len(models) > 1 else ''}.json" for k in range(len(models)))
+    """Return a script that loads the models, has a marker for the controller, checks each model and
+    saves K.
+    """
+    files = sources.files or tuple(
+        f"model{k + 1 if len(models) > 1 else ''}.json" for k in range(len(models))
+    )
     several = len(files) > 1
     rows = ["import control", "import numpy as np", "import robust", ""]
     if not sources.files:
-        rows.append("# or use the model in memory" + " itself" * (not several) + "; robust.save writes such a file")
+        rows.append(
+            "# or use the model in memory"
+            + " itself" * (not several)
+            + "; robust.save writes such a file"
+        )
     if several:
         rows.append(f"models = [robust.load(path) for path in {list(files)!r}]")
     else:
@@ -61,7 +74,11 @@ def _starting_controller(sources: PartSources, K: control.StateSpace) -> str:
     """Return the Python of the controller at the start."""
     if sources.controller:
         return f"K = robust.load({sources.controller!r})"
-    return "K = " + (_state_space_literal(K) if K.nstates else f"control.ss([], [], [], [[{float(K.D[0, 0])!r}]], dt)")
+    return "K = " + (
+        _state_space_literal(K)
+        if K.nstates
+        else f"control.ss([], [], [], [[{float(K.D[0, 0])!r}]], dt)"
+    )
 
 
 def _state_space_literal(system: control.StateSpace) -> str:
@@ -71,8 +88,14 @@ def _state_space_literal(system: control.StateSpace) -> str:
 
 
 def proof_commands(sources: PartSources, w_P: control.StateSpace | None, delay: float) -> list[str]:
-    """Return the commands that prove the loop, one for each model; none if models or demand are not from files."""
+    """Return the commands that prove the loop, one for each model; none if models or demand are not
+    from files.
+    """
     if not sources.files or (w_P is not None and not sources.options):
         return []
-    arguments = f" {sources.options}" * bool(sources.options) + (f" --delay {delay:g}" if delay else "")
-    return [f"robust check {shlex.quote(file)} controller.json{arguments}" for file in sources.files]
+    arguments = f" {sources.options}" * bool(sources.options) + (
+        f" --delay {delay:g}" if delay else ""
+    )
+    return [
+        f"robust check {shlex.quote(file)} controller.json{arguments}" for file in sources.files
+    ]

@@ -27,13 +27,16 @@ from robust.models.sets.model import UncertaintyModel
 from robust.reports.shaping_page.beginning import starting_state
 from robust.reports.shaping_page.generated_text import PartSources, proof_commands, python_script
 
-# ---- A system for the page: a Hessenberg form, whose response costs n^2 operations for each frequency.
+# ---- A system for the page: a Hessenberg form, whose response costs n^2 operations for each
+# frequency.
 
 
 def _encode_response(system: control.StateSpace) -> JsonObject:
-    """Encode a system for C (x I - H)^-1 B + D, with x = j omega, or exp(j omega dt) - 1 if it is sampled.
+    """Encode a system for C (x I - H)^-1 B + D, with x = j omega, or exp(j omega dt) - 1 if it is
+    sampled.
 
-    A sampled system is encoded as A - I, because its slow poles are close to one and would lose digits.
+    A sampled system is encoded as A - I, because its slow poles are close to one and would lose
+    digits.
     """
     dt = timebase(system)
     A, B, C = scale_states(system.A - np.eye(system.nstates) * (dt > 0), system.B, system.C)
@@ -48,7 +51,9 @@ def _encode_response(system: control.StateSpace) -> JsonObject:
 
 
 def _uncertain_poles(system: control.StateSpace) -> list[list[float]]:
-    """Return [re, im] of the poles that are not stable beyond rounding; sampled ones as s = 2/dt (z - 1)/(z + 1)."""
+    """Return [re, im] of the poles that are not stable beyond rounding; sampled ones as s = 2/dt (z
+    - 1)/(z + 1).
+    """
     dt = timebase(system)
     poles, moved = poles_with_rounding(system)
     found = poles[(np.abs(poles) - 1 if dt else poles.real) >= -moved]
@@ -57,10 +62,13 @@ def _uncertain_poles(system: control.StateSpace) -> list[list[float]]:
     return [[float(p.real), float(p.imag)] for p in found]
 
 
-# ---- Content of the page: models as seen by the controller, the demand, the controller at the start.
+# ---- Content of the page: models as seen by the controller, the demand, the controller at the
+# start.
 
 _LARGEST_NUMBER = 1e300
-_UNFILTERED_SIZE = 1e120  # stands for a sum over aliases without a bound; its square is still finite
+_UNFILTERED_SIZE = (
+    1e120  # stands for a sum over aliases without a bound; its square is still finite
+)
 #: Decades below and above the lines over which the winding is counted, and points in each.
 _DECADES_BELOW, _DECADES_ABOVE, _POINTS_PER_DECADE = 5, 3, 4
 #: Frequencies up to Nyquist, relative to it.
@@ -73,10 +81,13 @@ def _list_models(models: UncertaintyModel | Sequence[UncertaintyModel]) -> list[
     """Return the models of a page; refuse other things, and models without a parametric nominal."""
     found = list(models) if isinstance(models, Sequence) else [models]
     if not found or not all(isinstance(model, UncertaintyModel) for model in found):
-        raise ValueError(f"model must be an UncertaintyModel or a list of them, got {short_form(found)}")
+        raise ValueError(
+            f"model must be an UncertaintyModel or a list of them, got {short_form(found)}"
+        )
     if any(model.measured_only for model in found):
         raise ValueError(
-            "model must have a parametric nominal to shape a loop, got a measured FRF. Make a nominal by fit_nominal"
+            "model must have a parametric nominal to shape a loop, got a measured FRF. Make a"
+            " nominal by fit_nominal"
         )
     return found
 
@@ -91,7 +102,10 @@ def page_content(
     sources: PartSources,
     omega_c: float | None = None,
 ) -> JsonObject:
-    """Return the content of the page for JSON. Without K the page starts with |L| = 1 at omega_c [rad/s]."""
+    """Return the content of the page for JSON.
+
+    Without K the page starts with |L| = 1 at omega_c [rad/s].
+    """
     models = _list_models(models)
     initial = state_space("K", 1.0 if K is None else K)
     w_P = None if w_P is None else state_space("w_P", w_P)
@@ -99,7 +113,10 @@ def page_content(
     start = control.StateSpace(initial.A, initial.B, initial.C, initial.D, dt)
     loops = [assemble_loop(model, start, w_P=w_P, delay=delay) for model in models]
     if len({loop.dt for loop in loops}) > 1:
-        raise ValueError(f"model must have one sampling time, got {', '.join(f'{loop.dt:g} s' for loop in loops)}")
+        raise ValueError(
+            "model must have one sampling time, got"
+            f" {', '.join(f'{loop.dt:g} s' for loop in loops)}"
+        )
     dt = loops[0].dt
     for model in models if dt else ():
         warn_of_unknown_hold(model, dt)
@@ -107,9 +124,11 @@ def page_content(
     omega = _shared_grid(models, loops)
     return {
         "title": sources.title,
-        "begin": {"gain": 1, "elements": []}
-        if K is not None
-        else starting_state(models, loops, np.array(omega), omega_c=omega_c, delay=delay),
+        "begin": (
+            {"gain": 1, "elements": []}
+            if K is not None
+            else starting_state(models, loops, np.array(omega), omega_c=omega_c, delay=delay)
+        ),
         "warnings": list(dict.fromkeys(text for model in models for text in model.warnings)),
         "dt": dt,
         "delay": delay,
@@ -125,11 +144,17 @@ def page_content(
 
 
 def _loop_sampling_time(models: list[UncertaintyModel], K: control.StateSpace, dt: float) -> float:
-    """Return the sampling time of the loop [s]: as given, that of the controller, or that of the models."""
+    """Return the sampling time of the loop [s]: as given, that of the controller, or that of the
+    models.
+    """
     dt = require_nonnegative("dt", dt)
-    step = one_sampling_time([dt, *(model.nominal.dt for model in models), 0.0 if is_constant(K) else K.dt])
+    step = one_sampling_time(
+        [dt, *(model.nominal.dt for model in models), 0.0 if is_constant(K) else K.dt]
+    )
     if not is_constant(K) and step and not timebase(K):
-        raise ValueError(f"K must be sampled at {step:g} s like the loop, got a continuous one. Use discretize")
+        raise ValueError(
+            f"K must be sampled at {step:g} s like the loop, got a continuous one. Use discretize"
+        )
     return step
 
 
@@ -137,7 +162,10 @@ def _encode_model(name: str, model: UncertaintyModel, loop: Loop) -> JsonObject:
     """Encode one model: its responses, its bounds on |L|, its poles that may be unstable."""
     row = FORMS[model.form]
     if row.depends_on_units:  # its conditions are no products of w, G and K
-        raise ValueError(f"model must have a form that the page can compute, got {model.form}: use plot_loop_bounds")
+        raise ValueError(
+            f"model must have a form that the page can compute, got {model.form}: use"
+            " plot_loop_bounds"
+        )
     # without a demand the bounds are those of robust stability, computed with a negligible demand
     demand = control.StateSpace([], [], [], [[1e-9]]) if loop.w_P is None else loop.w_P
     low, high = loop_bounds(model, demand)
@@ -154,18 +182,25 @@ def _encode_model(name: str, model: UncertaintyModel, loop: Loop) -> JsonObject:
         # JSON has no infinity: beyond every plot
         "low": np.minimum(low, _LARGEST_NUMBER)[: omega.size].tolist(),
         "high": np.minimum(high, _LARGEST_NUMBER)[: omega.size].tolist(),
-        "set": f"{model.form}, {model.perturbation}" + ", aliases left to the check" * _omits_aliases(loop),
+        "set": (
+            f"{model.form}, {model.perturbation}"
+            + ", aliases left to the check" * _omits_aliases(loop)
+        ),
         "aliases": _encode_aliases(loop),
     }
 
 
 def _omits_aliases(loop: Loop) -> bool:
-    """Return whether the page shows rs without aliases: in an inverse form their condition is no magnitude of K S."""
+    """Return whether the page shows rs without aliases: in an inverse form their condition is no
+    magnitude of K S.
+    """
     return loop.aliases is not None and loop.aliases.inverse
 
 
 def _encode_aliases(loop: Loop) -> JsonObject | None:
-    """Encode the sums over the aliases of a frequency (`robust.analysis.aliases`); None without aliases."""
+    """Encode the sums over the aliases of a frequency (`robust.analysis.aliases`); None without
+    aliases.
+    """
     aliases = loop.aliases
     if aliases is None or aliases.inverse:
         return None
@@ -181,7 +216,9 @@ def _encode_aliases(loop: Loop) -> JsonObject | None:
 
 
 def _shared_grid(models: list[UncertaintyModel], loops: list[Loop]) -> list[float]:
-    """Return frequencies [rad/s] of all models: their lines and modes, sparse for decades on both sides."""
+    """Return frequencies [rad/s] of all models: their lines and modes, sparse for decades on both
+    sides.
+    """
     grids = []
     for model, loop in zip(models, loops, strict=True):
         lines = model.omega[:: model.omega.size // _MAX_LINES + 1]
@@ -189,7 +226,9 @@ def _shared_grid(models: list[UncertaintyModel], loops: list[Loop]) -> list[floa
     omega = np.unique(np.concatenate(grids))
     omega = omega[np.concatenate([[True], np.diff(np.log(omega)) > 1e-5])]
     low, high = omega[0], omega[-1]
-    far = [low * np.geomspace(10.0**-_DECADES_BELOW, 1, _DECADES_BELOW * _POINTS_PER_DECADE + 1)[:-1]]
+    far = [
+        low * np.geomspace(10.0**-_DECADES_BELOW, 1, _DECADES_BELOW * _POINTS_PER_DECADE + 1)[:-1]
+    ]
     top = loops[0].omega_max
     beyond = (
         high * np.geomspace(1, 10.0**_DECADES_ABOVE, _DECADES_ABOVE * _POINTS_PER_DECADE + 1)[1:]
@@ -235,12 +274,14 @@ def write_shaping_page(
     delay: float = 0.0,
     title: str = "Shape a loop",
 ) -> None:
-    """Write a page to shape a loop by hand: drag gain, integrator, lead, notch and roll-off on |L|, live.
+    """Write a page to shape a loop by hand: drag gain, integrator, lead, notch and roll-off on |L|,
+    live.
 
-    Use this to design a controller by eye, or to change one. The page is one HTML file that runs in any browser, needs
-    no server and sends no request. It shows |L| between its bounds, Nyquist plot with the discs of the set, rs, rp, S,
-    T, step response and a verdict *on a grid*, for several models at once. It gives PID gains, Python to paste, and
-    the command that proves the loop. The page itself proves nothing.
+    Use this to design a controller by eye, or to change one. The page is one HTML file that runs in
+    any browser, needs no server and sends no request. It shows |L| between its bounds, Nyquist plot
+    with the discs of the set, rs, rp, S, T, step response and a verdict *on a grid*, for several
+    models at once. It gives PID gains, Python to paste, and the command that proves the loop. The
+    page itself proves nothing.
 
     Parameters
     ----------
@@ -251,8 +292,9 @@ def write_shaping_page(
     w_P : control.StateSpace or TransferFunction, optional
         Performance weight.
     K : control.StateSpace, TransferFunction or float, optional
-        Controller at the start; the shaped elements are multiplied to it. The default is a gain, with integrator, lead
-        and roll-off if the plant needs them, that makes |L| = 1 near the end of the demand or of the set.
+        Controller at the start; the shaped elements are multiplied to it. The default is a gain,
+        with integrator, lead and roll-off if the plant needs them, that makes |L| = 1 near the end
+        of the demand or of the set.
     dt : float
         Sampling time [s] of the controller; 0 for that of K or of a sampled model, else continuous.
     delay : float
@@ -263,8 +305,8 @@ def write_shaping_page(
     Raises
     ------
     ValueError
-        A path that does not end in .html, a model without a parametric nominal, a form that the page cannot compute, or
-        sampling times that differ.
+        A path that does not end in .html, a model without a parametric nominal, a form that the
+        page cannot compute, or sampling times that differ.
     FileNotFoundError
         A folder that does not exist.
 
@@ -288,19 +330,30 @@ def write_shaping_page(
     (True, False)
     """
     path = page_path(path)
-    write_text(path, page_text(page_content(model, w_P=w_P, K=K, dt=dt, delay=delay, sources=PartSources(title=title))))
+    write_text(
+        path,
+        page_text(
+            page_content(model, w_P=w_P, K=K, dt=dt, delay=delay, sources=PartSources(title=title))
+        ),
+    )
 
 
 def page_text(content: JsonObject) -> str:
     """Return the page, as text."""
     # "<" cannot end the script element that holds the content
     text = json.dumps(content, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-    return _PAGE.format(title=escape(content["title"]), style=read_style(), content=text, script=read_script())
+    return _PAGE.format(
+        title=escape(content["title"]), style=read_style(), content=text, script=read_script()
+    )
 
 
 def read_script() -> str:
-    """Return the JavaScript of page and notebook, with the entry point `start(element, content, changed)`."""
-    return "\n".join(_read_part(name) for name in ("uplot/uPlot.iife.min.js", "arithmetic.js", "view.js"))
+    """Return the JavaScript of page and notebook, with the entry point `start(element, content,
+    changed)`.
+    """
+    return "\n".join(
+        _read_part(name) for name in ("uplot/uPlot.iife.min.js", "arithmetic.js", "view.js")
+    )
 
 
 def read_style() -> str:
@@ -309,6 +362,8 @@ def read_style() -> str:
 
 
 def _read_part(name: str) -> str:
-    """Return a file of this package, with closing tags escaped, which would end the element around it."""
+    """Return a file of this package, with closing tags escaped, which would end the element around
+    it.
+    """
     text = files("robust.reports.shaping_page").joinpath(name).read_text(encoding="utf-8")
     return text.replace("</script", "<\\/script").replace("</style", "<\\/style")

@@ -1,4 +1,6 @@
-"""The shaping page as the output of a notebook cell, from which the shaped controller can be read."""
+"""The shaping page as the output of a notebook cell, from which the shaped controller can be
+read.
+"""
 
 from __future__ import annotations
 
@@ -37,9 +39,11 @@ def shape(
     dt: float = 0.0,
     delay: float = 0.0,
 ) -> anywidget.AnyWidget:
-    """Shape a loop by hand in a notebook, live: the page of `write_shaping_page` as the output of a cell.
+    """Shape a loop by hand in a notebook, live: the page of `write_shaping_page` as the output of a
+    cell.
 
-    Drag gain, integrator, lead, notch and roll-off on |L|; read the controller back as `.K` and prove it with `check`.
+    Drag gain, integrator, lead, notch and roll-off on |L|; read the controller back as `.K` and
+    prove it with `check`.
 
     Parameters
     ----------
@@ -57,12 +61,14 @@ def shape(
     Returns
     -------
     anywidget.AnyWidget
-        With `K`, the present controller of the page as control.StateSpace, and `state`, its gain and elements.
+        With `K`, the present controller of the page as control.StateSpace, and `state`, its gain
+        and elements.
 
     Raises
     ------
     ValueError
-        A model without a parametric nominal, a form that the page cannot compute, or sampling times that differ.
+        A model without a parametric nominal, a form that the page cannot compute, or sampling times
+        that differ.
     ImportError
         The package anywidget is missing.
 

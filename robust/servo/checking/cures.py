@@ -1,4 +1,6 @@
-"""Changes of a drive that improve its friction verdict: the proof is repeated with each, the most useful first."""
+"""Changes of a drive that improve its friction verdict: the proof is repeated with each, the most
+useful first.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,8 @@ from robust.friction.proof.protocol import FrictionClass
 from robust.friction.proof.prove import prove_friction
 from robust.servo.gains.p_pi import cascade
 
-#: Factor on a gain or a time: large enough to matter, small enough to be tried on a machine in one step.
+# : Factor on a gain or a time: large enough to matter, small enough to be tried on a machine in one
+# step.
 _STEP = 1.5
 #: Remaining share of a compensated friction.
 _COMPENSATED = 0.3
@@ -34,8 +37,8 @@ class FrictionCure:
     verdict : FrictionVerdict
         Verdict with the change.
     error : float
-        Largest final distance from the set point [m] or [rad], at rest or hunting, with every friction of the
-        class up to the force Fs; infinite if no bound is known.
+        Largest final distance from the set point [m] or [rad], at rest or hunting, with every
+        friction of the class up to the force Fs; infinite if no bound is known.
     unit : str
         Unit of the error.
 
@@ -59,7 +62,10 @@ class FrictionCure:
         within = f"within {self.error:.3g} {self.unit}"
         if self.verdict is not FrictionVerdict.PROVED:
             within = f"may move {within} for ever"
-        return f"{self.change}: {self.verdict}, {within if np.isfinite(self.error) else 'without a bound'}"
+        return (
+            f"{self.change}: {self.verdict},"
+            f" {within if np.isfinite(self.error) else 'without a bound'}"
+        )
 
 
 def friction_cures(
@@ -72,10 +78,11 @@ def friction_cures(
 ) -> tuple[FrictionCure, ...]:
     """Return the changes of a drive that improve its friction verdict, the best first.
 
-    Use this if `prove_friction` does not prove that an axis comes to rest. The proof is repeated with each of four
-    changes: velocity gain times 1.5; reset time times 1.5; no integral action, as with a large dead band or a leaky
-    integrator; a compensation that leaves at most 30 % of the friction. Nothing else is assumed of the remaining
-    friction. A compensation that follows the set point acts only while the set point moves.
+    Use this if `prove_friction` does not prove that an axis comes to rest. The proof is repeated
+    with each of four changes: velocity gain times 1.5; reset time times 1.5; no integral action, as
+    with a large dead band or a leaky integrator; a compensation that leaves at most 30 % of the
+    friction. Nothing else is assumed of the remaining friction. A compensation that follows the set
+    point acts only while the set point moves.
 
     Parameters
     ----------
@@ -93,8 +100,9 @@ def friction_cures(
     Returns
     -------
     tuple of FrictionCure
-        First the changes with which the axis comes to rest, then those with a smaller error than the present gains,
-        each group in the order of its error. A change that does not help is left out.
+        First the changes with which the axis comes to rest, then those with a smaller error than
+        the present gains, each group in the order of its error. A change that does not help is left
+        out.
 
     Raises
     ------
@@ -118,16 +126,22 @@ def friction_cures(
     forces = largest_forces(machine, Fs)
     unit = settings.kp_unit
     changed = {
-        f"kp {settings.kp:.4g} -> {_STEP * settings.kp:.4g} {unit}": replace(settings, kp=_STEP * settings.kp),
+        f"kp {settings.kp:.4g} -> {_STEP * settings.kp:.4g} {unit}": replace(
+            settings, kp=_STEP * settings.kp
+        ),
     }
     if np.isfinite(settings.tn):
         longer = f"tn {1e3 * settings.tn:.4g} -> {1e3 * _STEP * settings.tn:.4g} ms"
         changed[longer] = replace(settings, tn=_STEP * settings.tn)
-        changed["no integral action (dead band or leak of the integrator)"] = replace(settings, tn=np.inf)
+        changed["no integral action (dead band or leak of the integrator)"] = replace(
+            settings, tn=np.inf
+        )
     found = []
     for change, other in changed.items():
         verdict, error, _ = _judge(machine, other, friction, forces=forces, output_unit=output_unit)
-        found.append(FrictionCure(change=change, verdict=verdict, error=error, unit=machine.position_unit))
+        found.append(
+            FrictionCure(change=change, verdict=verdict, error=error, unit=machine.position_unit)
+        )
     _, present, bound = _judge(machine, settings, friction, forces=forces, output_unit=output_unit)
     found.append(
         FrictionCure(
@@ -137,8 +151,12 @@ def friction_cures(
             unit=machine.position_unit,
         )
     )
-    helps = [cure for cure in found if cure.verdict is FrictionVerdict.PROVED or cure.error < present]
-    return tuple(sorted(helps, key=lambda cure: (cure.verdict is not FrictionVerdict.PROVED, cure.error)))
+    helps = [
+        cure for cure in found if cure.verdict is FrictionVerdict.PROVED or cure.error < present
+    ]
+    return tuple(
+        sorted(helps, key=lambda cure: (cure.verdict is not FrictionVerdict.PROVED, cure.error))
+    )
 
 
 def _judge(
@@ -149,7 +167,9 @@ def _judge(
     forces: np.ndarray,
     output_unit: str,
 ) -> tuple[FrictionVerdict, float, float]:
-    """Return the verdict, its error, and the bound for any friction up to `forces` (P,); infinite if there is none."""
+    """Return the verdict, its error, and the bound for any friction up to `forces` (P,); infinite
+    if there is none.
+    """
     K = cascade(settings, output_unit=output_unit)
     proof = prove_friction(machine, K, friction, delay=settings.delay, Fs=forces.tolist())
     bound = float(np.nan_to_num(proof.error_bound, nan=np.inf))

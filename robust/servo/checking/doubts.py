@@ -19,8 +19,9 @@ from robust.analysis.report import RobustnessReport
 from robust.models.sets.model import UncertaintyModel
 from robust.servo.checking.findings import BaseMotion, Conditions, Doubt, DoubtKind, RecordedGains
 
-#: Number of lowest lines that decide whether friction holds an axis. It does if the mean cosine of the phase of G on
-#: them is above the second number: the cosine is 1 for a spring, 0 for a damper, -1 for a mass.
+# : Number of lowest lines that decide whether friction holds an axis. It does if the mean cosine of
+# the phase of G on : them is above the second number: the cosine is 1 for a spring, 0 for a damper,
+# -1 for a mass.
 _LOW_LINES, _HELD = 6, 0.5
 
 
@@ -34,28 +35,35 @@ def doubts_of_warnings(under: Sequence[Conditions], warned: Sequence[Sequence[st
     return [Doubt(DoubtKind.WARNED_TRACE, text) for text in dict.fromkeys(texts)]
 
 
-def doubt_of_trace_at_rest(name: str, machine: nlfrf.Bla, *, under: Conditions, unit: str) -> Doubt | None:
-    """Return a doubt if friction holds the axis in a trace: G is a spring on low lines, or the design is at rest."""
+def doubt_of_trace_at_rest(
+    name: str, machine: nlfrf.Bla, *, under: Conditions, unit: str
+) -> Doubt | None:
+    """Return a doubt if friction holds the axis in a trace:
+
+    G is a spring on low lines, or the design is at rest.
+    """
     low = machine.G[:_LOW_LINES]
     held = np.mean((low / np.abs(low)).real) > _HELD
     if not (held or under.motion is BaseMotion.AT_REST):
         return None
     found = (
-        f"in {name} the axis is held, as by a spring of {np.median((1 / low).real):.3g} {unit} from "
-        f"{machine.f[0]:.4g} to {machine.f[: low.size][-1]:.4g} Hz"
+        f"in {name} the axis is held, as by a spring of {np.median((1 / low).real):.3g} {unit} from"
+        f" {machine.f[0]:.4g} to {machine.f[: low.size][-1]:.4g} Hz"
         if held
         else f"{name} was recorded at rest, where friction holds the axis part of the time"
     )
     return Doubt(
         DoubtKind.AT_REST,
-        f"{found}. This trace cannot judge the gains, because in motion friction does not hold the axis. Take a trace "
-        "in motion: robust servo design ... --velocity V, then --design here. If a spring to ground is part of the "
-        "machine, give traces at three levels or more",
+        f"{found}. This trace cannot judge the gains, because in motion friction does not hold the"
+        " axis. Take a trace in motion: robust servo design ... --velocity V, then --design here."
+        " If a spring to ground is part of the machine, give traces at three levels or more",
     )
 
 
 def doubt_of_crossover(report: RobustnessReport) -> Doubt | None:
-    """Return a doubt if the loop crosses over outside the measured band, where the model is assumed."""
+    """Return a doubt if the loop crosses over outside the measured band, where the model is
+    assumed.
+    """
     if report.given.band is None or report.curves.G is None or report.curves.K is None:
         return None
     crossover = classical_margins(report.curves.omega, report.curves.L).crossover
@@ -70,17 +78,23 @@ def doubt_of_crossover(report: RobustnessReport) -> Doubt | None:
     )
     return Doubt(
         DoubtKind.OUTSIDE_BAND,
-        f"the loop crosses over at {format_hertz(crossover)}, {side} the measured band of {format_hertz(first)} to "
-        f"{format_hertz(last)}. There the model is assumed, and so are stability and margins. Take a trace {wanted}",
+        f"the loop crosses over at {format_hertz(crossover)}, {side} the measured band of"
+        f" {format_hertz(first)} to {format_hertz(last)}. There the model is assumed, and so are"
+        f" stability and margins. Take a trace {wanted}",
     )
 
 
-def stabilizing_factor(model: UncertaintyModel, K: control.StateSpace, delay: float) -> float | None:
+def stabilizing_factor(
+    model: UncertaintyModel, K: control.StateSpace, delay: float
+) -> float | None:
     """Return the mildest tried factor on kp with which the nominal loop is stable, or None.
 
     A higher kp helps if kv and 1/tn are too high for kp; otherwise a lower kp helps.
     """
-    loops = ((factor, assemble_loop(model, K * factor, w_P=None, delay=delay)) for factor in _TRIED_FACTORS)
+    loops = (
+        (factor, assemble_loop(model, K * factor, w_P=None, delay=delay))
+        for factor in _TRIED_FACTORS
+    )
     return next((factor for factor, loop in loops if decide_nominal_stability(loop).stable), None)
 
 
@@ -89,40 +103,46 @@ def doubt_of_unstable_model(
 ) -> Doubt | None:
     """Return a doubt if the nominal loop is unstable: the gains or the model are wrong.
 
-    The model is wrong if the trace was recorded with these gains, or if the proof with friction shows stability.
+    The model is wrong if the trace was recorded with these gains, or if the proof with friction
+    shows stability.
     """
     if report.nominally_stable:
         return None
-    if proved and under.motion is not BaseMotion.MOVING:  # in motion it may be a mode that the levels do not reach
+    if (
+        proved and under.motion is not BaseMotion.MOVING
+    ):  # in motion it may be a mode that the levels do not reach
         return Doubt(
             DoubtKind.CONTRADICTED,
-            f"the linear model of {name} is unstable with these gains, but the machine and friction read from all "
-            "traces at rest are proved stable: the linear model contains the friction at rest. Take a trace in motion, "
-            "in a band around the crossover: robust servo design ... --velocity V, then --design here",
+            f"the linear model of {name} is unstable with these gains, but the machine and friction"
+            " read from all traces at rest are proved stable: the linear model contains the"
+            " friction at rest. Take a trace in motion, in a band around the crossover: robust"
+            " servo design ... --velocity V, then --design here",
         )
     if under.gains is RecordedGains.SAME:
         return Doubt(
             DoubtKind.CONTRADICTED,
-            f"{name} was recorded with these gains, by its design, in a loop that was stable. With the model the loop "
-            "is unstable, so the model is wrong, and the margins are unknown. Take a trace in motion, with more "
-            "periods or realisations, in a band around the crossover",
+            f"{name} was recorded with these gains, by its design, in a loop that was stable. With"
+            " the model the loop is unstable, so the model is wrong, and the margins are unknown."
+            " Take a trace in motion, with more periods or realisations, in a band around the"
+            " crossover",
         )
     cure = (
-        f"no kp of {min(_TRIED_FACTORS):g} to {max(_TRIED_FACTORS):g} times the present one makes it stable: change kv "
-        "and tn"
+        f"no kp of {min(_TRIED_FACTORS):g} to {max(_TRIED_FACTORS):g} times the present one makes"
+        " it stable: change kv and tn"
         if factor is None
         else f"{factor:g} times the present kp makes it stable"
     )
     if under.gains is RecordedGains.OTHER:
         return Doubt(
             DoubtKind.UNSTABLE,
-            f"{name} was recorded with other gains, by its design. With these gains the loop is unstable; {cure}",
+            f"{name} was recorded with other gains, by its design. With these gains the loop is"
+            f" unstable; {cure}",
         )
     return Doubt(
         DoubtKind.UNSTABLE,
-        f"the loop is unstable with the model of {name}. If the trace was recorded with these gains, the loop was "
-        "stable and the model is wrong: take a trace in motion, in a band around the crossover, and give its --design. "
-        f"If not, the gains are wrong; {cure}",
+        f"the loop is unstable with the model of {name}. If the trace was recorded with these"
+        " gains, the loop was stable and the model is wrong: take a trace in motion, in a band"
+        f" around the crossover, and give its --design. If not, the gains are wrong; {cure}",
     )
 
 
@@ -139,11 +159,14 @@ def doubt_of_margins(report: RobustnessReport) -> Doubt | None:
 
 
 def doubt_of_approximation(settings: Drive) -> Doubt | None:
-    """Return a doubt if the position loop is slower than the velocity loop, because its mean was checked."""
+    """Return a doubt if the position loop is slower than the velocity loop, because its mean was
+    checked.
+    """
     if settings.position_every == 1:
         return None
     return Doubt(
         DoubtKind.APPROXIMATED,
-        f"an approximation was checked: the position loop runs once in {settings.position_every} periods of the "
-        "velocity loop, and was replaced by its mean over these; nothing is proved of the drive itself",
+        f"an approximation was checked: the position loop runs once in {settings.position_every}"
+        " periods of the velocity loop, and was replaced by its mean over these; nothing is proved"
+        " of the drive itself",
     )

@@ -1,4 +1,6 @@
-"""The result of a check of gains: verdict, conditions of the traces, doubts, and the page as text."""
+"""The result of a check of gains: verdict, conditions of the traces, doubts, and the page as
+text.
+"""
 
 from __future__ import annotations
 
@@ -36,14 +38,20 @@ _WORDS = {
     "radius": "largest distance of the FRF on a line from the model, relative to the model",
     "weight": "bound of this distance at all frequencies, at least the radius",
     "rs": "weight times |T|; the loop is stable with every plant of the set if rs is below 1",
-    "S, T": "S = 1/(1 + L) and T = 1 - S, with the loop gain L; |S| reaches 0.71 at the bandwidth of S",
-    "disk margin": "change of gain, of phase, or of both by less, with which the loop is still stable",
+    "S, T": (
+        "S = 1/(1 + L) and T = 1 - S, with the loop gain L; |S| reaches 0.71 at the bandwidth of S"
+    ),
+    "disk margin": (
+        "change of gain, of phase, or of both by less, with which the loop is still stable"
+    ),
 }
 _TRACE_HEAD = ("trace", "force, rms", "total", "motion, rms", "total", "lines", "band")
 
 
 class DriveVerdict(State):
-    """Verdict on gains, for linear loop and friction together; it decides the exit code of the command."""
+    """Verdict on gains, for linear loop and friction together; it decides the exit code of the
+    command.
+    """
 
     PASSED = "passed"
     NOT_PASSED = "not passed"
@@ -68,9 +76,11 @@ class BaseMotion(State):
 
 
 class Conditions(NamedTuple):
-    """Conditions of a trace: gains, motion, base velocity [m/s] or [rad/s], and warnings from reading all traces.
+    """Conditions of a trace: gains, motion, base velocity [m/s] or [rad/s], and warnings from
+    reading all traces.
 
-    unread : reason for each pre-test from which no class of friction can be read. levels : all levels of the pre-tests.
+    unread : reason for each pre-test from which no class of friction can be read. levels : all
+    levels of the pre-tests.
     """
 
     gains: RecordedGains = RecordedGains.UNKNOWN
@@ -87,7 +97,9 @@ class DoubtKind(State):
     AT_REST = "friction held the axis in the trace, which cannot judge the gains"
     OUTSIDE_BAND = "the loop crosses over outside the measured band"
     UNSTABLE = "the nominal loop is unstable with these gains"
-    CONTRADICTED = "the linear model is wrong: it is unstable with gains that are known to be stable"
+    CONTRADICTED = (
+        "the linear model is wrong: it is unstable with gains that are known to be stable"
+    )
     THIN_MARGINS = "thin margins"
     APPROXIMATED = "an approximation of the drive was checked"
     WARNED_TRACE = "a trace has a warning"
@@ -101,7 +113,9 @@ class Doubt(NamedTuple):
 
 
 class Trace(NamedTuple):
-    """A trace: rms of force and motion, each on the lines and in total; motion of the axis; lines and band [Hz]."""
+    """A trace: rms of force and motion, each on the lines and in total; motion of the axis; lines
+    and band [Hz].
+    """
 
     name: str
     force: tuple[float, float]
@@ -115,7 +129,8 @@ class Trace(NamedTuple):
     def row(self) -> tuple[str, ...]:
         """Row of the table below `_TRACE_HEAD`."""
         N, m = self.units
-        forces, motions = (f"{one:.3g} {N}" for one in self.force), (format_length(one, m) for one in self.motion)
+        forces = (f"{one:.3g} {N}" for one in self.force)
+        motions = (format_length(one, m) for one in self.motion)
         first, last = self.band
         return self.name, *forces, *motions, str(self.n_lines), f"{first:.4g} to {last:.4g} Hz"
 
@@ -127,7 +142,8 @@ class DriveCheck:
     Fields
     ------
     settings : Drive
-        The gains, for a position in m or rad. Delay and lag are those of the trace if it refutes the given ones.
+        The gains, for a position in m or rad. Delay and lag are those of the trace if it refutes
+        the given ones.
     unit : str
         Unit of the force set point: "N", "Nm", or "A" without a torque constant.
     traces : tuple of Trace
@@ -169,16 +185,29 @@ class DriveCheck:
 
     @property
     def proved(self) -> bool:
-        """True if the drive itself is proved: stable with the whole set, at rest with every friction of the class."""
-        return self.report.proofs.robustly_stable and self.friction.proved and self.settings.position_every == 1
+        """True if the drive itself is proved: stable with the whole set, at rest with every
+        friction of the class.
+        """
+        return (
+            self.report.proofs.robustly_stable
+            and self.friction.proved
+            and self.settings.position_every == 1
+        )
 
     @property
     def verdict(self) -> DriveVerdict:
-        """Verdict on linear loop and friction. Friction that was not judged, or hunts in simulation, has not passed."""
+        """Verdict on linear loop and friction.
+
+        Friction that was not judged, or hunts in simulation, has not passed.
+        """
         if self.linear_passed and not self.friction.proofs and not self.friction.hunts:
             bounded = np.isfinite(self.friction.within)
             return DriveVerdict.FRICTION_BOUNDED if bounded else DriveVerdict.FRICTION_NOT_JUDGED
-        return DriveVerdict.PASSED if self.linear_passed and self.friction.proved else DriveVerdict.NOT_PASSED
+        return (
+            DriveVerdict.PASSED
+            if self.linear_passed and self.friction.proved
+            else DriveVerdict.NOT_PASSED
+        )
 
     @property
     def safe(self) -> bool:
@@ -188,24 +217,43 @@ class DriveCheck:
     @property
     def findings(self) -> tuple[str, ...]:
         """Meaning of the verdict for the axis, then reasons and conditions, one sentence each."""
-        largest = f"max |S| is {self.report.margins.S_worst:.3g}, at most {self.report.peak:g} is allowed"
+        largest = (
+            f"max |S| is {self.report.margins.S_worst:.3g}, at most {self.report.peak:g} is allowed"
+        )
         stable = f"The linear loop is stable with every linear plant of the set; {largest}"
         if self.safe:
             rests = "The axis comes to rest with every friction of the class below"
-            return "PASSED, linear loop and friction: the axis may run with these gains", stable, rests
+            return (
+                "PASSED, linear loop and friction: the axis may run with these gains",
+                stable,
+                rests,
+            )
         if self.linear_passed and self.friction.proofs:
-            return f"NOT PASSED, friction: rest is not proved; the axis {self.friction.headline}", stable
+            return (
+                f"NOT PASSED, friction: rest is not proved; the axis {self.friction.headline}",
+                stable,
+            )
         if self.linear_passed and self.friction.hunts:
             return f"NOT PASSED, friction: the axis {self.friction.headline}", stable
         if self.linear_passed:
             within = ""
             if self.verdict is DriveVerdict.FRICTION_BOUNDED:
-                within = f"stays within {format_length(self.friction.within, self.settings.base_unit)}, proved, and "
+                within = (
+                    f"stays within {format_length(self.friction.within, self.settings.base_unit)},"
+                    " proved, and "
+                )
             return f"{self.verdict}: the axis {within}{self.friction.headline}", stable
         why: str = self.doubts[0].kind if self.doubts else self.report.reason
         why += f"; the axis {self.friction.headline}" * self.friction.hunts
-        more = ("The verdict of the linear loop below only means that its loop is stable with every plant of the set",)
-        return f"NOT PASSED, linear loop: {why}", *(more if self.report.proofs.robustly_stable else ())
+        more = (
+            (
+                "The verdict of the linear loop below only means that its loop is stable with every"
+                " plant of the set"
+            ),
+        )
+        return f"NOT PASSED, linear loop: {why}", *(
+            more if self.report.proofs.robustly_stable else ()
+        )
 
     @property
     def conclusion(self) -> str:
@@ -214,17 +262,23 @@ class DriveCheck:
 
     @property
     def answers(self) -> dict[str, str]:
-        """Answers to the first questions: does the axis rest, within which distance, does it hunt, what to change."""
+        """Answers to the first questions: does the axis rest, within which distance, does it hunt,
+        what to change.
+        """
         answers = self.friction.answers(self.settings.base_unit, self.asked)
         if not self.linear_passed:
-            answers["change"] = "the linear loop first: see the warnings" if self.doubts else self.report.reason
+            answers["change"] = (
+                "the linear loop first: see the warnings" if self.doubts else self.report.reason
+            )
         return {question: answer for question, answer in answers.items() if answer}
 
     def to_values(self) -> JsonObject:
-        """Return all fields in terms of JSON, in SI units, with a summary in `linear` and `friction`.
+        """Return all fields in terms of JSON, in SI units, with a summary in `linear` and
+        `friction`.
 
-        friction.outcome : the proved result: "rests", "settles" (within `within` [m]), "refuted" or "open".
-        friction.simulated : "rests" or "hunts", with amplitude [m], advice and the laws not refuted by the records.
+        friction.outcome : the proved result: "rests", "settles" (within `within` [m]), "refuted" or
+        "open". friction.simulated : "rests" or "hunts", with amplitude [m], advice and the laws not
+        refuted by the records.
         """
         fields, force, fit = to_plain(self, MAX_ROWS), self.friction.force, self.friction.fit
         assert isinstance(fields, dict)
@@ -256,14 +310,18 @@ class DriveCheck:
             "verdict": self.verdict.value,
             "answers": self.answers,
             "linear": {"verdict": self.report.verdict.value, "max_S": self.report.margins.S_worst},
-            "friction": plain | {name: held for name, held in friction.items() if name not in plain},
+            "friction": (
+                plain | {name: held for name, held in friction.items() if name not in plain}
+            ),
             **{name: held for name, held in fields.items() if name != "verdict"},
             "facts": to_plain({section.name: section.facts for section in self.sections}),
         }
 
     @property
     def stiffness(self) -> Peak | None:
-        """Least stiffness of the axis in its loop over frequency; None if the loop is not stable or not known."""
+        """Least stiffness of the axis in its loop over frequency; None if the loop is not stable or
+        not known.
+        """
         G, K = self.report.curves.G, self.report.curves.K
         if G is None or K is None or not self.report.nominally_stable:
             return None
@@ -274,29 +332,41 @@ class DriveCheck:
     @property
     def assumption(self) -> str:
         """Delay and lag of the current loop, and their source: the settings or the trace."""
-        timing = f"delay {1e3 * self.settings.delay:g} ms and lag {1e3 * self.settings.lag:g} ms of the current loop"
+        timing = (
+            f"delay {1e3 * self.settings.delay:g} ms and lag {1e3 * self.settings.lag:g} ms of the"
+            " current loop"
+        )
         margin = self.report.classical.delay_margin if self.report.nominally_stable else np.inf
-        more = f"; the nominal loop tolerates {1e3 * margin:.3g} ms of additional delay" if margin < np.inf else ""
-        if self.given is not None and (self.given.delay, self.given.lag) != (self.settings.delay, self.settings.lag):
+        more = (
+            f"; the nominal loop tolerates {1e3 * margin:.3g} ms of additional delay"
+            if margin < np.inf
+            else ""
+        )
+        if self.given is not None and (self.given.delay, self.given.lag) != (
+            self.settings.delay,
+            self.settings.lag,
+        ):
             late = self.given.delay + self.given.lag > self.settings.delay + self.settings.lag
             why = "with the given ones the machine would lead its force" if late else _FILTERED
             timing += (
-                f", as the trace shows them, instead of {1e3 * self.given.delay:g} ms and {1e3 * self.given.lag:g} ms "
-                f"as given ({why})"
+                f", as the trace shows them, instead of {1e3 * self.given.delay:g} ms and"
+                f" {1e3 * self.given.lag:g} ms as given ({why})"
             )
         if shown := self.friction.delay:
             more = f"; the traces at rest show {shown} for their sum{more}"
         if self.actual:
             return f"assumed: {timing}; a trace of the actual current does not show them{more}"
         return (
-            f"{timing}. Both are removed for the fit and put back for the check; the radius of the set contains the "
-            f"misfit that an error of them leaves{more}"
+            f"{timing}. Both are removed for the fit and put back for the check; the radius of the"
+            f" set contains the misfit that an error of them leaves{more}"
         )
 
     @property
     def sections(self) -> tuple[Section, ...]:
         """The page: all facts of text, HTML and JSON, in their order."""
-        settings, linear = self.settings, replace(self.report, peak=np.inf)  # thin margins are among the warnings
+        # thin margins are among the warnings
+        settings = self.settings
+        linear = replace(self.report, peak=np.inf)
         first, *more = self.findings
         verdict = [
             *(Fact(question, answer) for question, answer in self.answers.items()),
@@ -306,13 +376,30 @@ class DriveCheck:
         loop = [*linear.claims, *linear.findings, *linear.details]
         if self.stiffness is not None:
             unit = ratio_unit(self.unit, settings.base_unit)
-            loop.append(Fact("stiffness", self.stiffness, unit, "least over frequency, against a force on the axis"))
-        around = f"The set of plants around {self.base} [{ratio_unit(settings.base_unit, self.unit)}]"
+            loop.append(
+                Fact(
+                    "stiffness",
+                    self.stiffness,
+                    unit,
+                    "least over frequency, against a force on the axis",
+                )
+            )
+        around = (
+            f"The set of plants around {self.base} [{ratio_unit(settings.base_unit, self.unit)}]"
+        )
         margins = {fact.name: fact for fact in linear.classical.facts}
-        smoothed = f"kv/(s + kv) smooths the set point; after a force only the {margins['phase margin']} counts"
+        smoothed = (
+            f"kv/(s + kv) smooths the set point; after a force only the {margins['phase margin']}"
+            " counts"
+        )
         found = () if self.step is None else self.step.facts
-        step = [replace(fact, meaning=smoothed) if fact.name == "overshoot" else fact for fact in found]
-        motion = "At rest friction holds the axis like a spring; in motion the axis slides and responds as a mass."
+        step = [
+            replace(fact, meaning=smoothed) if fact.name == "overshoot" else fact for fact in found
+        ]
+        motion = (
+            "At rest friction holds the axis like a spring; in motion the axis slides and responds"
+            " as a mass."
+        )
         return (
             Section("gains", "Gains", f"{first}.", verdict),
             Section(
@@ -327,11 +414,17 @@ class DriveCheck:
                 table=[_TRACE_HEAD, *(trace.row for trace in self.traces)],
             ),
             *self.friction.sections,
-            Section("loop", "Linear loop", f"{around}, and the loop of these gains with each of them.", loop),
+            Section(
+                "loop",
+                "Linear loop",
+                f"{around}, and the loop of these gains with each of them.",
+                loop,
+            ),
             Section(
                 "step",
                 "Step of the position set point",
-                "Response of the nominal linear loop, without limits of current and speed, to a step of any size.",
+                "Response of the nominal linear loop, without limits of current and speed, to a"
+                " step of any size.",
                 facts=step,
             ),
             Section("words", "Terms", facts=[Fact(*words) for words in _WORDS.items()]),
@@ -360,7 +453,9 @@ def _describe_parameters(settings: Drive) -> str:
 def describe_trace(name: str, record: nlfrf.Record, bla: nlfrf.Bla, moving: bool) -> Trace:
     """Return level and band of a trace; a trace with unknown motion counts as at rest."""
     force, motion = (
-        np.sqrt(np.sum(np.abs(np.fft.rfft(signal.mean(axis=-2))[..., record.lines.excited]) ** 2) / 2)
+        np.sqrt(
+            np.sum(np.abs(np.fft.rfft(signal.mean(axis=-2))[..., record.lines.excited]) ** 2) / 2
+        )
         * 2
         / record.n_samples
         for signal in (record.u[0], record.y[0])

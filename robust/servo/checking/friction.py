@@ -1,7 +1,8 @@
 """Friction in the loop of a drive: read from traces at rest, and the loop proved with it.
 
-Viscous friction belongs to the machine and not to the class of friction. A proof for one mass and one viscous friction
-does not hold for others, so it is repeated at the ends of both intervals. That of viscous friction begins at zero.
+Viscous friction belongs to the machine and not to the class of friction. A proof for one mass and
+one viscous friction does not hold for others, so it is repeated at the ends of both intervals. That
+of viscous friction begins at zero.
 """
 
 from __future__ import annotations
@@ -20,7 +21,13 @@ from robust.friction.plant import FrictionPlant, pad_states
 from robust.friction.proof.protocol import FrictionClass, FrictionProof
 from robust.friction.proof.prove import prove_all, prove_friction
 from robust.friction.reading.assumed_class import ASSUMPTION_NOTE, MachineWithFriction
-from robust.friction.reading.balance import HALF_WIDTH, REPORTED, format_rounded, number_facts, unit_of
+from robust.friction.reading.balance import (
+    HALF_WIDTH,
+    REPORTED,
+    format_rounded,
+    number_facts,
+    unit_of,
+)
 from robust.friction.reading.force import FrictionForce, edge_of_level, friction_of_period
 from robust.friction.reading.from_fit import interval_at_port, largest_damping, machines_of_fit
 from robust.friction.reading.identification import FrictionFit, identify_friction
@@ -34,22 +41,24 @@ from robust.servo.gains.p_pi import cascade
 
 #: Number of levels needed to read friction.
 _FEWEST_LEVELS = 3
-#: Presliding stiffness of the proof over the upper end of its interval, for elements that slip below the lowest level
-#: and do not show.
+# : Presliding stiffness of the proof over the upper end of its interval, for elements that slip
+# below the lowest level : and do not show.
 _K0_MARGIN = 1.25
 #: Error that the intervals do not contain.
 _FORCE_NOTE = (
-    "Mass, stiffness and forces depend on the factor that converts the trace to {unit}, such as the force constant; "
-    "the intervals do not contain an error of this factor."
+    "Mass, stiffness and forces depend on the factor that converts the trace to {unit}, such as the"
+    " force constant; the intervals do not contain an error of this factor."
 )
 _STIFFNESS_NOTE = (
-    "rms force on the lines, and stiffness of the friction over K0. Near 100 % friction sticks and shows K0; near 0 % "
-    "it slides and shows mass, viscous friction and the forces; levels between show the transition"
+    "rms force on the lines, and stiffness of the friction over K0. Near 100 % friction sticks and"
+    " shows K0; near 0 % it slides and shows mass, viscous friction and the forces; levels between"
+    " show the transition"
 )
 #: Meaning of a bound with a given force if no class of friction was read.
 _BOUNDED_NOTE = (
-    "the bound is the largest final distance from rest, at rest or hunting, with the largest friction force at "
-    "the motor or at the load, whichever is worse; whether the axis comes to rest is not judged"
+    "the bound is the largest final distance from rest, at rest or hunting, with the largest"
+    " friction force at the motor or at the load, whichever is worse; whether the axis comes to"
+    " rest is not judged"
 )
 #: Machines of such a bound.
 MODEL = "the nominal model"
@@ -70,26 +79,28 @@ class DriveFriction:
     assumed : MachineWithFriction or None
         Machine and class of the proof.
     proofs : tuple of FrictionProof
-        The verdicts, the weakest first: for the mass as read without viscous friction, and if that is proved, for the
-        ends of both intervals.
+        The verdicts, the weakest first: for the mass as read without viscous friction, and if that
+        is proved, for the ends of both intervals.
     cures : tuple of FrictionCure
         Changes of the drive that improve a verdict that is not proved.
     bounded : FrictionProof or None
-        Bound of the error with any friction up to the force `largest`, if no class of friction was read.
+        Bound of the error with any friction up to the force `largest`, if no class of friction was
+        read.
     bounded_machine : str
         Machine of this bound: the nominal model (not its set), or the machine as read in motion.
     note : str
         Reason why friction was not read, or nothing was proved.
     largest : float, tuple of float or None
-        Largest friction force [N] or [Nm] of the bounds, given or the upper end of its interval; for motor and load
-        one each.
+        Largest friction force [N] or [Nm] of the bounds, given or the upper end of its interval;
+        for motor and load one each.
     added_delay : float
-        Largest additional delay [s] for which the proof was repeated with success, in steps of `_ADDED_STEP` periods;
-        nan if the loop is not proved.
+        Largest additional delay [s] for which the proof was repeated with success, in steps of
+        `_ADDED_STEP` periods; nan if the loop is not proved.
     known_delay : float
         Delay and lag [s] of the settings that are part of the traces.
     has_integral : bool
-        True if the velocity loop has an integral part. The axis can then rest only at its set point.
+        True if the velocity loop has an integral part. The axis can then rest only at its set
+        point.
     force : FrictionForce or None
         Friction for any friction law, from traces in motion and at rest.
     simulated : SimulatedRest or None
@@ -116,7 +127,9 @@ class DriveFriction:
     @property
     def proved(self) -> bool:
         """True if the loop is proved to come to rest with every friction of the class."""
-        return bool(self.proofs) and all(proof.verdict is FrictionVerdict.PROVED for proof in self.proofs)
+        return bool(self.proofs) and all(
+            proof.verdict is FrictionVerdict.PROVED for proof in self.proofs
+        )
 
     @property
     def refuted(self) -> bool:
@@ -125,7 +138,9 @@ class DriveFriction:
 
     @property
     def outcome(self) -> str:
-        """Proved result: "rests", "settles", "refuted" (with one friction of the class it never rests), or "open"."""
+        """Proved result: "rests", "settles", "refuted" (with one friction of the class it never
+        rests), or "open".
+        """
         if self.proved:
             return "rests"
         if self.refuted:
@@ -134,7 +149,9 @@ class DriveFriction:
 
     @property
     def within(self) -> float:
-        """Proved largest final distance from rest [m] or [rad]; zero if the axis rests, nan if unknown."""
+        """Proved largest final distance from rest [m] or [rad]; zero if the axis rests, nan if
+        unknown.
+        """
         if self.proved:
             return 0.0
         known = [self.error_bound, *(proof.settling_error for proof in self.proofs[:1])]
@@ -142,14 +159,18 @@ class DriveFriction:
 
     @property
     def K0_used(self) -> float:
-        """Largest presliding stiffness [N/m] for which the verdict holds; nan if it holds for any."""
+        """Largest presliding stiffness [N/m] for which the verdict holds; nan if it holds for
+        any.
+        """
         if self.assumed is None or self.bounded is not None:
             return np.nan
         return max(one.K0 for one in self.assumed.friction)
 
     @property
     def delay(self) -> str:
-        """Sum of delay and lag of the current loop in the traces, as text; empty if the traces do not show it."""
+        """Sum of delay and lag of the current loop in the traces, as text; empty if the traces do
+        not show it.
+        """
         if self.fit is None or not np.isfinite(self.fit.stds["delay"]):
             return ""
         half = 1e3 * HALF_WIDTH * self.fit.stds["delay"]
@@ -157,9 +178,14 @@ class DriveFriction:
 
     @property
     def error_bound(self) -> float:
-        """Proved largest distance from rest [m] or [rad] with any friction up to `largest`; nan if unknown."""
+        """Proved largest distance from rest [m] or [rad] with any friction up to `largest`; nan if
+        unknown.
+        """
         proofs = self.proofs if self.bounded is None else (self.bounded,)
-        return max((proof.error_bound for proof in proofs if np.isfinite(proof.error_bound)), default=np.nan)
+        return max(
+            (proof.error_bound for proof in proofs if np.isfinite(proof.error_bound)),
+            default=np.nan,
+        )
 
     @property
     def hunts(self) -> bool:
@@ -174,11 +200,15 @@ class DriveFriction:
         if self.simulated is None:
             return "may hunt with these gains"
         if self.simulated.hunts:
-            return f"hunts by +-{format_length(self.simulated.amplitude, self.simulated.unit)} in simulation"
+            return (
+                f"hunts by +-{format_length(self.simulated.amplitude, self.simulated.unit)} in"
+                " simulation"
+            )
         return "comes to rest in simulation, which is no proof"
 
     def answers(self, unit: str, asked: float | None = None) -> dict[str, str]:
-        """Return texts for the questions "rests", "within", "hunts", "change" and "traces"; an answer may be empty.
+        """Return texts for the questions "rests", "within", "hunts", "change" and "traces"; an
+        answer may be empty.
 
         unit : unit of the position. asked : required distance from rest [m] or [rad].
         """
@@ -191,17 +221,28 @@ class DriveFriction:
             rests = f"yes in all {seen.ended} simulated runs; not proved"
             if seen.count:
                 rests = (
-                    f"{'no' if seen.hunts else 'not always'}: it hunts in {seen.count} of {seen.ended} simulated runs"
+                    f"{'no' if seen.hunts else 'not always'}: it hunts in {seen.count} of"
+                    f" {seen.ended} simulated runs"
                 )
             hunts = f"yes, {seen.describe_swing()}" if seen.hunts else "not seen in simulation"
         if self.refuted:
-            rests += ". One friction of the class is proved to keep the axis from rest; the real one may differ"
+            rests += (
+                ". One friction of the class is proved to keep the axis from rest; the real one may"
+                " differ"
+            )
         if not self.proved and seen is not None and seen.hunts:
             change = seen.advice or "none of the tried changes brings rest or halves the amplitude"
         elif self.cures:
             change = f"to prove more: {self.cures[0]}"
-        distance, doubt = self.describe_distance(unit, asked), "" if self.force is None else self.force.contradiction
-        return {"rests": rests, "within": distance, "hunts": hunts, "change": change, "traces": doubt}
+        distance = self.describe_distance(unit, asked)
+        doubt = "" if self.force is None else self.force.contradiction
+        return {
+            "rests": rests,
+            "within": distance,
+            "hunts": hunts,
+            "change": change,
+            "traces": doubt,
+        }
 
     @property
     def largest_forces(self) -> str:
@@ -213,16 +254,23 @@ class DriveFriction:
 
     def describe_rest(self) -> str:
         """Return where a proved loop comes to rest, as text."""
-        rest = "at the set point, by the integral part" if self.has_integral else "where friction holds it"
+        rest = (
+            "at the set point, by the integral part"
+            if self.has_integral
+            else "where friction holds it"
+        )
         if self.has_integral and self.fit is not None and isinstance(self.largest, tuple):
             stretch = format_length(self.largest[1] / self.fit.coupling, self.fit.units[1])
             return f"with the motor {rest}, and the load within {stretch} of it"
         return rest
 
     def describe_distance(self, unit: str, asked: float | None) -> str:
-        """Return the largest final distance from rest as text, and whether it meets the required distance."""
+        """Return the largest final distance from rest as text, and whether it meets the required
+        distance.
+        """
         known = self.error_bound if self.proved and not self.has_integral else self.within
-        distance, answer = f"at most {format_length(known, unit)} off, at rest or hunting: proved", ""
+        distance = f"at most {format_length(known, unit)} off, at rest or hunting: proved"
+        answer = ""
         if self.proved and self.has_integral:
             distance = "0: it rests at its set point"
         elif not np.isfinite(known):
@@ -235,9 +283,19 @@ class DriveFriction:
             distance += f" for friction up to {self.largest_forces}"
         if asked is not None:
             seen = self.simulated
-            far = np.nan if seen is None else np.fmax(seen.offset, seen.amplitude if seen.hunts else np.nan)
+            far = (
+                np.nan
+                if seen is None
+                else np.fmax(seen.offset, seen.amplitude if seen.hunts else np.nan)
+            )
             simulated = "; in simulation yes" if far <= asked else ""
-            answer = "yes" if known <= asked else "no, as simulated" if far > asked else f"not proved{simulated}"
+            answer = (
+                "yes"
+                if known <= asked
+                else "no, as simulated"
+                if far > asked
+                else f"not proved{simulated}"
+            )
             answer = f". Within {format_length(asked, unit)}: {answer}"
         return distance + answer
 
@@ -246,7 +304,10 @@ class DriveFriction:
         """The sections of the page on friction: class and proof, then the friction for any law."""
         fit, bounded = self.fit, self.bounded
         table: tuple[tuple[str, ...], ...] = ()
-        facts = [Fact("simulated", str(self.simulated or "")), Fact("not simulated", self.unsimulated)]
+        facts = [
+            Fact("simulated", str(self.simulated or "")),
+            Fact("not simulated", self.unsimulated),
+        ]
         if fit is not None and self.assumed is not None:
             facts += [
                 *_describe_reading(fit),
@@ -259,7 +320,10 @@ class DriveFriction:
         else:
             facts.append(Fact("not judged" if bounded is None else "rest not judged", self.note))
             if fit is not None and any(0 < std < np.inf for std in fit.stds.values()):
-                facts += [Fact("read from", f"{len(fit.levels)} traces at rest"), *number_facts(fit)]
+                facts += [
+                    Fact("read from", f"{len(fit.levels)} traces at rest"),
+                    *number_facts(fit),
+                ]
         if bounded is not None:
             facts += [
                 Fact("bound", bounded.claim or bounded.reason),
@@ -270,31 +334,47 @@ class DriveFriction:
         law = Section("friction", "Friction", lead, facts=facts, table=table)
         if self.force is None:
             return (law,)
-        lead = "95 % intervals for any friction law, from the commanded force minus that of mass and viscous friction."
+        lead = (
+            "95 % intervals for any friction law, from the commanded force minus that of mass and"
+            " viscous friction."
+        )
         return law, Section("force", "Friction for any law", lead, facts=self.force.facts)
 
     def describe_scope(self) -> list[str]:
-        """Return sentences on the place of rest, on machines and delays of the proof, and on the force of a bound."""
+        """Return sentences on the place of rest, on machines and delays of the proof, and on the
+        force of a bound.
+        """
         rows = []
         if self.proved:
             two = self.fit is not None and self.fit.load_mass > 0
-            added = f", and with {1e3 * self.added_delay:.3g} ms of additional delay" if self.added_delay else ""
+            added = (
+                f", and with {1e3 * self.added_delay:.3g} ms of additional delay"
+                if self.added_delay
+                else ""
+            )
             ends = "motor, load and the spring between them" if two else "mass"
             rows = [
-                f"It rests {self.describe_rest()}. The proof was repeated at both ends of {ends} and of viscous "
-                f"friction in the table{added}; it holds at these values, not between them."
+                f"It rests {self.describe_rest()}. The proof was repeated at both ends of {ends}"
+                f" and of viscous friction in the table{added}; it holds at these values, not"
+                " between them."
             ]
         if self.largest is not None:
-            rows.append(f"The given force is {self.largest_forces}: that of --force, else the upper end of Fs.")
+            rows.append(
+                f"The given force is {self.largest_forces}: that of --force, else the upper end"
+                " of Fs."
+            )
         return rows
 
 
 def _describe_reading(fit: FrictionFit) -> list[Fact]:
-    """Return the facts on a fit: stiffness of the friction in each trace, class, numbers and open questions."""
+    """Return the facts on a fit: stiffness of the friction in each trace, class, numbers and open
+    questions.
+    """
     free = "" if fit.stds["stiffness"] else ", for a machine without a spring to ground"
     levels = sorted(fit.levels, key=lambda level: level.force)
     stiff = ", ".join(
-        f"{level.force:.3g} {fit.units[0]}: {100 * max(level.stiffness, 0.0) / fit.K0:.3g} %" for level in levels
+        f"{level.force:.3g} {fit.units[0]}: {100 * max(level.stiffness, 0.0) / fit.K0:.3g} %"
+        for level in levels
     )
     unexplained = 100 * max(level.unexplained for level in levels)
     seen = f"slips below {format_length(fit.seen_from, fit.units[1])}"
@@ -304,7 +384,12 @@ def _describe_reading(fit: FrictionFit) -> list[Fact]:
         Fact("read from", f"{len(levels)} traces at rest{free}"),
         Fact("sticks, bends, slides", stiff, meaning=_STIFFNESS_NOTE),
         Fact("class read", f"Maxwell slip with {fit.element_stiffness.size} elements; none {seen}"),
-        Fact("unexplained", f"{unexplained:.2g}", "%", "largest unexplained share of the force over the levels"),
+        Fact(
+            "unexplained",
+            f"{unexplained:.2g}",
+            "%",
+            "largest unexplained share of the force over the levels",
+        ),
         *(Fact("open", str(question)) for question in fit.questions),
         Fact("scale", _FORCE_NOTE.format(unit=fit.units[0])),
     ]
@@ -313,16 +398,25 @@ def _describe_reading(fit: FrictionFit) -> list[Fact]:
 def _tabulate_assumptions(
     fit: FrictionFit, assumed: MachineWithFriction, known_delay: float
 ) -> tuple[tuple[str, ...], ...]:
-    """Return the table of numbers as read and as assumed by the proof; `known_delay` [s] is that of the settings."""
-    delay = f"{1e3 * max(known_delay, fit.delay):.4g}", "drive" if known_delay >= fit.delay else "as read"
-    assumptions = (_assumptions_with_load if fit.load_mass else _assumptions_of_mass)(fit, assumed) | {"delay": delay}
+    """Return the table of numbers as read and as assumed by the proof; `known_delay` [s] is that of
+    the settings.
+    """
+    delay = (
+        f"{1e3 * max(known_delay, fit.delay):.4g}",
+        "drive" if known_delay >= fit.delay else "as read",
+    )
+    assumptions = (_assumptions_with_load if fit.load_mass else _assumptions_of_mass)(
+        fit, assumed
+    ) | {"delay": delay}
     table: list[tuple[str, ...]] = [("number", "read (95 %)", "assumed", "why")]
     for name, (label, unit, factor) in REPORTED.items():
         half = factor * HALF_WIDTH * fit.stds.get(name, 0.0)
         if not half or name not in assumptions:
             continue
         read = (
-            f"{format_rounded(factor * getattr(fit, name), half)} +- {half:.1g}" if np.isfinite(half) else "left open"
+            f"{format_rounded(factor * getattr(fit, name), half)} +- {half:.1g}"
+            if np.isfinite(half)
+            else "left open"
         )
         quantity = f"{label} [{unit_of(unit, fit.units)}]" if unit else label
         table.append((quantity, read, *assumptions[name]))
@@ -333,12 +427,17 @@ def _tabulate_assumptions(
 _UNLIMITED = "any", "no limit in class"
 
 
-def _assumptions_of_mass(fit: FrictionFit, assumed: MachineWithFriction) -> dict[str, tuple[str, str]]:
+def _assumptions_of_mass(
+    fit: FrictionFit, assumed: MachineWithFriction
+) -> dict[str, tuple[str, str]]:
     """Return (value, reason) of the assumption of the proof on each number, for one mass."""
     (low, high), damping, (friction,) = fit.interval("mass"), largest_damping(fit), assumed.friction
     return {
         "mass": (f"{low:.5g} and {high:.5g}", "both ends"),
-        "damping": (f"0 and {damping:.4g}" if damping else "0", "none, and the upper end" if damping else ""),
+        "damping": (
+            f"0 and {damping:.4g}" if damping else "0",
+            "none, and the upper end" if damping else "",
+        ),
         "stiffness": (f"{assumed.stiffness_low / 1e3:.4g}", "lower end, the rest is in K0"),
         "K0": (f"up to {friction.K0 / 1e3:.4g}", f"{_K0_MARGIN:g} times the upper end"),
         "Fs": _UNLIMITED,
@@ -347,7 +446,9 @@ def _assumptions_of_mass(fit: FrictionFit, assumed: MachineWithFriction) -> dict
     }
 
 
-def _assumptions_with_load(fit: FrictionFit, assumed: MachineWithFriction) -> dict[str, tuple[str, str]]:
+def _assumptions_with_load(
+    fit: FrictionFit, assumed: MachineWithFriction
+) -> dict[str, tuple[str, str]]:
     """Return (value, reason) of the assumption of the proof on each number, for motor and load."""
     friction, damping = assumed.friction, largest_damping(fit)
     stiffest = [format_plain(one.K0 / 1e3) for one in friction]
@@ -359,7 +460,10 @@ def _assumptions_with_load(fit: FrictionFit, assumed: MachineWithFriction) -> di
 
     return {
         "mass": (ends("mass", "motor"), "motor, both ends"),
-        "damping": (f"0 and {damping:.4g}" if damping else "0", "none; upper end" if damping else ""),
+        "damping": (
+            f"0 and {damping:.4g}" if damping else "0",
+            "none; upper end" if damping else "",
+        ),
         "stiffness": (f"{max(0.0, fit.interval('stiffness')[0]) / 1e3:.4g}", "lower end"),
         "K0": (f"up to {stiffest[0]}", f"motor, {_K0_MARGIN:g} x upper"),
         "Fs": _UNLIMITED,
@@ -386,7 +490,9 @@ def judge_friction(
     fit: FrictionFit | None = None,
     sliding: SlidingFit | None = None,
 ) -> DriveFriction:
-    """Read the friction from traces at rest (force in, position out), and prove the loop; parameters as for `check`."""
+    """Read the friction from traces at rest (force in, position out), and prove the loop;
+    parameters as for `check`.
+    """
     if fit is None:
         try:
             fit = _read_friction(records, spring=spring, masses=masses, sliding=sliding)
@@ -398,7 +504,11 @@ def judge_friction(
         return DriveFriction(fit=fit, note=fit.reason or str(error))
     if fit.load_mass and settings.encoder != "motor":
         return DriveFriction(
-            fit=fit, note="motor and load can be read only with the encoder on the motor, and it is on the load"
+            fit=fit,
+            note=(
+                "motor and load can be read only with the encoder on the motor, and it is on the"
+                " load"
+            ),
         )
     # the loop has delay and lag of the settings, so the machine keeps only the delay beyond them
     known = 0.0 if actual else settings.delay + settings.lag
@@ -410,7 +520,10 @@ def judge_friction(
     if Fs is None and np.isfinite(fit.stds["Fs"]):
         largest = _largest_forces_read(fit)
     unit = fit.units[0]
-    K, friction, late, added = cascade(settings, output_unit=unit), assumed.friction, settings.delay, np.nan
+    K = cascade(settings, output_unit=unit)
+    friction = assumed.friction
+    late = settings.delay
+    added = np.nan
     try:
         proofs = prove_all((read,), K, friction, delay=late, Fs=largest)
     except ValueError as error:  # a delay that is too long to be proved
@@ -424,7 +537,9 @@ def judge_friction(
     if proofs[0].verdict is FrictionVerdict.PROVED:
         added = largest_added_delay((read, *ends), K, friction, delay=late, period=settings.dt)
     elif largest is not None:
-        weakest = replace(proofs[0].machine, delay=read.delay)  # a proof takes the delay out of its machine
+        weakest = replace(
+            proofs[0].machine, delay=read.delay
+        )  # a proof takes the delay out of its machine
         cures = friction_cures(weakest, settings, friction, Fs=largest, output_unit=unit)
     return DriveFriction(
         fit=fit,
@@ -439,7 +554,8 @@ def judge_friction(
 
 
 def force_over_position(record: nlfrf.Record, machine: SlidingFit | FrictionFit) -> np.ndarray:
-    """Return (2, N) position [m] and friction force [N] over the mean period of a record at rest, without their means.
+    """Return (2, N) position [m] and friction force [N] over the mean period of a record at rest,
+    without their means.
 
     Only frequencies at which a step of the encoder is small in the force are used.
     """
@@ -449,18 +565,27 @@ def force_over_position(record: nlfrf.Record, machine: SlidingFit | FrictionFit)
 def bound_any_friction(
     machine: FrictionPlant, settings: Drive, friction: FrictionClass, *, output_unit: str
 ) -> FrictionProof:
-    """Return the bound of the error of a machine under its drive, with any bounded friction at any of its ports.
+    """Return the bound of the error of a machine under its drive, with any bounded friction at any
+    of its ports.
 
-    The bound is a sum over the forces at motor and load, so it is largest if one of them has all of the friction.
+    The bound is a sum over the forces at motor and load, so it is largest if one of them has all of
+    the friction.
     """
-    K, behind = cascade(settings, output_unit=output_unit), friction_behind_lag(machine, settings.lag)
+    K = cascade(settings, output_unit=output_unit)
+    behind = friction_behind_lag(machine, settings.lag)
     ports = zip(
         behind.B_port.reshape(behind.A.shape[0], -1).T,
         [f", friction at {name}" for name in machine.port_names] or [""],
         strict=True,
     )
     places = [
-        replace(behind, B_port=into, C_port=behind.C_measured, port_names=(), description=behind.description + where)
+        replace(
+            behind,
+            B_port=into,
+            C_port=behind.C_measured,
+            port_names=(),
+            description=behind.description + where,
+        )
         for into, where in ports
     ]
     proofs = [prove_friction(one, K, friction, delay=settings.delay) for one in places]
@@ -477,14 +602,18 @@ def _largest_forces_read(fit: FrictionFit) -> float | tuple[float, ...]:
 def _read_friction(
     records: Sequence[nlfrf.Record], *, spring: bool, masses: int, sliding: SlidingFit | None = None
 ) -> FrictionFit:
-    """Read the friction from traces at rest; a ValueError has the reason if that is not possible."""
+    """Read the friction from traces at rest; a ValueError has the reason if that is not
+    possible.
+    """
     if len(records) < _FEWEST_LEVELS:
         raise ValueError(
-            f"a class of friction needs traces at rest at three levels or more, sticking to sliding, got {len(records)}"
+            "a class of friction needs traces at rest at three levels or more, sticking to"
+            f" sliding, got {len(records)}"
         )
     if records[0].u_unit == "A":
         raise ValueError(
-            "a class of friction needs traces of a force, got a current: give torque_constant of the drive"
+            "a class of friction needs traces of a force, got a current: give torque_constant of"
+            " the drive"
         )
     return identify_friction(records, free=not spring, masses=masses, sliding=sliding)
 
@@ -497,12 +626,15 @@ def largest_added_delay(
     delay: float,
     period: float,
 ) -> float:
-    """Return the largest additional delay [s] for which the proof of every machine holds, by bisection."""
+    """Return the largest additional delay [s] for which the proof of every machine holds, by
+    bisection.
+    """
 
     def proves(steps: int) -> bool:
         late = delay + steps * _ADDED_STEP * period
         return all(
-            prove_friction(machine, K, friction, delay=late).verdict is FrictionVerdict.PROVED for machine in machines
+            prove_friction(machine, K, friction, delay=late).verdict is FrictionVerdict.PROVED
+            for machine in machines
         )
 
     low, high = 0, round(1 / _ADDED_STEP)
@@ -517,11 +649,15 @@ def largest_added_delay(
 
 
 def friction_behind_lag(machine: FrictionPlant, lag: float) -> FrictionPlant:
-    """Return a machine with the lag of the current loop [s] between command and force; friction acts without lag."""
+    """Return a machine with the lag of the current loop [s] between command and force; friction
+    acts without lag.
+    """
     if not lag:
         return machine
     n = machine.A.shape[0]
-    A = np.block([[machine.A, machine.B_force[:, None]], [np.zeros((1, n)), np.array([[-1 / lag]])]])
+    A = np.block(
+        [[machine.A, machine.B_force[:, None]], [np.zeros((1, n)), np.array([[-1 / lag]])]]
+    )
     return replace(
         machine,
         A=A,

@@ -2,7 +2,8 @@
 
     u* -->[delay]-->[1/(lag s + 1)]-->[ machine ]--> y        delay and lag are those of the settings
 
-If the input of a trace is the current set point, delay and lag are removed from it, and the rest is the machine.
+If the input of a trace is the current set point, delay and lag are removed from it, and the rest is
+the machine.
 """
 
 from __future__ import annotations
@@ -45,17 +46,35 @@ from robust.servo.checking.doubts import (
     doubts_of_warnings,
     stabilizing_factor,
 )
-from robust.servo.checking.findings import BaseMotion, Conditions, DoubtKind, DriveCheck, describe_trace
-from robust.servo.checking.friction import MODEL, READ, UNCERTIFIED, DriveFriction, bound_any_friction, judge_friction
+from robust.servo.checking.findings import (
+    BaseMotion,
+    Conditions,
+    DoubtKind,
+    DriveCheck,
+    describe_trace,
+)
+from robust.servo.checking.friction import (
+    MODEL,
+    READ,
+    UNCERTIFIED,
+    DriveFriction,
+    bound_any_friction,
+    judge_friction,
+)
 from robust.servo.checking.machine import behind_lag, fit_machine, timings_of
 from robust.servo.checking.read import collect_warnings
-from robust.servo.checking.simulation import reason_against_simulation, simulate_rest, with_advice, with_load
+from robust.servo.checking.simulation import (
+    reason_against_simulation,
+    simulate_rest,
+    with_advice,
+    with_load,
+)
 from robust.servo.gains.p_pi import cascade, with_set_point
 
 #: Reason why creeping friction is not read as a class whose rest can be proved.
 _CREEP_NOTE = (
-    "the friction creeps or is damped below break-away, like LuGre, Dahl and hysteresis with micro-damping: rest "
-    "cannot be proved with such friction"
+    "the friction creeps or is damped below break-away, like LuGre, Dahl and hysteresis with"
+    " micro-damping: rest cannot be proved with such friction"
 )
 
 
@@ -77,8 +96,8 @@ def check(
 ) -> DriveCheck:
     """Check the gains of a drive against traces of its axis.
 
-    Use this before gains go into a drive. A trace in motion judges the linear loop. Traces at rest at three levels or
-    more show the friction. A trace with unknown conditions counts as at rest.
+    Use this before gains go into a drive. A trace in motion judges the linear loop. Traces at rest
+    at three levels or more show the friction. A trace with unknown conditions counts as at rest.
 
     Parameters
     ----------
@@ -89,26 +108,29 @@ def check(
     names : sequence of str
         Names of the traces.
     actual : bool
-        True if the input is the actual current or force. The traces then do not contain delay and lag.
+        True if the input is the actual current or force. The traces then do not contain delay and
+        lag.
     conditions : sequence of Conditions
         Conditions of each trace, from `read_experiments`; unknown if not given.
     peak : float
         |S| over the set above which a warning is given.
     stiction : float
-        Largest over smallest force of a slider, or the upper end of the interval that was read if that is larger.
+        Largest over smallest force of a slider, or the upper end of the interval that was read if
+        that is larger.
     Fs : float, optional
-        Largest friction force [N] or [Nm]. It gives a bound of the error if the axis may not come to rest. The default
-        is the upper end of the break-away force that was read. If no friction was read, the bound is that of
-        `Bounded` around the linear model.
+        Largest friction force [N] or [Nm]. It gives a bound of the error if the axis may not come
+        to rest. The default is the upper end of the break-away force that was read. If no friction
+        was read, the bound is that of `Bounded` around the linear model.
     spring : bool
         True if a spring to ground, such as a balancer, is part of the machine.
     masses : int
         2 for a motor and a load; to read Maxwell slip on both takes up to half a minute.
     within : float, optional
-        Distance [m] or [rad] within which the axis must finally stay; the page shows whether it does.
+        Distance [m] or [rad] within which the axis must finally stay; the page shows whether it
+        does.
     fit : FrictionFit, optional
-        `friction.fit` of a check of other gains with these traces, which saves the seconds of reading them again.
-        `spring` and `masses` are then those of the fit.
+        `friction.fit` of a check of other gains with these traces, which saves the seconds of
+        reading them again. `spring` and `masses` are then those of the fit.
     progress : callable, optional
         Called as progress(done steps, all steps).
 
@@ -120,8 +142,8 @@ def check(
     Raises
     ------
     ValueError
-        Two encoders; traces from which no model can be fitted; a delay that is longer than in the traces; a fit in
-        other units; a largest friction force for a loop in A.
+        Two encoders; traces from which no model can be fitted; a delay that is longer than in the
+        traces; a fit in other units; a largest friction force for a loop in A.
 
     References
     ----------
@@ -140,12 +162,16 @@ def check(
     require_kind("settings", settings, Drive)
     peak, unit, base = require_positive("peak", peak), records[0].u_unit, settings.base_unit
     _require_units(settings, unit, within=within, Fs=Fs, fit=fit)
-    settings = replace(settings, position_unit=base, load_unit=base, unit_factor=1.0, load_factor=1.0)
+    settings = replace(
+        settings, position_unit=base, load_unit=base, unit_factor=1.0, load_factor=1.0
+    )
     K = cascade(settings, output_unit=unit)
     names = list(names) or [f"trace {k + 1}" for k in range(len(records))]
     under = list(conditions) or [Conditions()] * len(records)
     blas, warned = [], []
-    advance = _count_steps(progress, len(records) + len(("machine", "friction", "loop", "bound", "simulation")))
+    advance = _count_steps(
+        progress, len(records) + len(("machine", "friction", "loop", "bound", "simulation"))
+    )
     for name, record in zip(names, records, strict=True):
         with collect_warnings(name) as texts:
             blas.append(nlfrf.identify(record))
@@ -155,7 +181,11 @@ def check(
     candidates = moving or list(range(len(records)))
     chosen = candidates[highest_level([blas[k] for k in candidates])]
     given = settings
-    timings = [settings] if actual else timings_of(records[chosen], settings, masses, slides=chosen in moving)
+    timings = (
+        [settings]
+        if actual
+        else timings_of(records[chosen], settings, masses, slides=chosen in moving)
+    )
     machine_bla, nominal, settings = fit_machine(blas[chosen], timings, actual=actual)
     advance()
     at_rest = [record for k, record in enumerate(records) if k not in moving]
@@ -185,11 +215,17 @@ def check(
     factor = None if report.nominally_stable else stabilizing_factor(model, K, settings.delay)
     advance()
     doubted = [
-        None
-        if friction.assumed is not None
-        else doubt_of_trace_at_rest(names[chosen], machine_bla, under=under[chosen], unit=ratio_unit(unit, base)),
+        (
+            None
+            if friction.assumed is not None
+            else doubt_of_trace_at_rest(
+                names[chosen], machine_bla, under=under[chosen], unit=ratio_unit(unit, base)
+            )
+        ),
         doubt_of_crossover(report),
-        doubt_of_unstable_model(names[chosen], report, under=under[chosen], factor=factor, proved=friction.proved),
+        doubt_of_unstable_model(
+            names[chosen], report, under=under[chosen], factor=factor, proved=friction.proved
+        ),
         doubt_of_margins(report),
         doubt_of_approximation(settings),
     ]
@@ -197,18 +233,24 @@ def check(
     kinds = {doubt.kind for doubt in doubts}
     misled = bool(kinds & {DoubtKind.AT_REST, DoubtKind.OUTSIDE_BAND, DoubtKind.CONTRADICTED})
     stable = report.nominally_stable or DoubtKind.CONTRADICTED in kinds
-    # warnings of identifying a trace at rest count only if the set is made from it: friction has its own balance
+    # warnings of identifying a trace at rest count only if the set is made from it: friction has
+    # its own balance
     doubts += doubts_of_warnings(under, [warned[k] for k in moving or [chosen]])
     linear = machine.nominal if report.nominally_stable and not misled else None
     slides = stable and DoubtKind.AT_REST not in kinds
     friction = with_bound(friction, settings, machine=linear, slides=slides, Fs=Fs, unit=unit)
     advance()
-    friction = simulate_drive(friction, settings, model=model, report=report, stable=stable, masses=masses)
+    friction = simulate_drive(
+        friction, settings, model=model, report=report, stable=stable, masses=masses
+    )
     advance()
     return DriveCheck(
         settings=settings,
         unit=unit,
-        traces=tuple(describe_trace(names[k], record, blas[k], k in moving) for k, record in enumerate(records)),
+        traces=tuple(
+            describe_trace(names[k], record, blas[k], k in moving)
+            for k, record in enumerate(records)
+        ),
         base=names[chosen],
         report=_report_of_drive(report, misled=misled),
         step=_step_of(model, K, settings=settings, unit=unit) if report.nominally_stable else None,
@@ -223,32 +265,45 @@ def check(
 def _require_units(
     settings: Drive, unit: str, *, within: float | None, Fs: float | None, fit: FrictionFit | None
 ) -> None:
-    """Refuse two encoders, and arguments that are not in the units of the traces, whose force is in `unit`."""
+    """Refuse two encoders, and arguments that are not in the units of the traces, whose force is in
+    `unit`.
+    """
     if within is not None:
         require_positive("within", within)
     if settings.encoder == "both":
-        raise ValueError('encoder must be "motor" or "load" for a check of one position, got "both"')
+        raise ValueError(
+            'encoder must be "motor" or "load" for a check of one position, got "both"'
+        )
     if Fs is not None and require_positive("Fs", Fs) and unit == "A":
         raise ValueError(
-            f"Fs must be left out where traces and gains are in A and no torque_constant converts it to {unit}, "
-            f"got {Fs:g} {settings.force_unit}"
+            "Fs must be left out where traces and gains are in A and no torque_constant converts"
+            f" it to {unit}, got {Fs:g} {settings.force_unit}"
         )
     if fit is not None:
         require_kind("fit", fit, FrictionFit)
         if fit.units != (unit, settings.base_unit):
             raise ValueError(
-                f"fit must be in {unit} and {settings.base_unit} as the traces, got {' and '.join(fit.units)}"
+                f"fit must be in {unit} and {settings.base_unit} as the traces, got"
+                f" {' and '.join(fit.units)}"
             )
 
 
 def _with_notes(friction: DriveFriction, under: Sequence[Conditions], note: str) -> DriveFriction:
-    """Return the friction with the reasons why some of it was not read; `note` is the reason for traces in motion."""
+    """Return the friction with the reasons why some of it was not read; `note` is the reason for
+    traces in motion.
+    """
     if friction.fit is None and under[0].unread:
         friction = replace(friction, note="; ".join(under[0].unread))
     if note:
         friction = replace(friction, note=f"{friction.note}; {note}".lstrip("; "))
-    if friction.assumed is None and friction.fit is not None and BaseMotion.UNKNOWN in {one.motion for one in under}:
-        friction = replace(friction, note=f"{friction.note}. For a trace in motion give its --design")
+    if (
+        friction.assumed is None
+        and friction.fit is not None
+        and BaseMotion.UNKNOWN in {one.motion for one in under}
+    ):
+        friction = replace(
+            friction, note=f"{friction.note}. For a trace in motion give its --design"
+        )
     return friction
 
 
@@ -261,10 +316,12 @@ def with_bound(
     Fs: float | None,
     unit: str,
 ) -> DriveFriction:
-    """Return the friction with a bound of the error, if its largest force is known and nothing better was proved.
+    """Return the friction with a bound of the error, if its largest force is known and nothing
+    better was proved.
 
-    machine : the linear model; None if it cannot judge these gains. The bound then holds for the machine as read in
-    motion, if the axis slides in a stable loop. Fs : as given; the default is the upper end of the interval as read.
+    machine : the linear model; None if it cannot judge these gains. The bound then holds for the
+    machine as read in motion, if the axis slides in a stable loop. Fs : as given; the default is
+    the upper end of the interval as read.
     """
     force = friction.force
     largest = Fs if Fs is not None or force is None else float(force.Fs[1])
@@ -275,7 +332,9 @@ def with_bound(
     plants, two = [], force is not None and force.load is not None
     if machine is not None and not two:
         plants = [(friction_plant(machine, position_unit=settings.base_unit), MODEL)]
-    if force is not None and slides:  # a fit may have modes that allow no bound; the machine as read in motion may
+    if (
+        force is not None and slides
+    ):  # a fit may have modes that allow no bound; the machine as read in motion may
         read = plant_of_fit(force.sliding, encoder=settings.encoder)
         read = replace(read, delay=max(0.0, read.delay - settings.delay - settings.lag))
         plants.append((read, READ if machine is not None else UNCERTIFIED))
@@ -299,7 +358,9 @@ def _with_note(friction: DriveFriction, sentence: str) -> DriveFriction:
 
 
 def _report_of_drive(report: RobustnessReport, *, misled: bool) -> RobustnessReport:
-    """Return the report without advice on an unstable model, and without a verdict from a trace that misleads."""
+    """Return the report without advice on an unstable model, and without a verdict from a trace
+    that misleads.
+    """
     if report.verdict is Verdict.NOT_ROBUST and misled:
         what = report.reason if report.nominally_stable else f"the model is {report.reason}"
         reason = f"{what}; but the trace cannot judge these gains, see the warning"
@@ -317,9 +378,11 @@ def simulate_drive(
     stable: bool,
     masses: int,
 ) -> DriveFriction:
-    """Return the friction with a simulation of the axis as read, and with the change to make if it hunts.
+    """Return the friction with a simulation of the axis as read, and with the change to make if it
+    hunts.
 
-    stable : True if the linear loop is stable, by its model or because the traces were recorded in it.
+    stable : True if the linear loop is stable, by its model or because the traces were recorded in
+    it.
     """
     force = None if friction.force is None else with_load(friction.force, friction.fit)
     reason = reason_against_simulation(force, settings, masses)
@@ -330,12 +393,16 @@ def simulate_drive(
     friction = replace(friction, force=force)
 
     def keeps(other: Drive) -> bool:
-        found = check_loop(model, cascade(other, output_unit=force.sliding.units[0]), delay=other.delay)
+        found = check_loop(
+            model, cascade(other, output_unit=force.sliding.units[0]), delay=other.delay
+        )
         return found.proofs.robustly_stable and found.margins.S_worst <= report.peak
 
     found = simulate_rest(force, settings)
     if found.ended <= found.amplitudes.size / 2:
-        return replace(friction, unsimulated=f"the integration succeeded in {found.ended} runs only")
+        return replace(
+            friction, unsimulated=f"the integration succeeded in {found.ended} runs only"
+        )
     return replace(friction, simulated=with_advice(found, force, settings, keeps))
 
 
@@ -365,7 +432,9 @@ def _in_motion(under: Sequence[Conditions]) -> list[int]:
 def _read_force(
     records: Sequence[nlfrf.Record], under: Sequence[Conditions], masses: int
 ) -> tuple[FrictionForce | None, str]:
-    """Return the friction for any law from traces in motion, and the reason if there is none or no break-away force."""
+    """Return the friction for any law from traces in motion, and the reason if there is none or no
+    break-away force.
+    """
     moving = _in_motion(under)
     if not moving or records[0].u_unit == "A":
         return None, ""
@@ -378,9 +447,12 @@ def _read_force(
     return force, force.reason
 
 
-def _step_of(model: UncertaintyModel, K: control.StateSpace, *, settings: Drive, unit: str) -> StepResponse:
+def _step_of(
+    model: UncertaintyModel, K: control.StateSpace, *, settings: Drive, unit: str
+) -> StepResponse:
     """Return the response to a step of the position set point, through the loops of the drive."""
-    G, drive = assemble_loop(model, K, w_P=None, delay=settings.delay).G, with_set_point(settings, output_unit=unit)
+    G = assemble_loop(model, K, w_P=None, delay=settings.delay).G
+    drive = with_set_point(settings, output_unit=unit)
     A = np.block([[G.A, G.B @ drive.C], [drive.B[:, 1:] @ G.C, drive.A]])
     direct = np.zeros_like(A)
     direct[: G.nstates, : G.nstates] = G.B @ drive.D[:, 1:] @ G.C

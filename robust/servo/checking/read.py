@@ -1,4 +1,6 @@
-"""Traces of a drive as records in the units of its velocity loop, with the conditions of their recording."""
+"""Traces of a drive as records in the units of its velocity loop, with the conditions of their
+recording.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +20,15 @@ from robust.servo.experiment.levels import AxisLevels, FrictionRegime, find_leve
 
 
 def read_trace(
-    path: Path, settings: Drive, *, actual: bool = False, load: Callable[[Path], nlfrf.Record] = nlfrf.load_record
+    path: Path,
+    settings: Drive,
+    *,
+    actual: bool = False,
+    load: Callable[[Path], nlfrf.Record] = nlfrf.load_record,
 ) -> nlfrf.Record:
-    """Read a trace of a drive in the units of its velocity loop: position in m or rad, force in N or Nm, or current."""
+    """Read a trace of a drive in the units of its velocity loop: position in m or rad, force in N
+    or Nm, or current.
+    """
     return _to_drive_units(load(path), settings, path, actual=actual)
 
 
@@ -31,18 +39,22 @@ def read_traces(
     actual: bool = False,
     load: Callable[[Path], nlfrf.Record] = nlfrf.load_record,
 ) -> tuple[list[nlfrf.Record], list[str], list[Conditions]]:
-    """Read traces that were not designed by `robust.servo`: records, names and conditions for `check`.
+    """Read traces that were not designed by `robust.servo`: records, names and conditions for
+    `check`.
 
-    Use `read_experiments` for traces with a design, because only a design shows gains and motion of the recording.
+    Use `read_experiments` for traces with a design, because only a design shows gains and motion of
+    the recording.
 
     Parameters
     ----------
     traces : sequence of Path
         Files, one for each level.
     settings : Drive
-        The drive. A position without a unit is in its `position_unit`, an input without a unit in its output unit.
+        The drive. A position without a unit is in its `position_unit`, an input without a unit in
+        its output unit.
     actual : bool
-        True if the input is the actual current or force, which is measured behind the hold. A set point is held.
+        True if the input is the actual current or force, which is measured behind the hold. A set
+        point is held.
     load : callable
         `nlfrf.load_record` with its options.
 
@@ -81,7 +93,8 @@ def read_traces(
 def collect_warnings(name: str) -> Iterator[list[str]]:
     """Collect the data warnings of a block, each with a name in front, and pass every warning on.
 
-    A `LevelWarning` is not collected: at rest friction changes the force, and no verdict depends on that.
+    A `LevelWarning` is not collected: at rest friction changes the force, and no verdict depends on
+    that.
     """
     texts: list[str] = []
     try:
@@ -90,7 +103,9 @@ def collect_warnings(name: str) -> Iterator[list[str]]:
             yield texts
     finally:
         data = [one for one in caught if issubclass(one.category, nlfrf.DataWarning)]
-        texts += [f"{name}: {one.message}" for one in data if one.category is not nlfrf.io.LevelWarning]
+        texts += [
+            f"{name}: {one.message}" for one in data if one.category is not nlfrf.io.LevelWarning
+        ]
         for one in caught:
             warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
 
@@ -116,18 +131,22 @@ def read_experiments(
     designs : sequence of nlfrf.signals.AxisExperiment
         One design for all traces, or one for each trace, in the order of the traces.
     settings : Drive
-        The drive. A position without a unit is in its `position_unit`, an input without a unit in its output unit.
+        The drive. A position without a unit is in its `position_unit`, an input without a unit in
+        its output unit.
     actual : bool
-        True if the input is the actual current or force, which is measured behind the hold. A set point is held.
+        True if the input is the actual current or force, which is measured behind the hold. A set
+        point is held.
     n_levels : int
-        Number of levels to take from a pre-test, from sticking to sliding; motor and load need more than three.
+        Number of levels to take from a pre-test, from sticking to sliding; motor and load need more
+        than three.
     u, y, fs, start
         As for `nlfrf.io.load_trace`.
 
     Returns
     -------
     records : list of nlfrf.Record
-        One for each direction of a base motion, one for each level of a pre-test, or the one at rest.
+        One for each direction of a base motion, one for each level of a pre-test, or the one at
+        rest.
     names : list of str
         Name of each record: its file, with direction or level.
     conditions : list of Conditions
@@ -136,8 +155,9 @@ def read_experiments(
     Raises
     ------
     ValueError
-        A number of traces that does not fit the designs; pre-tests only, none of which shows three levels; units or a
-        sampling frequency that do not fit the drive; the errors of `nlfrf.io.load_trace`.
+        A number of traces that does not fit the designs; pre-tests only, none of which shows three
+        levels; units or a sampling frequency that do not fit the drive; the errors of
+        `nlfrf.io.load_trace`.
 
     Examples
     --------
@@ -155,7 +175,9 @@ def read_experiments(
     >>> names[0], conditions[0].motion
     ('trace.csv forward', 'in motion')
     """
-    if len(designs) == len(traces):  # one for each trace: keep one for each experiment with several realisations
+    if len(designs) == len(
+        traces
+    ):  # one for each trace: keep one for each experiment with several realisations
         of_trace, designs = list(designs), []
         while of_trace:
             designs.append(of_trace[0])
@@ -164,39 +186,56 @@ def read_experiments(
     repeats = len(traces) // counts[0] if len(designs) == 1 else 1
     if sum(counts) * repeats != len(traces):
         raise ValueError(
-            f"design must be one for all traces, or one for each, got {len(designs)} designs with {sum(counts)} "
-            f"realisations in all for {len(traces)} traces"
+            f"design must be one for all traces, or one for each, got {len(designs)} designs with"
+            f" {sum(counts)} realisations in all for {len(traces)} traces"
         )
     records, names, conditions, unread, warned_texts, left = [], [], [], [], [], list(traces)
     levels_at_rest: list[nlfrf.Record] = []
     for design in list(designs) * repeats:
         paths, left = left[: design.ms.n_realizations], left[design.ms.n_realizations :]
         with collect_warnings(paths[0].name) as warned:
-            found, labels = nlfrf.io.load_trace(paths, design, u=u, y=y, fs=fs, start=start), design.labels
+            found = nlfrf.io.load_trace(paths, design, u=u, y=y, fs=fs, start=start)
+            labels = design.labels
         warned_texts += warned
         if design.is_ramp:
             read = find_levels(found, design)
-            levels_at_rest += [_to_drive_units(record, settings, paths[0], actual=actual) for record in found]
+            levels_at_rest += [
+                _to_drive_units(record, settings, paths[0], actual=actual) for record in found
+            ]
             if read.reason:
                 unread.append(f"{paths[0].name}: {read.reason}")
                 continue
             taken = _choose_levels(read, n_levels)
-            found, labels = tuple(found[k] for k in taken), tuple(read.states[k].value for k in taken)
+            found = tuple(found[k] for k in taken)
+            labels = tuple(read.states[k].value for k in taken)
         records += [_to_drive_units(record, settings, paths[0], actual=actual) for record in found]
         names += [f"{paths[0].name} {label}" for label in labels]
         motion = BaseMotion.MOVING if np.any(design.velocities) else BaseMotion.AT_REST
-        strokes = list(design.groups.values())  # strokes in one direction are realisations of one record
-        speeds = [design.velocities[one[0]] if motion is BaseMotion.MOVING else 0.0 for one in strokes[: len(found)]]
+        strokes = list(
+            design.groups.values()
+        )  # strokes in one direction are realisations of one record
+        speeds = [
+            design.velocities[one[0]] if motion is BaseMotion.MOVING else 0.0
+            for one in strokes[: len(found)]
+        ]
         gains = compare_gains(design, settings)
-        conditions += [Conditions(gains=gains, motion=motion, velocity=float(speed)) for speed in speeds]
+        conditions += [
+            Conditions(gains=gains, motion=motion, velocity=float(speed)) for speed in speeds
+        ]
     if not records:
         raise ValueError(f"design of a pre-test must show three levels, got {'; '.join(unread)}")
     texts, why, levels = tuple(warned_texts), tuple(unread), tuple(levels_at_rest)
-    return records, names, [one._replace(warnings=texts, unread=why, levels=levels) for one in conditions]
+    return (
+        records,
+        names,
+        [one._replace(warnings=texts, unread=why, levels=levels) for one in conditions],
+    )
 
 
 def _choose_levels(levels: AxisLevels, count: int) -> list[int]:
-    """Return the indices of the levels to read: the three named ones, or more from the lowest of these to the top."""
+    """Return the indices of the levels to read: the three named ones, or more from the lowest of
+    these to the top.
+    """
     named = np.flatnonzero(np.isin(levels.set_point_rms, levels.rms)).tolist()
     states = FrictionRegime
     readable = (states.STICKS, states.BENDS, states.SLIDES)
@@ -207,21 +246,30 @@ def _choose_levels(levels: AxisLevels, count: int) -> list[int]:
 
 
 def compare_gains(design: nlfrf.signals.AxisExperiment, settings: Drive) -> RecordedGains:
-    """Compare the gains with those of a design; the result is UNKNOWN if kp cannot be converted to A."""
+    """Compare the gains with those of a design; the result is UNKNOWN if kp cannot be converted to
+    A.
+    """
     try:
         kp = settings.gain * settings.output_factor("A")
     except ValueError:  # no torque constant: the design has a kp in A
         return RecordedGains.UNKNOWN
-    same = settings.base_unit == design.position_unit and design.has_gains(settings.kv, kp, settings.tn)
+    same = settings.base_unit == design.position_unit and design.has_gains(
+        settings.kv, kp, settings.tn
+    )
     return RecordedGains.SAME if same else RecordedGains.OTHER
 
 
-def _to_drive_units(record: nlfrf.Record, settings: Drive, path: Path, *, actual: bool) -> nlfrf.Record:
-    """Return a record in the units of the velocity loop, with the defaults and errors of `read_traces`."""
+def _to_drive_units(
+    record: nlfrf.Record, settings: Drive, path: Path, *, actual: bool
+) -> nlfrf.Record:
+    """Return a record in the units of the velocity loop, with the defaults and errors of
+    `read_traces`.
+    """
     if abs(record.fs / settings.fs - 1) > 1e-6:
         raise ValueError(
-            f"trace must be sampled as the velocity loop is, at {settings.fs:g} Hz, got {path.name} at {record.fs:g} "
-            "Hz: trace every period, because decimation loses the samples between"
+            f"trace must be sampled as the velocity loop is, at {settings.fs:g} Hz, got {path.name}"
+            f" at {record.fs:g} Hz: trace every period, because decimation loses the samples"
+            " between"
         )
     base, force = settings.base_unit, settings.force_unit
     kind, factor = POSITIONS.get(record.y_unit, ("", 1.0))
@@ -230,18 +278,22 @@ def _to_drive_units(record: nlfrf.Record, settings: Drive, path: Path, *, actual
         factor = position.factor
     elif kind != base:
         raise ValueError(
-            f"trace must have the position in {position.unit} or a multiple of {base}, got {path.name} in "
-            f"{record.y_unit}"
+            f"trace must have the position in {position.unit} or a multiple of {base}, got"
+            f" {path.name} in {record.y_unit}"
         )
     given = record.u_unit or settings.output_unit
     if given not in ("A", force):
         raise ValueError(f"trace must have an input in A or {force}, got {path.name} in {given}")
-    unit = "A" if np.isnan(settings.torque_constant) and "A" in (given, settings.output_unit) else force
+    unit = (
+        "A"
+        if np.isnan(settings.torque_constant) and "A" in (given, settings.output_unit)
+        else force
+    )
     scale = 1.0 if given == unit else settings.torque_constant
     if np.isnan(scale):
         raise ValueError(
-            f"torque_constant must be given [{force}/A] between a gain in {settings.kp_unit} and a trace in {given}, "
-            "got none"
+            f"torque_constant must be given [{force}/A] between a gain in {settings.kp_unit} and a"
+            f" trace in {given}, got none"
         )
     return replace(
         record,

@@ -1,6 +1,8 @@
-"""Simulation of the identified axis under its drive, with every friction law that the records do not refute.
+"""Simulation of the identified axis under its drive, with every friction law that the records do
+not refute.
 
-A simulation proves nothing: with another history or another friction law the axis may behave otherwise.
+A simulation proves nothing: with another history or another friction law the axis may behave
+otherwise.
 """
 
 from __future__ import annotations
@@ -19,33 +21,36 @@ from robust.friction.reading.identification import FrictionFit
 from robust.friction.units import format_length
 
 Law: TypeAlias = (
-    "nlfrf.friction.Coulomb | nlfrf.friction.VaryingSliders | nlfrf.friction.Dahl | nlfrf.friction.LuGre "
-    "| nlfrf.friction.Leuven"
+    "nlfrf.friction.Coulomb | nlfrf.friction.VaryingSliders | nlfrf.friction.Dahl |"
+    " nlfrf.friction.LuGre | nlfrf.friction.Leuven"
 )
 #: Friction laws to try; Leuven has an exponential virgin curve.
 _LAWS = ("rigid", "Maxwell slip or GMS", "Dahl", "LuGre", "Leuven")
 #: Laws that need no shorter integration steps if the friction is stiff.
 _STIFF = ("rigid", "Maxwell slip or GMS")
-#: Number of runs; the laws take turns. On ten axes that hunt, rigid friction, Maxwell slip and LuGre with the same
-#: numbers hunted by the same amplitude to 8 %, Leuven by up to 19 % less and in fewer runs
-#: (benchmarks/bench_stranger.py).
+# : Number of runs; the laws take turns. On ten axes that hunt, rigid friction, Maxwell slip and
+# LuGre with the same : numbers hunted by the same amplitude to 8 %, Leuven by up to 19 % less and
+# in fewer runs : (benchmarks/bench_stranger.py).
 RUNS = 12
-#: Stribeck velocity [m/s] or [rad/s] if the records do not show it: the range that Armstrong-Hélouvry reports.
+# : Stribeck velocity [m/s] or [rad/s] if the records do not show it: the range that
+# Armstrong-Hélouvry reports.
 _STRIBECK_VELOCITY = (5e-4, 5e-2)
 #: Deflections at which the elements of Maxwell slip begin to slip, over their mean.
 _DEFLECTIONS = np.array([0.25, 0.5, 1.0, 2.0])
-#: Upper limit for the resonance of the mass on its friction, over the sampling frequency. A drive cannot tell stiffer
-#: friction from it, so it also bounds a stiffness that the encoder does not resolve.
+# : Upper limit for the resonance of the mass on its friction, over the sampling frequency. A drive
+# cannot tell stiffer : friction from it, so it also bounds a stiffness that the encoder does not
+# resolve.
 _STIFFEST = 0.25
-#: Number of moves of the set point; time of each move, and of the hold after them, in reset times of the velocity loop;
-#: share at the end of the hold that is evaluated.
+# : Number of moves of the set point; time of each move, and of the hold after them, in reset times
+# of the velocity loop; : share at the end of the hold that is evaluated.
 _MOVES, _MOVE, _HOLD, _LAST = 3, 15.0, 250.0, 0.25
-#: Peak-to-peak motion above which the axis hunts, over the position error whose force command is Coulomb friction. At
-#: that size the integral takes about 1/0.02 reset times to wind up.
+# : Peak-to-peak motion above which the axis hunts, over the position error whose force command is
+# Coulomb friction. At : that size the integral takes about 1/0.02 reset times to wind up.
 _SWINGS = 0.02
-#: Number of hunting runs from which the axis counts as hunting, a third of all: fewer runs have several numbers at an
-#: end of their intervals. Among 23 axes that hunt and 32 that rest (benchmarks/bench_stranger.py), a limit of 2 runs
-#: calls 23 and 10 of them hunting, 4 runs 23 and 5, 6 runs 18 and 1.
+# : Number of hunting runs from which the axis counts as hunting, a third of all: fewer runs have
+# several numbers at an : end of their intervals. Among 23 axes that hunt and 32 that rest
+# (benchmarks/bench_stranger.py), a limit of 2 runs : calls 23 and 10 of them hunting, 4 runs 23 and
+# 5, 6 runs 18 and 1.
 FEWEST = 4
 #: Changes of a drive to try against hunting, the mildest first: gain, and factor on it.
 _CHANGES = (
@@ -71,9 +76,11 @@ class SimulatedRest:
     Fields
     ------
     laws : tuple of str
-        Friction laws not refuted by the records. Bristles too stiff for the encoder are simulated as rigid friction.
+        Friction laws not refuted by the records. Bristles too stiff for the encoder are simulated
+        as rigid friction.
     amplitudes : (runs,) ndarray
-        Half the peak-to-peak motion at the end [m] or [rad]; zero at rest, nan if the integration failed.
+        Half the peak-to-peak motion at the end [m] or [rad]; zero at rest, nan if the integration
+        failed.
     periods : (runs,) ndarray
         Period of the motion [s]; nan at rest.
     unit : str
@@ -85,7 +92,8 @@ class SimulatedRest:
 
     References
     ----------
-    B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30, 1994 (hunting, Stribeck velocities).
+    B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30, 1994 (hunting, Stribeck
+    velocities).
     """
 
     laws: tuple[str, ...]
@@ -117,7 +125,10 @@ class SimulatedRest:
 
     def __str__(self) -> str:
         ended, laws = self.ended, ", ".join(self.laws)
-        of = f"{ended} runs from random moves, with friction as read ({laws}); a simulation proves nothing"
+        of = (
+            f"{ended} runs from random moves, with friction as read ({laws}); a simulation proves"
+            " nothing"
+        )
         if ended < self.amplitudes.size:
             of += f"; {self.amplitudes.size - ended} more failed"
         does = f"rests in {ended - self.count if self.count else 'all'}"
@@ -132,21 +143,30 @@ class SimulatedRest:
         return float(known.max()) if known.size else np.nan
 
     def describe_end(self) -> str:
-        """Return a clause with the largest distance from the set point at the end; empty if unknown."""
+        """Return a clause with the largest distance from the set point at the end; empty if
+        unknown.
+        """
         if not np.isfinite(self.offset):
             return ""
         far = format_length(max(self.offset, SHOWN), self.unit)
-        return f"; eventually {'less than' if self.offset < SHOWN else 'at most'} {far} off the set point"
+        return (
+            f"; eventually {'less than' if self.offset < SHOWN else 'at most'} {far} off the set"
+            " point"
+        )
 
     def describe_swing(self) -> str:
         """Return amplitude and period of the hunting as text."""
-        return f"by +-{format_length(self.amplitude, self.unit)}, once in {float(np.nanmedian(self.periods)):.2g} s"
+        return (
+            f"by +-{format_length(self.amplitude, self.unit)}, once in"
+            f" {float(np.nanmedian(self.periods)):.2g} s"
+        )
 
 
 def laws_not_refuted(force: FrictionForce) -> tuple[str, ...]:
     """Return the friction laws not refuted by the records.
 
-    A resolved stiffness refutes rigid friction, creep refutes rigid friction and Maxwell slip, stiction refutes Dahl.
+    A resolved stiffness refutes rigid friction, creep refutes rigid friction and Maxwell slip,
+    stiction refutes Dahl.
     """
     refuted = {
         "rigid": force.creeps or bool(np.isfinite(force.K0[1])),
@@ -163,7 +183,10 @@ def reason_against_simulation(force: FrictionForce | None, settings: Drive, mass
     if force is None or not np.isfinite(force.Fs).all():
         return "the break-away force is not known"
     if settings.velocity_from == "observer" or settings.encoder != "motor":
-        return "the simulation takes only a drive with the encoder on the motor and a velocity from differences"
+        return (
+            "the simulation takes only a drive with the encoder on the motor and a velocity from"
+            " differences"
+        )
     if not settings.kv:
         return "without a position loop the axis has no set point to rest at"
     return ""
@@ -178,9 +201,9 @@ def simulate_rest(
 ) -> SimulatedRest:
     """Simulate an axis in random moves and a final hold, with numbers drawn from their intervals.
 
-    force : machine and friction as read, in the units of the drive (N and m, or Nm and rad).
-    order : indices of the runs, below `RUNS`. All drives get the same draws, so two drives differ by their gains alone.
-    most : amplitude [m] or [rad] above which the simulation stops.
+    force : machine and friction as read, in the units of the drive (N and m, or Nm and rad). order
+    : indices of the runs, below `RUNS`. All drives get the same draws, so two drives differ by
+    their gains alone. most : amplitude [m] or [rad] above which the simulation stops.
     """
     from scipy.stats import qmc
 
@@ -193,11 +216,17 @@ def simulate_rest(
         if found[-1][0] > most:
             break
     amplitudes, periods, offsets = np.array(found).T
-    return SimulatedRest(laws=laws, amplitudes=amplitudes, periods=periods, unit=settings.base_unit, offsets=offsets)
+    return SimulatedRest(
+        laws=laws, amplitudes=amplitudes, periods=periods, unit=settings.base_unit, offsets=offsets
+    )
 
 
-def _run_to_the_end(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[float, float, float]:
-    """Return amplitude [m], period [s] and offset [m] of one run, for (4 + MOVES,) draws between zero and one."""
+def _run_to_the_end(
+    law: str, force: FrictionForce, settings: Drive, draws: np.ndarray
+) -> tuple[float, float, float]:
+    """Return amplitude [m], period [s] and offset [m] of one run, for (4 + MOVES,) draws between
+    zero and one.
+    """
     axis, oversampling = _draw_axis(law, force, settings, draws[:4])
     way = _coulomb_of(force) / (_gain_in_force(settings) * settings.kv)
     reset = settings.tn if np.isfinite(settings.tn) else 1 / settings.kv
@@ -217,7 +246,9 @@ def _run_to_the_end(law: str, force: FrictionForce, settings: Drive, draws: np.n
 
 
 def with_load(force: FrictionForce, fit: FrictionFit | None) -> FrictionForce:
-    """Return the friction with its load, if the fit of the levels has motor, load and the spring between them."""
+    """Return the friction with its load, if the fit of the levels has motor, load and the spring
+    between them.
+    """
     if fit is None or not fit.load_mass or not force.sliding.mass > fit.load_mass:
         return force
     if not np.isfinite([fit.stds[name] for name in ("mass", "load_mass", "coupling")]).all():
@@ -226,13 +257,21 @@ def with_load(force: FrictionForce, fit: FrictionFit | None) -> FrictionForce:
     return replace(force, load=coupled_load(fit, share))
 
 
-def _draw_axis(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[nlfrf.rig.ServoAxis, int]:
-    """Return the axis with a friction law for (4,) draws, and the number of integration steps in a period."""
+def _draw_axis(
+    law: str, force: FrictionForce, settings: Drive, draws: np.ndarray
+) -> tuple[nlfrf.rig.ServoAxis, int]:
+    """Return the axis with a friction law for (4,) draws, and the number of integration steps in a
+    period.
+    """
     friction, steps = _draw_friction(law, force, settings, draws)
     motion = "linear" if settings.base_unit == "m" else "rotary"
     damping = max(0.0, force.sliding.damping)
     axis = nlfrf.rig.ServoAxis(
-        motor_inertia=force.sliding.mass, drive=settings, motor_friction=friction, motor_damping=damping, motion=motion
+        motor_inertia=force.sliding.mass,
+        drive=settings,
+        motor_friction=friction,
+        motor_damping=damping,
+        motion=motion,
     )
     if (load := force.load) is None:
         return axis, steps
@@ -260,8 +299,12 @@ def _coulomb_of(force: FrictionForce) -> float:
     return float(min(abs(force.sliding.coulomb), force.Fs[1]))
 
 
-def _draw_friction(law: str, force: FrictionForce, settings: Drive, draws: np.ndarray) -> tuple[Law, int]:
-    """Return a friction law with numbers from their intervals for (4,) draws, and the integration steps in a period."""
+def _draw_friction(
+    law: str, force: FrictionForce, settings: Drive, draws: np.ndarray
+) -> tuple[Law, int]:
+    """Return a friction law with numbers from their intervals for (4,) draws, and the integration
+    steps in a period.
+    """
     Fc = _coulomb_of(force)
     Fs = max(force.Fs[0], Fc) ** (1 - draws[0]) * force.Fs[1] ** draws[0]
     stiffest = force.sliding.mass * (2 * np.pi * _STIFFEST * settings.fs) ** 2
@@ -269,23 +312,33 @@ def _draw_friction(law: str, force: FrictionForce, settings: Drive, draws: np.nd
     K0 = low * (high / low) ** draws[1]
     slowest, fastest = np.where(np.isnan(force.stribeck), _STRIBECK_VELOCITY, force.stribeck)
     vs = min(slowest, fastest) ** (1 - draws[2]) * fastest ** draws[2]
-    # slip at the lowest levels looks like damping, so the damping of the bristles is at most half of the critical one
+    # slip at the lowest levels looks like damping, so the damping of the bristles is at most half
+    # of the critical one
     damping = draws[3] * np.fmin(force.bristle_time, np.sqrt(force.sliding.mass / K0)) * K0
     if law == "rigid":
         return nlfrf.friction.Coulomb(Fc=Fc, Fs=Fs, vs=vs), 1
     if law == "Maxwell slip or GMS":
         k = np.full(_DEFLECTIONS.size, K0 / _DEFLECTIONS.size)
         strength = Fs * _DEFLECTIONS / _DEFLECTIONS.sum()
-        return nlfrf.friction.VaryingSliders(stiffness=k, strength=strength, stiction=Fs / Fc, vs=vs), 1
+        return (
+            nlfrf.friction.VaryingSliders(stiffness=k, strength=strength, stiction=Fs / Fc, vs=vs),
+            1,
+        )
     # bristles relax at the rate K0 |v| / Fc while they slip; the fastest move has this v
     speed = 3 * Fc / _gain_in_force(settings)
     steps = int(np.ceil(K0 * speed / Fc / settings.fs))
     if law == "Dahl":
         return nlfrf.friction.Dahl(sigma0=K0, Fc=Fs), steps
     if law == "LuGre":
-        return nlfrf.friction.LuGre(sigma0=K0, sigma1=damping, sigma2=0.0, Fc=Fc, Fs=Fs, vs=vs), steps
+        return (
+            nlfrf.friction.LuGre(sigma0=K0, sigma1=damping, sigma2=0.0, Fc=Fc, Fs=Fs, vs=vs),
+            steps,
+        )
     curve = nlfrf.hysteresis.Exponential(K0=K0, Fy=1.02 * Fs)  # reaches Fs
-    return nlfrf.friction.Leuven(Fs=Fs, Fc=Fc, vs=vs, sigma1=damping, sigma2=0.0, curve=curve), steps
+    return (
+        nlfrf.friction.Leuven(Fs=Fs, Fc=Fc, vs=vs, sigma1=damping, sigma2=0.0, curve=curve),
+        steps,
+    )
 
 
 def _gain_in_force(settings: Drive) -> float:
@@ -296,7 +349,8 @@ def _gain_in_force(settings: Drive) -> float:
 def with_advice(
     found: SimulatedRest, force: FrictionForce, settings: Drive, keeps: Callable[[Drive], bool]
 ) -> SimulatedRest:
-    """Return the result with the mildest change of the drive that brings rest, or else halves the amplitude.
+    """Return the result with the mildest change of the drive that brings rest, or else halves the
+    amplitude.
 
     keeps : function that returns whether the linear loop passes with a drive.
     """
@@ -310,16 +364,22 @@ def with_advice(
         after = simulate_rest(force, other, order=order, most=most)
         if not np.all(after.amplitudes <= most) or not keeps(other):
             continue
-        change = f"{name} {_format_gain(name, old, settings)} -> {_format_gain(name, factor * old, settings)}"
+        change = (
+            f"{name} {_format_gain(name, old, settings)} ->"
+            f" {_format_gain(name, factor * old, settings)}"
+        )
         if not after.count:
             rests = f"{change}: rests in all runs{_describe_offset(force, other)}, {_KEPT}"
             return replace(found, advice=f"{halved}; or {rests}" if halved else rests)
-        halved, most = f"{change}: hunts by +-{format_length(after.amplitude, found.unit)}, {_KEPT}", 0.0
+        halved = f"{change}: hunts by +-{format_length(after.amplitude, found.unit)}, {_KEPT}"
+        most = 0.0
     return replace(found, advice=halved)
 
 
 def _describe_offset(force: FrictionForce, settings: Drive) -> str:
-    """Return a clause with the largest distance of rest from the set point; empty with an integral part."""
+    """Return a clause with the largest distance of rest from the set point; empty with an integral
+    part.
+    """
     if np.isfinite(settings.tn):
         return ""
     way = float(force.Fs[1]) / (_gain_in_force(settings) * settings.kv)

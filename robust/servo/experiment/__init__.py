@@ -1,4 +1,5 @@
-"""Experiments on a servo axis under its running drive: design, simulation, and the levels of a pre-test.
+"""Experiments on a servo axis under its running drive: design, simulation, and the levels of a
+pre-test.
 
 axis_file  axis and drive in a TOML file
 design     a multisine for a set point of the drive: its spectrum of force, base motion, limits, level pre-test

@@ -1,4 +1,6 @@
-"""Design of an experiment on a running drive: a multisine that gives a wanted spectrum of force, within limits."""
+"""Design of an experiment on a running drive: a multisine that gives a wanted spectrum of force,
+within limits.
+"""
 
 from __future__ import annotations
 
@@ -22,11 +24,14 @@ from nlfrf.rig import ServoAxis, run
 from nlfrf.signals import AxisExperiment, AxisLimits
 from robust.servo.experiment.loop import closed_loop_poles, crossover_frequency, drive_loop
 
-#: A drive with a rough machine; a drive with a measured FRF that replaces that of its machine; or a record.
+# : A drive with a rough machine; a drive with a measured FRF that replaces that of its machine; or
+# a record.
 Source = ServoAxis | Record | tuple[ServoAxis, Bla]
-#: Largest error of a double pole at one by rounding: the square root of the rounding of its numbers.
+# : Largest error of a double pole at one by rounding: the square root of the rounding of its
+# numbers.
 _ROUNDING_OF_POLES = 1e-6
-#: Factor by which the crossover lies outside the band if a warning is due: a model may still reach a closer one.
+# : Factor by which the crossover lies outside the band if a warning is due: a model may still reach
+# a closer one.
 _FAR = 2.0
 
 
@@ -42,30 +47,34 @@ def design_experiment(
     n_periods: int = 2,
     n_discard: int = 2,
 ) -> AxisExperiment:
-    """Design a multisine for a set point of a running drive, such that the force set point has a wanted spectrum.
+    """Design a multisine for a set point of a running drive, such that the force set point has a
+    wanted spectrum.
 
-    Use this to identify an axis whose loop stays closed. The input of the BLA is the force set point behind the loop,
-    so the set point to play is the wanted spectrum over the transfer from the port to the force. This transfer is
-    computed from the gains and a rough plant, or measured by a first multisine of low level at the same port. The
-    computed one contains no friction: if the axis sticks, design again from the first record.
+    Use this to identify an axis whose loop stays closed. The input of the BLA is the force set
+    point behind the loop, so the set point to play is the wanted spectrum over the transfer from
+    the port to the force. This transfer is computed from the gains and a rough plant, or measured
+    by a first multisine of low level at the same port. The computed one contains no friction: if
+    the axis sticks, design again from the first record.
 
     Parameters
     ----------
     source : ServoAxis, Record, or pair of ServoAxis and Bla
-        Drive with its gains and a rough machine, whose friction is used for `peak_force` only. A `Bla` from force set
-        point to position replaces the FRF of the rough machine. Or a record at the same port with its reference r, as
-        `load_trace` returns it.
+        Drive with its gains and a rough machine, whose friction is used for `peak_force` only. A
+        `Bla` from force set point to position replaces the FRF of the rough machine. Or a record at
+        the same port with its reference r, as `load_trace` returns it.
     ms : Multisine
-        Band, phases and spectrum of the force set point; its level is not used. It has the sampling frequency of the
-        drive or of the record. Each of its M realisations is a file to play.
+        Band, phases and spectrum of the force set point; its level is not used. It has the sampling
+        frequency of the drive or of the record. Each of its M realisations is a file to play.
     rms : float, optional
-        Root mean square of the force set point, in its unit. The default is the largest within the limits.
+        Root mean square of the force set point, in its unit. The default is the largest within the
+        limits.
     port : str
         Set point to which the multisine is added: "position", "velocity" or "force".
     limits : AxisLimits, optional
         Largest force, velocity and travel, including the base motion.
     base_velocity : float
-        Velocity of a base motion that keeps the friction sliding [m/s] or [rad/s]; zero for an axis at rest.
+        Velocity of a base motion that keeps the friction sliding [m/s] or [rad/s]; zero for an axis
+        at rest.
     strokes : int
         Strokes forth and back, each of n_discard + n_periods periods; zero for one long stroke.
     n_periods, n_discard : int
@@ -78,18 +87,20 @@ def design_experiment(
     Raises
     ------
     ValueError
-        A level or a base motion beyond a limit; a multisine that would reverse the base motion; neither a level nor
-        limits; a source that does not fit; a multisine with another sampling frequency.
+        A level or a base motion beyond a limit; a multisine that would reverse the base motion;
+        neither a level nor limits; a source that does not fit; a multisine with another sampling
+        frequency.
 
     Warns
     -----
     DataWarning
-        For a drive with a rough machine: a loop that is unstable, or crosses over far outside the band; a `tn` above
-        the period.
+        For a drive with a rough machine: a loop that is unstable, or crosses over far outside the
+        band; a `tn` above the period.
 
     References
     ----------
-    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.6.4 (FRF of a closed loop).
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.6.4 (FRF
+    of a closed loop).
 
     Examples
     --------
@@ -105,7 +116,9 @@ def design_experiment(
     base_velocity = require_real("base_velocity", base_velocity)
     strokes = require_integer("strokes", strokes, least=0)
     if strokes and not base_velocity:
-        raise ValueError(f"base_velocity must not be zero with strokes, got zero with {strokes} strokes")
+        raise ValueError(
+            f"base_velocity must not be zero with strokes, got zero with {strokes} strokes"
+        )
     directions = np.tile([1.0, -1.0], strokes) if strokes else np.ones(1)
     wanted = _wanted_force(source, ms)
     if isinstance(source, ServoAxis):
@@ -126,21 +139,23 @@ def design_ramp(
     n_periods: int = 1,
     n_discard: int = 1,
 ) -> AxisExperiment:
-    """Design a pre-test at rest: one multisine at rising levels, from sticking through break-away to sliding.
+    """Design a pre-test at rest: one multisine at rising levels, from sticking through break-away
+    to sliding.
 
-    Use this to find the levels at which friction sticks, bends and slides; `find_levels` reads them from its trace.
-    The levels rise in equal ratios from `rms` / `span`, and each is held for a few periods. If a drive stops at a
-    limit, the complete levels before it are read.
+    Use this to find the levels at which friction sticks, bends and slides; `find_levels` reads them
+    from its trace. The levels rise in equal ratios from `rms` / `span`, and each is held for a few
+    periods. If a drive stops at a limit, the complete levels before it are read.
 
     Parameters
     ----------
     source, port, limits
         As for `design_experiment`.
     ms : Multisine
-        As for `design_experiment`, with one realisation. Band and spectrum should be those of the later experiments.
+        As for `design_experiment`, with one realisation. Band and spectrum should be those of the
+        later experiments.
     rms : float, optional
-        Rms of the force set point at the highest level once the axis slides, in its unit. The default is the largest
-        within the limits.
+        Rms of the force set point at the highest level once the axis slides, in its unit. The
+        default is the largest within the limits.
     n_levels : int
         Number of levels.
     span : float
@@ -176,12 +191,16 @@ def design_ramp(
     wanted = _wanted_force(source, ms)
     if wanted.n_realizations != 1:
         raise ValueError(f"ms must have one realisation, got {wanted.n_realizations}")
-    segments = _Segments(np.zeros(n_levels), np.geomspace(1 / span, 1.0, n_levels), n_periods, n_discard)
+    segments = _Segments(
+        np.zeros(n_levels), np.geomspace(1 / span, 1.0, n_levels), n_periods, n_discard
+    )
     return _experiment_within(source, wanted, segments=segments, port=port, rms=rms, limits=limits)
 
 
 class _Segments(NamedTuple):
-    """Base velocity and relative level of each segment (S,), periods to keep of each, and periods before them."""
+    """Base velocity and relative level of each segment (S,), periods to keep of each, and periods
+    before them.
+    """
 
     velocities: np.ndarray
     gains: np.ndarray
@@ -211,27 +230,32 @@ def _wanted_force(source: Source, ms: Multisine) -> Multisine:
 
 
 def _warn_of_loop(axis: ServoAxis, wanted: Multisine) -> None:
-    """Warn of a loop that is unstable, or does not fit the band and the period of the experiment."""
+    """Warn of a loop that is unstable, or does not fit the band and the period of the
+    experiment.
+    """
     drive = axis.drive
     gains = f"kv = {drive.kv:g} 1/s, kp = {drive.kp:g} {drive.kp_unit} and tn = {drive.tn:g} s"
     if np.abs(closed_loop_poles(axis)).max() > 1 + _ROUNDING_OF_POLES:
         data_warning(
-            f"the loop of this axis with {gains} is unstable without friction: the computed peaks and set points are "
-            "wrong. Check the units of the gains, of torque_constant and of the inertia"
+            f"the loop of this axis with {gains} is unstable without friction: the computed peaks"
+            " and set points are wrong. Check the units of the gains, of torque_constant and of"
+            " the inertia"
         )
         return
     crossover, (first, last) = crossover_frequency(axis), wanted.f[[0, -1]]
     if not first / _FAR <= crossover <= last * _FAR:
         where = "nowhere" if np.isnan(crossover) else f"at {crossover:.3g} Hz"
         data_warning(
-            f"the loop with {gains} crosses over {where}, far outside the lines of {first:g} to {last:g} Hz: a trace "
-            "cannot show its margins. Take a band around the crossover, or check the units of the gains"
+            f"the loop with {gains} crosses over {where}, far outside the lines of {first:g} to"
+            f" {last:g} Hz: a trace cannot show its margins. Take a band around the crossover, or"
+            " check the units of the gains"
         )
     period = wanted.n_samples / wanted.fs
     if period < drive.tn < np.inf:
         data_warning(
-            f"tn = {drive.tn:g} s is longer than the period of {period:g} s: the lines do not show the integral part. "
-            "Check the unit of tn: it is in seconds here, and drives often show it in ms"
+            f"tn = {drive.tn:g} s is longer than the period of {period:g} s: the lines do not show"
+            " the integral part. Check the unit of tn: it is in seconds here, and drives often"
+            " show it in ms"
         )
 
 
@@ -244,14 +268,20 @@ def _experiment_within(
     rms: float | None,
     limits: AxisLimits | None,
 ) -> AxisExperiment:
-    """Return the experiment at its level, or at the largest level within the limits; refuse a level beyond them."""
+    """Return the experiment at its level, or at the largest level within the limits; refuse a level
+    beyond them.
+    """
     source, plant = source if isinstance(source, tuple) else (source, None)
     if plant is not None:
         require_kind("plant", plant, Bla)
     if limits is not None:
         require_kind("limits", limits, AxisLimits)
-    force_response, position_response = drive_loop(source, require_choice("port", port, PORTS), f=wanted.f, plant=plant)
-    position, force = source.units if isinstance(source, ServoAxis) else (source.y_unit, source.u_unit)
+    force_response, position_response = drive_loop(
+        source, require_choice("port", port, PORTS), f=wanted.f, plant=plant
+    )
+    position, force = (
+        source.units if isinstance(source, ServoAxis) else (source.y_unit, source.u_unit)
+    )
     position = POSITIONS.get(position, (position,))[0]
     draft = AxisExperiment(
         ms=replace(wanted, amplitude=wanted.amplitude / np.abs(force_response)),
@@ -275,7 +305,9 @@ def _experiment_within(
             force_constant=source.force_constant,
         )
     base, one = _base_motion(source, draft), _multisine_motion(draft)
-    level = _level_within(draft, base, one=one, limits=AxisLimits() if limits is None else limits, rms=rms)
+    level = _level_within(
+        draft, base, one=one, limits=AxisLimits() if limits is None else limits, rms=rms
+    )
     return replace(
         draft,
         ms=replace(draft.ms, amplitude=level * draft.ms.amplitude),
@@ -286,15 +318,21 @@ def _experiment_within(
 
 
 def _base_motion(source: ServoAxis | Record, experiment: AxisExperiment) -> _Motion:
-    """Return peaks and travel of the base motion; its force is simulated, or the mean of a record in motion."""
+    """Return peaks and travel of the base motion; its force is simulated, or the mean of a record
+    in motion.
+    """
     if isinstance(source, Record):
         force = float(np.abs(source.u.mean(axis=-1)).max())
     elif np.any(experiment.velocities):
-        n = min(2 * experiment.block + experiment.ms.n_samples, experiment.n_rows)  # both directions, and one reversal
+        n = min(
+            2 * experiment.block + experiment.ms.n_samples, experiment.n_rows
+        )  # both directions, and one reversal
         force = float(np.abs(run(source, experiment.base[:n]).force_set).max())
     else:
         force = 0.0
-    return _Motion(force, float(np.abs(experiment.velocities).max()), float(np.ptp(experiment.base)))
+    return _Motion(
+        force, float(np.abs(experiment.velocities).max()), float(np.ptp(experiment.base))
+    )
 
 
 def _multisine_motion(experiment: AxisExperiment) -> _Motion:
@@ -304,14 +342,22 @@ def _multisine_motion(experiment: AxisExperiment) -> _Motion:
     def behind(H: np.ndarray) -> np.ndarray:
         return replace(ms, amplitude=ms.amplitude * np.abs(H), phase=ms.phase + np.angle(H)).u
 
-    force, position, velocity = (behind(H) for H in (experiment.force_response, x, 2j * np.pi * ms.f * x))
-    return _Motion(float(np.abs(force).max()), float(np.abs(velocity).max()), float(np.ptp(position, axis=1).max()))
+    force, position, velocity = (
+        behind(H) for H in (experiment.force_response, x, 2j * np.pi * ms.f * x)
+    )
+    return _Motion(
+        float(np.abs(force).max()),
+        float(np.abs(velocity).max()),
+        float(np.ptp(position, axis=1).max()),
+    )
 
 
 def _level_within(
     draft: AxisExperiment, base: _Motion, *, one: _Motion, limits: AxisLimits, rms: float | None
 ) -> float:
-    """Return the rms of the force set point, as given or the largest within the limits; `one` is the motion at 1."""
+    """Return the rms of the force set point, as given or the largest within the limits; `one` is
+    the motion at 1.
+    """
     units = _Motion(draft.force_unit, f"{draft.position_unit}/s", draft.position_unit)._asdict()  # type: ignore[arg-type]
     taken, each = base._asdict(), one._asdict()
     left = {}
@@ -319,11 +365,14 @@ def _level_within(
         limit = getattr(limits, name)
         if taken[name] > limit:
             raise ValueError(
-                f"base_velocity must be lower, or its strokes shorter, for a {name} of at most {limit:g} {unit}, got "
-                f"{base.velocity:g} {units['velocity']}: the base motion alone needs {taken[name]:.3g} {unit}"
+                f"base_velocity must be lower, or its strokes shorter, for a {name} of at most"
+                f" {limit:g} {unit}, got {base.velocity:g} {units['velocity']}: the base motion"
+                f" alone needs {taken[name]:.3g} {unit}"
             )
         left[name] = limit - taken[name]
-    if base.velocity:  # a multisine as fast as its base motion reverses the axis, and friction sticks
+    if (
+        base.velocity
+    ):  # a multisine as fast as its base motion reverses the axis, and friction sticks
         left["velocity"] = min(left["velocity"], base.velocity)
     tightest = min(left, key=lambda name: left[name] / each[name])
     largest = left[tightest] / each[tightest]
@@ -332,10 +381,14 @@ def _level_within(
     level = largest if rms is None else require_positive("rms", rms)
     if level > largest * (1 + 1e-12):
         raise ValueError(
-            f"rms must be at most {largest:.3g} {draft.force_unit} within the limits, got {level:g} "
-            f"{draft.force_unit}: {tightest} would peak at {level * each[tightest]:.3g}, above {left[tightest]:.3g} "
-            f"{units[tightest]}" + (" left by the base motion" if base.velocity else "")
+            f"rms must be at most {largest:.3g} {draft.force_unit} within the limits, got {level:g}"
+            f" {draft.force_unit}: {tightest} would peak at {level * each[tightest]:.3g}, above"
+            f" {left[tightest]:.3g} {units[tightest]}"
+            + (" left by the base motion" if base.velocity else "")
         )
     if not level > 0:
-        raise ValueError(f"limits must leave some {tightest} for the multisine, got none: the base motion takes it")
+        raise ValueError(
+            f"limits must leave some {tightest} for the multisine, got none: the base motion"
+            " takes it"
+        )
     return level

@@ -1,7 +1,8 @@
 """The three levels to take from a pre-test: one that sticks, one that bends, one that slides.
 
-At each level the lowest lines obey U = (k - m w^2 + j c w) Y. While friction sticks, k is its presliding stiffness, the
-same at every level. k falls as elements slip. When the axis slides, k is the stiffness of springs to ground.
+At each level the lowest lines obey U = (k - m w^2 + j c w) Y. While friction sticks, k is its
+presliding stiffness, the same at every level. k falls as elements slip. When the axis slides, k is
+the stiffness of springs to ground.
 """
 
 from __future__ import annotations
@@ -23,23 +24,34 @@ from robust.servo.experiment.loop import record_spectra
 
 _LOW_LINES = 6  # number of lowest lines that give the stiffness: three pairs of a special-odd grid
 _STEPS = 2.0  # least rms of a position, in steps of the encoder, for a level to be read
-_PLATEAU = 0.1  # largest relative scatter of the stiffness over levels that stick; quantisation gives up to 6 %
-_STICKS = 0.97  # least stiffness over the plateau of a level that sticks; below, elements slip at the peaks
-_PLATEAU_SPAN = 2.0  # least ratio of highest to lowest position of a plateau: two equal levels are no plateau
+# largest relative scatter of the stiffness over levels that stick; quantisation gives up to 6 %
+_PLATEAU = 0.1
+# least stiffness over the plateau of a level that sticks; below, elements slip at the peaks
+_STICKS = 0.97
+_PLATEAU_SPAN = (
+    2.0  # least ratio of highest to lowest position of a plateau: two equal levels are no plateau
+)
 _SLIDES = 0.005  # largest remaining share of the fall of the stiffness at a level that slides
-_SETTLED = 0.02  # largest change of the stiffness between the two highest levels, over the plateau, if the axis slides
-_MIN_STIFFNESS_SHARE = 0.5  # least share of k Y in the force on the lowest lines; below, the mass determines k
+# largest change of the stiffness between the two highest levels, over the plateau, if the axis
+# slides
+_SETTLED = 0.02
+_MIN_STIFFNESS_SHARE = (
+    0.5  # least share of k Y in the force on the lowest lines; below, the mass determines k
+)
 _RISES = 1.2  # stiffness over the median of the lower levels above which it rises with the level
-_DRIFTS = 3.0  # least ratio of slow to fast changes between periods for a drift: a vibration has slow ones too
+# least ratio of slow to fast changes between periods for a drift: a vibration has slow ones too
+_DRIFTS = 3.0
 _CLIPPED = 2e-3  # largest share of samples at a limit of force for a level to be read
 
 
 class FrictionRegime(Enum):
-    """State of the friction at a level: sticking, bending (its stiffness falls), sliding, or not readable.
+    """State of the friction at a level: sticking, bending (its stiffness falls), sliding, or not
+    readable.
 
     References
     ----------
-    F. Al-Bender, J. Swevers, "Characterization of friction force dynamics", IEEE Control Systems 28 (6), 2008.
+    F. Al-Bender, J. Swevers, "Characterization of friction force dynamics", IEEE Control Systems 28
+    (6), 2008.
 
     Examples
     --------
@@ -62,18 +74,20 @@ class AxisLevels:
     Fields
     ------
     rms : (3,) ndarray
-        Rms of the force set point to design for, at which the axis sticks, bends and slides: entries of
-        `set_point_rms`. Empty if there is a reason.
+        Rms of the force set point to design for, at which the axis sticks, bends and slides:
+        entries of `set_point_rms`. Empty if there is a reason.
     records : tuple of Record
-        The three levels as measured, in the units of the design: the `source` of `design_experiment` for each.
+        The three levels as measured, in the units of the design: the `source` of
+        `design_experiment` for each.
     reason : str
         Reason why there are no three levels, and what to do; empty if there are.
     force_rms, position_rms : (L,) ndarray
-        Rms of force set point and position on the excited lines of every level, in the units of the design. A current
-        is converted to its force; a unit that cannot be converted is kept.
+        Rms of force set point and position on the excited lines of every level, in the units of the
+        design. A current is converted to its force; a unit that cannot be converted is kept.
     set_point_rms : (L,) ndarray
-        Rms to design for at every level, in the unit of force of the design: a multisine with the spectrum of the
-        design moves the axis as far at this rms. It is below `force_rms` if the loop changed the spectrum of the force.
+        Rms to design for at every level, in the unit of force of the design: a multisine with the
+        spectrum of the design moves the axis as far at this rms. It is below `force_rms` if the
+        loop changed the spectrum of the force.
     stiffness : (L,) ndarray
         Equivalent stiffness on the lowest lines [N/m], [Nm/rad] or in the units of the record.
     states : tuple of FrictionRegime
@@ -94,7 +108,8 @@ class AxisLevels:
 
     References
     ----------
-    F. Al-Bender, J. Swevers, "Characterization of friction force dynamics", IEEE Control Systems 28 (6), 2008.
+    F. Al-Bender, J. Swevers, "Characterization of friction force dynamics", IEEE Control Systems 28
+    (6), 2008.
     """
 
     rms: np.ndarray
@@ -112,13 +127,25 @@ class AxisLevels:
         units = f"{force} rms", f"{force} rms", f"{position} rms", f"{force}/{position}"
         names = ("design for", "measured", "position", "stiffness")
         rows = [("level", *map(" ".join, zip(names, units, strict=True)), "")]
-        columns = zip(self.set_point_rms, self.force_rms, self.position_rms, self.stiffness, self.states, strict=True)
+        columns = zip(
+            self.set_point_rms,
+            self.force_rms,
+            self.position_rms,
+            self.stiffness,
+            self.states,
+            strict=True,
+        )
         for k, (*numbers, state) in enumerate(columns):
             rows.append((str(k + 1), *(f"{number:.4g}" for number in numbers), state.value))
-        taken = ", ".join(f"{rms:.3g} {force} ({state})" for rms, state in zip(self.rms, _TAKEN, strict=False))
+        taken = ", ".join(
+            f"{rms:.3g} {force} ({state})" for rms, state in zip(self.rms, _TAKEN, strict=False)
+        )
         if self.reason:
             return f"{format_table(rows)}\n{self.reason}"
-        asked = "design for: rms of a force with the designed spectrum that moves the axis as far as the measured force"
+        asked = (
+            "design for: rms of a force with the designed spectrum that moves the axis as far as"
+            " the measured force"
+        )
         return f"{format_table(rows)}\n{asked}\ntake, as rms of the force set point: {taken}"
 
 
@@ -126,10 +153,11 @@ _TAKEN = ("sticks", "bends", "slides")
 
 
 def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLevels:
-    """Find the levels of a ramp at which the friction sticks, bends (its stiffness falls) and slides.
+    """Find the levels of a ramp at which the friction sticks, bends (its stiffness falls) and
+    slides.
 
-    Use this after a ramp by `design_ramp` was played, to choose the levels of the experiments from which friction is
-    read.
+    Use this after a ramp by `design_ramp` was played, to choose the levels of the experiments from
+    which friction is read.
 
     Parameters
     ----------
@@ -141,9 +169,9 @@ def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLe
     Returns
     -------
     AxisLevels
-        It has a `reason` and no levels in these cases: the lowest level does not stick; the highest does not slide; the
-        stiffness rises with the level (backlash, a hardening spring); or too many levels are below a step of the
-        encoder or at a limit of the force.
+        It has a `reason` and no levels in these cases: the lowest level does not stick; the highest
+        does not slide; the stiffness rises with the level (backlash, a hardening spring); or too
+        many levels are below a step of the encoder or at a limit of the force.
 
     Raises
     ------
@@ -152,7 +180,8 @@ def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLe
 
     References
     ----------
-    F. Al-Bender, J. Swevers, "Characterization of friction force dynamics", IEEE Control Systems 28 (6), 2008.
+    F. Al-Bender, J. Swevers, "Characterization of friction force dynamics", IEEE Control Systems 28
+    (6), 2008.
 
     Examples
     --------
@@ -172,9 +201,18 @@ def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLe
     """
     require_kind("experiment", experiment, AxisExperiment)
     if not experiment.is_ramp:
-        raise ValueError(f"experiment must be a ramp of levels, got one with the parts {', '.join(experiment.labels)}")
-    if not isinstance(records, Sequence) or not records or not all(isinstance(one, Record) for one in records):
-        raise ValueError(f"records must be those of a ramp, as load_trace reads them, got {short_form(records)}")
+        raise ValueError(
+            "experiment must be a ramp of levels, got one with the parts"
+            f" {', '.join(experiment.labels)}"
+        )
+    if (
+        not isinstance(records, Sequence)
+        or not records
+        or not all(isinstance(one, Record) for one in records)
+    ):
+        raise ValueError(
+            f"records must be those of a ramp, as load_trace reads them, got {short_form(records)}"
+        )
     records = [in_design_units(one, experiment) for one in records]
     read = [_read_level(one) for one in records]
     stiffness = np.array([one.stiffness for one in read])
@@ -193,15 +231,19 @@ def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLe
         set_point_rms=set_point,
         stiffness=stiffness,
         states=tuple(states),
-        units=(records[0].u_unit or experiment.force_unit, records[0].y_unit or experiment.position_unit),
+        units=(
+            records[0].u_unit or experiment.force_unit,
+            records[0].y_unit or experiment.position_unit,
+        ),
     )
 
 
 class _Level(NamedTuple):
-    """One level: rms of force and position, stiffness, and shares of stiffness and damping in the force on low lines.
+    """One level: rms of force and position, stiffness, and shares of stiffness and damping in the
+    force on low lines.
 
-    steps : rms of the position in steps of the encoder. limited : whether the force is at a limit. drift, vibration :
-    rms of the slow and of the fast differences between periods.
+    steps : rms of the position in steps of the encoder. limited : whether the force is at a limit.
+    drift, vibration : rms of the slow and of the fast differences between periods.
     """
 
     force: float
@@ -221,7 +263,9 @@ class _Level(NamedTuple):
 
 
 def _read_level(record: Record) -> _Level:
-    """Return rms and stiffness of a level, the latter by least squares of U = (k - m w^2 + j c w) Y on low lines."""
+    """Return rms and stiffness of a level, the latter by least squares of U = (k - m w^2 + j c w) Y
+    on low lines.
+    """
     U, Y = (one[0].mean(axis=0) * 2 / record.n_samples for one in record_spectra(record)[:2])
     omega = 2 * np.pi * record.lines.excited * record.f0
     low = slice(0, _LOW_LINES)
@@ -245,9 +289,11 @@ def _read_level(record: Record) -> _Level:
 
 
 def _changes_of_periods(record: Record) -> tuple[float, float]:
-    """Return the rms of the slow and of the fast differences between the position of a record and its mean period.
+    """Return the rms of the slow and of the fast differences between the position of a record and
+    its mean period.
 
-    Slow means up to the lines that give the stiffness, such as creep or settling; fast is above, such as vibration.
+    Slow means up to the lines that give the stiffness, such as creep or settling; fast is above,
+    such as vibration.
     """
     y = np.asarray(record.y)[0]
     power = 2 * squared_modulus(np.fft.rfft((y - y.mean(axis=0)).ravel()) / y.size)
@@ -255,13 +301,22 @@ def _changes_of_periods(record: Record) -> tuple[float, float]:
     return float(np.sqrt(power[:first].sum())), float(np.sqrt(power[first:].sum()))
 
 
-def _judge_levels(read: list[_Level], units: tuple[str, str], gains: np.ndarray) -> tuple[list[FrictionRegime], str]:
+def _judge_levels(
+    read: list[_Level], units: tuple[str, str], gains: np.ndarray
+) -> tuple[list[FrictionRegime], str]:
     """Return the state of each level, and the reason why no three of them can be taken.
 
-    gains : (S,) relative set point of each level; the lowest levels have no record if nothing moved.
+    gains : (S,) relative set point of each level; the lowest levels have no record if nothing
+    moved.
     """
     states = [
-        FrictionRegime.OPEN if one.readable else FrictionRegime.LIMITED if one.limited else FrictionRegime.TOO_SMALL
+        (
+            FrictionRegime.OPEN
+            if one.readable
+            else FrictionRegime.LIMITED
+            if one.limited
+            else FrictionRegime.TOO_SMALL
+        )
         for one in read
     ]
     good = [k for k, one in enumerate(read) if one.readable]
@@ -270,16 +325,23 @@ def _judge_levels(read: list[_Level], units: tuple[str, str], gains: np.ndarray)
     below = _what_lies_below(read, units, gains, held) if len(good) > 3 else ""
     if reason := _reason_against_reading(read, units, below, held):
         return states, reason
-    k, position = (np.array([getattr(read[i], name) for i in good]) for name in ("stiffness", "position"))
+    k, position = (
+        np.array([getattr(read[i], name) for i in good]) for name in ("stiffness", "position")
+    )
     first, last = _plateau_of(k, position)
     if first == last:
         for i in good:
             states[i] = FrictionRegime.BENDS
-        return states, (
-            f"no level sticks: no two levels a factor of two apart have the same stiffness; it changes from {k[0]:.3g} "
-            f"to {k[1]:.3g} {unit} between the lowest two. {below}"
+        return (
+            states,
+            (
+                "no level sticks: no two levels a factor of two apart have the same stiffness; it"
+                f" changes from {k[0]:.3g} to {k[1]:.3g} {unit} between the lowest two. {below}"
+            ),
         )
-    return _judge_breaking_away(states, read, good[first:], k=k[first:], n_plateau=last - first, unit=(force, unit))
+    return _judge_breaking_away(
+        states, read, good[first:], k=k[first:], n_plateau=last - first, unit=(force, unit)
+    )
 
 
 def _judge_breaking_away(
@@ -291,7 +353,8 @@ def _judge_breaking_away(
     n_plateau: int,
     unit: tuple[str, str],
 ) -> tuple[list[FrictionRegime], str]:
-    """Return the states, set for the levels from the plateau of the stiffness on, and the reason if they do not do.
+    """Return the states, set for the levels from the plateau of the stiffness on, and the reason if
+    they do not do.
 
     Below the plateau the levels are dominated by quantisation.
     """
@@ -302,17 +365,28 @@ def _judge_breaking_away(
     for i, one, left in zip(good, k, share, strict=True):
         slides = settled and left <= _SLIDES
         states[i] = (
-            FrictionRegime.STICKS if one >= _STICKS * k0 else FrictionRegime.SLIDES if slides else FrictionRegime.BENDS
+            FrictionRegime.STICKS
+            if one >= _STICKS * k0
+            else FrictionRegime.SLIDES
+            if slides
+            else FrictionRegime.BENDS
         )
     top = f"at {read[good[-1]].force:.3g} {force} rms, the highest level that can be read"
     if k_end >= _STICKS * k0:
-        return states, (
-            f"the axis does not break away: its stiffness stays at {k_end:.3g} {unit_k} {top}. Raise level and limits"
+        return (
+            states,
+            (
+                f"the axis does not break away: its stiffness stays at {k_end:.3g} {unit_k} {top}."
+                " Raise level and limits"
+            ),
         )
     if not settled:
-        return states, (
-            f"the axis does not slide yet: its stiffness still changes from {k[-2]:.3g} to {k_end:.3g} {unit_k} {top}. "
-            "Raise level and limits"
+        return (
+            states,
+            (
+                f"the axis does not slide yet: its stiffness still changes from {k[-2]:.3g} to"
+                f" {k_end:.3g} {unit_k} {top}. Raise level and limits"
+            ),
         )
     if FrictionRegime.BENDS not in states:
         return states, "no level bends between sticking and sliding: take more levels"
@@ -327,25 +401,37 @@ def _held_levels(read: list[_Level], gains: np.ndarray) -> int:
     first, missing = next(k for k, one in enumerate(read) if one.readable), gains.size - len(read)
     steps = np.append(np.zeros(missing), [one.steps for one in read])
     below = np.arange(gains.size) < missing + first
-    return int(np.count_nonzero(below & (2 * _STEPS * gains[-1] < read[-1].steps * gains) & (steps < _STEPS)))
+    return int(
+        np.count_nonzero(
+            below & (2 * _STEPS * gains[-1] < read[-1].steps * gains) & (steps < _STEPS)
+        )
+    )
 
 
-def _what_lies_below(read: list[_Level], units: tuple[str, str], gains: np.ndarray, held: int) -> str:
+def _what_lies_below(
+    read: list[_Level], units: tuple[str, str], gains: np.ndarray, held: int
+) -> str:
     """Return advice on the levels below the lowest readable one, as text."""
     first = next(k for k, one in enumerate(read) if one.readable)
     lowest = f"{read[first].force:.3g} {units[0]} rms"
-    finer = "A lower level does not show more; a finer encoder does. The friction force can be read without it"
+    finer = (
+        "A lower level does not show more; a finer encoder does. The friction force can be read"
+        " without it"
+    )
     if held:
         return (
-            f"At {held} of {gains.size} levels friction holds the axis within {_STEPS:g} steps of the encoder; from "
-            f"{lowest} on it does not. {finer}"
+            f"At {held} of {gains.size} levels friction holds the axis within {_STEPS:g} steps of"
+            f" the encoder; from {lowest} on it does not. {finer}"
         )
     unresolved = gains.size - len(read) + first > 0 or read[first].steps < _PLATEAU_SPAN * _STEPS
     return finer if unresolved else f"Begin the ramp below {lowest}: raise --span"
 
 
-def _reason_against_reading(read: list[_Level], units: tuple[str, str], below: str, held: int) -> str:
-    """Return the reason why the levels cannot show a stiffness that falls with the level; empty if they may.
+def _reason_against_reading(
+    read: list[_Level], units: tuple[str, str], below: str, held: int
+) -> str:
+    """Return the reason why the levels cannot show a stiffness that falls with the level; empty if
+    they may.
 
     below : advice on lower levels. held : number of lower levels at which friction holds the axis.
     """
@@ -353,35 +439,51 @@ def _reason_against_reading(read: list[_Level], units: tuple[str, str], below: s
     if len(good) < 4:
         limited = sum(one.limited for one in read)
         return (
-            f"{len(good)} of {len(read)} levels can be read, 4 are needed: {len(read) - len(good) - limited} move less "
-            f"than {_STEPS:g} steps of the encoder, {limited} are at the limit of the force. Change --rms or --span"
+            f"{len(good)} of {len(read)} levels can be read, 4 are needed:"
+            f" {len(read) - len(good) - limited} move less than {_STEPS:g} steps of the encoder,"
+            f" {limited} are at the limit of the force. Change --rms or --span"
         )
     k = np.array([one.stiffness for one in good])
     stiffest = int(np.argmax(k))
     rises = stiffest > 1 and _RISES * np.median(k[:stiffest]) < k[stiffest]
-    if rises and not held and np.median([one.damping_share for one in good[:stiffest]]) > _MIN_STIFFNESS_SHARE:
-        damps = f"below {good[stiffest].force:.3g} {units[0]} rms friction damps the axis and does not hold it"
-        drift, vibration = np.median([(one.drift, one.vibration) for one in good[:stiffest]], axis=0)
+    if (
+        rises
+        and not held
+        and np.median([one.damping_share for one in good[:stiffest]]) > _MIN_STIFFNESS_SHARE
+    ):
+        damps = (
+            f"below {good[stiffest].force:.3g} {units[0]} rms friction damps the axis and does not"
+            " hold it"
+        )
+        drift, vibration = np.median(
+            [(one.drift, one.vibration) for one in good[:stiffest]], axis=0
+        )
         if drift > _DRIFTS * vibration:
             return (
-                f"{damps}: its position drifts by {drift:.2g} {units[1]} rms from period to period, by creep or an "
-                "integral part that still winds up. Let it settle before each level: raise --discard"
+                f"{damps}: its position drifts by {drift:.2g} {units[1]} rms from period to period,"
+                " by creep or an integral part that still winds up. Let it settle before each"
+                " level: raise --discard"
             )
-        return f"{damps}: the axis may vibrate by itself. Look for the vibration, and stop it by lower gains"
+        return (
+            f"{damps}: the axis may vibrate by itself. Look for the vibration, and stop it by lower"
+            " gains"
+        )
     if not any(one.stiffness_share > _MIN_STIFFNESS_SHARE for one in good):
         least = f"{good[0].force:.3g} {units[0]} rms"
         return f"no readable level sticks: from {least} on the axis moves as a free mass. {below}"
     if rises:
         return (
-            f"the stiffness rises with the level, from {np.median(k[:stiffest]):.3g} to {k[stiffest]:.3g} "
-            f"{'/'.join(units)}: this is backlash or a hardening spring, because with friction the stiffness falls. "
-            "Remove the backlash first"
+            f"the stiffness rises with the level, from {np.median(k[:stiffest]):.3g} to"
+            f" {k[stiffest]:.3g} {'/'.join(units)}: this is backlash or a hardening spring, because"
+            " with friction the stiffness falls. Remove the backlash first"
         )
     return ""
 
 
 def _plateau_of(k: np.ndarray, position: np.ndarray) -> tuple[int, int]:
-    """Return (first, last + 1) of the longest run of levels with the same stiffness over a sufficient range."""
+    """Return (first, last + 1) of the longest run of levels with the same stiffness over a
+    sufficient range.
+    """
     best = (0, 0)
     for first in range(k.size):
         last = first + 1
@@ -395,17 +497,25 @@ def _plateau_of(k: np.ndarray, position: np.ndarray) -> tuple[int, int]:
 
 
 def _choose_levels(states: list[FrictionRegime], stiffness: np.ndarray) -> list[int]:
-    """Return three levels: the second highest that sticks, the one nearest to half the fall, the lowest that slides."""
+    """Return three levels: the second highest that sticks, the one nearest to half the fall, the
+    lowest that slides.
+    """
     sticks, bends, slides = (
         [k for k, one in enumerate(states) if one is wanted]
         for wanted in (FrictionRegime.STICKS, FrictionRegime.BENDS, FrictionRegime.SLIDES)
     )
     half = (stiffness[sticks].mean() + stiffness[slides].mean()) / 2
-    return [sticks[max(len(sticks) - 2, 0)], min(bends, key=lambda k: float(abs(stiffness[k] - half))), slides[0]]
+    return [
+        sticks[max(len(sticks) - 2, 0)],
+        min(bends, key=lambda k: float(abs(stiffness[k] - half))),
+        slides[0],
+    ]
 
 
 def _level_of_spectrum(record: Record, shape: np.ndarray) -> float:
-    """Return the rms of a force with a given spectrum (F,) of rms one that moves the axis as far as in a record."""
+    """Return the rms of a force with a given spectrum (F,) of rms one that moves the axis as far as
+    in a record.
+    """
     U, Y, _ = (np.atleast_2d(one[0].mean(axis=0)) for one in record_spectra(record))
     moved = np.sum(squared_modulus(Y)) * 2 / record.n_samples**2
     return float(np.sqrt(moved / (np.sum(squared_modulus(Y / U) * shape**2) / 2)))

@@ -1,8 +1,10 @@
-"""The transfer from a port of a running drive to force and position: from gains and a rough plant, or measured.
+"""The transfer from a port of a running drive to force and position: from gains and a rough plant,
+or measured.
 
     u = transfer * multisine,  y = G * u;   transfer = C_port / (1 + G C),  C_force = 1
 
-C is the drive from position to force. G is the plant from force set point to position, with hold, delay and lag.
+C is the drive from position to force. G is the plant from force set point to position, with hold,
+delay and lag.
 """
 
 from __future__ import annotations
@@ -19,18 +21,28 @@ from nlfrf.rig import ServoAxis
 def drive_loop(
     source: ServoAxis | Record, port: str, *, f: np.ndarray, plant: Bla | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return two (F,) complex responses to a unit at the port, on the lines f [Hz]: force set point and position.
+    """Return two (F,) complex responses to a unit at the port, on the lines f [Hz]: force set point
+    and position.
 
-    They are computed for a drive with a rough plant, or read from a record. A known unit of position becomes m or rad.
+    They are computed for a drive with a rough plant, or read from a record. A known unit of
+    position becomes m or rad.
     """
     if isinstance(source, ServoAxis):
-        G = plant_frf(source, f) if plant is None else _interpolate_frf(plant.f, np.asarray(plant.G), f=f, what="plant")
+        G = (
+            plant_frf(source, f)
+            if plant is None
+            else _interpolate_frf(plant.f, np.asarray(plant.G), f=f, what="plant")
+        )
         force = port_frf(source, G, port=port, f=f)
         return force, G * force
     if not isinstance(source, Record):
-        raise ValueError(f"source must be a ServoAxis or a Record with its reference, got {short_form(source)}")
+        raise ValueError(
+            f"source must be a ServoAxis or a Record with its reference, got {short_form(source)}"
+        )
     if plant is not None:
-        raise ValueError("plant must be left out with a record, which contains the measured loop, got both")
+        raise ValueError(
+            "plant must be left out with a record, which contains the measured loop, got both"
+        )
     U, Y, R = record_spectra(source)
     f_record = source.lines.excited * source.f0
     Y = Y * POSITIONS.get(source.y_unit, ("", 1.0))[1]  # the reference of a record is in m or rad
@@ -42,9 +54,13 @@ def drive_loop(
 
 
 def record_spectra(record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (M, P, F) spectra of force and position, and (M, F) of the reference, on the excited lines."""
+    """Return (M, P, F) spectra of force and position, and (M, F) of the reference, on the excited
+    lines.
+    """
     if record.r is None or not record.is_single:
-        raise ValueError("source must be a record of one input and output with its reference r, got one without")
+        raise ValueError(
+            "source must be a record of one input and output with its reference r, got one without"
+        )
     U, Y, R = (rfft_at(one, record.lines.excited) for one in (record.u, record.y, record.r))
     return U, Y, R.mean(axis=1)
 
@@ -53,25 +69,34 @@ def _interpolate_frf(known: np.ndarray, H: np.ndarray, *, f: np.ndarray, what: s
     """Return H at the frequencies f, by linear interpolation of its logarithm."""
     if f[0] < known[0] * (1 - 1e-9) or f[-1] > known[-1] * (1 + 1e-9):
         raise ValueError(
-            f"f_min and f_max must be within the lines of {what}, {known[0]:g} to {known[-1]:g} Hz, "
-            f"got lines from {f[0]:g} to {f[-1]:g} Hz"
+            f"f_min and f_max must be within the lines of {what}, {known[0]:g} to {known[-1]:g} Hz,"
+            f" got lines from {f[0]:g} to {f[-1]:g} Hz"
         )
     log_gain, phase = np.log(np.abs(H)), np.unwrap(np.angle(H))
     return np.asarray(np.exp(np.interp(f, known, log_gain) + 1j * np.interp(f, known, phase)))
 
 
 def plant_frf(axis: ServoAxis, f: np.ndarray) -> np.ndarray:
-    """Return (F,) FRF from force set point to encoder, without friction: hold, delay and current lag included."""
+    """Return (F,) FRF from force set point to encoder, without friction: hold, delay and current
+    lag included.
+    """
     Phi, early, late, C = _sampled_plant(axis)
     z, whole = np.exp(2j * np.pi * f / axis.drive.fs), int(axis.drive.delay_periods)
     inputs = np.outer(z ** -(whole + 1.0), early) + np.outer(z ** -float(whole), late)
-    return np.array([C @ np.linalg.solve(one * np.eye(C.size) - Phi, b) for one, b in zip(z, inputs, strict=True)])
+    return np.array(
+        [
+            C @ np.linalg.solve(one * np.eye(C.size) - Phi, b)
+            for one, b in zip(z, inputs, strict=True)
+        ]
+    )
 
 
 def _sampled_plant(axis: ServoAxis) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return Phi (n, n), inputs (n,) for the set points delayed by whole + 1 and by whole periods, and C (n,).
+    """Return Phi (n, n), inputs (n,) for the set points delayed by whole + 1 and by whole periods,
+    and C (n,).
 
-    The hold is exact: x' = A x + B u over each period, in which u changes once, `delay_periods` after the sample.
+    The hold is exact: x' = A x + B u over each period, in which u changes once, `delay_periods`
+    after the sample.
     """
     from scipy.linalg import expm
 
@@ -93,24 +118,32 @@ def _sampled_plant(axis: ServoAxis) -> tuple[np.ndarray, np.ndarray, np.ndarray,
         return whole[:order, :order], whole[:order, -1]
 
     part = drive.delay_periods % 1.0
-    (Phi, _), (_, early), (late_Phi, late) = sampled(Ts), sampled(part * Ts), sampled((1 - part) * Ts)
+    (Phi, _), (_, early), (late_Phi, late) = (
+        sampled(Ts),
+        sampled(part * Ts),
+        sampled((1 - part) * Ts),
+    )
     return Phi, late_Phi @ early, late, C
 
 
 def closed_loop_poles(axis: ServoAxis) -> np.ndarray:
-    """Return the poles of the axis under its drive, without friction, over one period of the position loop.
+    """Return the poles of the axis under its drive, without friction, over one period of the
+    position loop.
 
-    One period is a linear map of the states of drive and machine. It is built by running the steps of the compiled
-    drive on all unit vectors at once.
+    One period is a linear map of the states of drive and machine. It is built by running the steps
+    of the compiled drive on all unit vectors at once.
     """
     Phi, early, late, C = _sampled_plant(axis)
     drive, sections = axis.drive, axis.drive.sections
     Ts, whole = 1 / drive.fs, int(drive.delay_periods)
-    # rows: machine, set points of the last whole + 1 periods, last reading, speed, integral, position loop, filters
+    # rows: machine, set points of the last whole + 1 periods, last reading, speed, integral,
+    # position loop, filters
     sizes = np.cumsum([C.size, whole + 1, 1, 1, 1, 1])
     state = np.eye(sizes[-1] + 2 * len(sections))
     for k in range(drive.position_every):
-        x, forces, last, speed, integral, by_position, memory = (one.copy() for one in np.split(state, sizes))
+        x, forces, last, speed, integral, by_position, memory = (
+            one.copy() for one in np.split(state, sizes)
+        )
         y = C @ x
         speed += Ts / (Ts + drive.velocity_lag) * ((y - last) / Ts - speed)
         if k == 0:
@@ -129,7 +162,8 @@ def closed_loop_poles(axis: ServoAxis) -> np.ndarray:
 
 
 def crossover_frequency(axis: ServoAxis) -> float:
-    """Return the highest frequency [Hz] at which the loop, opened at the force, has a gain of one; nan if none.
+    """Return the highest frequency [Hz] at which the loop, opened at the force, has a gain of one;
+    nan if none.
 
     The grid is fine and covers six decades below half the sampling frequency.
     """
@@ -140,9 +174,11 @@ def crossover_frequency(axis: ServoAxis) -> float:
 
 
 def port_frf(axis: ServoAxis, G: np.ndarray, *, port: str, f: np.ndarray) -> np.ndarray:
-    """Return (F,) response of the force set point to a unit at a port, by the equations of docs/guide/axis.md.
+    """Return (F,) response of the force set point to a unit at a port, by the equations of
+    docs/guide/axis.md.
 
-    A position loop that runs in every nth period is replaced by its mean over the n phases, without its aliases.
+    A position loop that runs in every nth period is replaced by its mean over the n phases, without
+    its aliases.
     """
     drive, Ts = axis.drive, 1 / axis.drive.fs
     z, every = np.exp(2j * np.pi * f * Ts), axis.drive.position_every

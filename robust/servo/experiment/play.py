@@ -1,4 +1,6 @@
-"""A simulated axis instead of the machine: it plays a file of set points, and writes the trace of the drive."""
+"""A simulated axis instead of the machine: it plays a file of set points, and writes the trace of
+the drive.
+"""
 
 from __future__ import annotations
 
@@ -35,11 +37,11 @@ def play_experiment(
     axis : ServoAxis
         Machine and drive.
     path : path
-        Table to play, as `nlfrf.save` writes it for an experiment: time, and set points called position, velocity or
-        force.
+        Table to play, as `nlfrf.save` writes it for an experiment: time, and set points called
+        position, velocity or force.
     out : path
-        The trace to write, a ``.csv`` with set points and actual values of position, velocity, current and force, each
-        with its unit.
+        The trace to write, a ``.csv`` with set points and actual values of position, velocity,
+        current and force, each with its unit.
     limits : AxisLimits, optional
         The trace ends at the first sample beyond a limit, as a drive that monitors them stops.
     oversampling : int
@@ -53,8 +55,9 @@ def play_experiment(
     Raises
     ------
     ValueError
-        A file without a set point, or with another sampling frequency or other units than the drive; gains that differ
-        from those of the design (``.npz``) of the same name; a limit that is passed at once; an output that is no .csv.
+        A file without a set point, or with another sampling frequency or other units than the
+        drive; gains that differ from those of the design (``.npz``) of the same name; a limit that
+        is passed at once; an output that is no .csv.
     FileNotFoundError
         No such file.
 
@@ -89,15 +92,19 @@ def play_experiment(
     for port, unit in zip(PORTS, (force, f"{position}/s", position), strict=True):
         if found.units.get(port, "") not in ("", unit):
             raise ValueError(
-                f"path must have its {port} in {unit}, the unit of the axis, got it in {found.units[port]}"
+                f"path must have its {port} in {unit}, the unit of the axis, got it in"
+                f" {found.units[port]}"
             )
     if abs(found.fs / axis.drive.fs - 1) > 1e-6:
-        raise ValueError(f"path must be sampled as the drive is, at {axis.drive.fs:g} Hz, got {found.fs:g} Hz")
+        raise ValueError(
+            f"path must be sampled as the drive is, at {axis.drive.fs:g} Hz, got {found.fs:g} Hz"
+        )
     trace = run(axis, {port: found.played.get(port) for port in PORTS}, oversampling=oversampling)
     n = _stop_sample(trace, AxisLimits() if limits is None else limits)
     if n < 2:
         raise ValueError(
-            "limits must be above force, velocity and travel of the first period, got limits that are passed there"
+            "limits must be above force, velocity and travel of the first period, got limits that"
+            " are passed there"
         )
     columns = {
         "t [s]": trace.t,
@@ -114,9 +121,13 @@ def play_experiment(
 
 
 def _require_designed_gains(axis: ServoAxis, path: Path) -> None:
-    """Refuse a drive whose gains differ from those of the design beside the file: the force would differ too."""
+    """Refuse a drive whose gains differ from those of the design beside the file: the force would
+    differ too.
+    """
     found = [
-        one for one in (path, path.with_stem(re.sub(r"-\d+$", "", path.stem))) if one.with_suffix(".npz").is_file()
+        one
+        for one in (path, path.with_stem(re.sub(r"-\d+$", "", path.stem)))
+        if one.with_suffix(".npz").is_file()
     ]
     design: object = None
     with suppress(ValueError):  # the file of the same name is no design
@@ -131,12 +142,14 @@ def _require_designed_gains(axis: ServoAxis, path: Path) -> None:
     other = fed and abs(own[-1] - designed[-1]) > SAME_GAIN
     if not np.isnan(designed[:-1]).any() and (other or not design.has_gains(*own[:-1])):
         numbers = [
-            f"kv = {kv:g} 1/s, kp = {kp:g} A s/{axis.units[0]}, tn = {tn:g} s, velocity_feedforward = {share:g}"
+            f"kv = {kv:g} 1/s, kp = {kp:g} A s/{axis.units[0]}, tn = {tn:g} s, velocity_feedforward"
+            f" = {share:g}"
             for kv, kp, tn, share in (own, designed)
         ]
         raise ValueError(
-            f"axis must have the gains of the design in {found[0].with_suffix('.npz').name!r}, {numbers[1]}, "
-            f"got {numbers[0]}: design again with these, or the force differs from the design"
+            f"axis must have the gains of the design in {found[0].with_suffix('.npz').name!r},"
+            f" {numbers[1]}, got {numbers[0]}: design again with these, or the force differs from"
+            " the design"
         )
 
 
@@ -144,5 +157,9 @@ def _stop_sample(trace: Trajectory, limits: AxisLimits) -> int:
     """Return the number of samples before the first one beyond a limit."""
     require_kind("limits", limits, AxisLimits)
     way = np.maximum.accumulate(trace.position) - np.minimum.accumulate(trace.position)
-    passed = (np.abs(trace.force_set) > limits.force) | (np.abs(trace.v[0]) > limits.velocity) | (way > limits.travel)
+    passed = (
+        (np.abs(trace.force_set) > limits.force)
+        | (np.abs(trace.v[0]) > limits.velocity)
+        | (way > limits.travel)
+    )
     return int(np.argmax(passed)) if passed.any() else trace.t.size

@@ -1,8 +1,9 @@
-"""The gains of a drive as blocks of `robust.tune`, and the blocks of a design as gains of the drive; both exact.
+"""The gains of a drive as blocks of `robust.tune`, and the blocks of a design as gains of the
+drive; both exact.
 
-The integral of the velocity loop adds the previous error, while a block is sampled by Tustin's rule. They agree:
-kp (1 + Ts/tn z^-1/(1 - z^-1)) = kp_b + ki Ts/2 (z + 1)/(z - 1) with ki = kp/tn and kp_b = kp - ki Ts/2. A filter is a
-block without conversion.
+The integral of the velocity loop adds the previous error, while a block is sampled by Tustin's
+rule. They agree: kp (1 + Ts/tn z^-1/(1 - z^-1)) = kp_b + ki Ts/2 (z + 1)/(z - 1) with ki = kp/tn
+and kp_b = kp - ki Ts/2. A filter is a block without conversion.
 """
 
 from __future__ import annotations
@@ -29,8 +30,11 @@ from robust.synthesis.blocks import Filter, Notch, Pid, TunableBlock
 _LEAST_DEPTH = 1e-3  # of a notch as a block, because `tune` searches for its logarithm
 
 
-def to_blocks(settings: Drive, *, output_unit: str = "") -> tuple[list[control.StateSpace], dict[str, TunableBlock]]:
-    """Return a drive as fixed parts and blocks for `robust.tune`, which starts at the present gains.
+def to_blocks(
+    settings: Drive, *, output_unit: str = ""
+) -> tuple[list[control.StateSpace], dict[str, TunableBlock]]:
+    """Return a drive as fixed parts and blocks for `robust.tune`, which starts at the present
+    gains.
 
     Use this to tune the gains of a drive; `with_blocks` gives the result as gains.
 
@@ -44,18 +48,19 @@ def to_blocks(settings: Drive, *, output_unit: str = "") -> tuple[list[control.S
     Returns
     -------
     system : list of control.StateSpace
-        From the set point "r" and the plant outputs "position" (with two encoders "motor" and "load") to the plant
-        input "force" or "current", at which the disturbance "d" acts. Between them "position error", "velocity set
-        point", "velocity error" and "set point", in units of the velocity loop.
+        From the set point "r" and the plant outputs "position" (with two encoders "motor" and
+        "load") to the plant input "force" or "current", at which the disturbance "d" acts. Between
+        them "position error", "velocity set point", "velocity error" and "set point", in units of
+        the velocity loop.
     blocks : dict of str to block
-        "K_x" and "K_v", a `Pid` each, and "filter 1", ... for each filter. The depth of a notch starts at 0.001 at
-        least.
+        "K_x" and "K_v", a `Pid` each, and "filter 1", ... for each filter. The depth of a notch
+        starts at 0.001 at least.
 
     Raises
     ------
     ValueError
-        Settings that are not a Drive, a position loop without gain, a reset time below half a period, or a unit of the
-        plant input that needs a torque constant when none is given.
+        Settings that are not a Drive, a position loop without gain, a reset time below half a
+        period, or a unit of the plant input that needs a torque constant when none is given.
 
     Warns
     -----
@@ -64,12 +69,13 @@ def to_blocks(settings: Drive, *, output_unit: str = "") -> tuple[list[control.S
 
     Notes
     -----
-    Pass `dt=settings.dt` to `tune`. Delay and lag of the current loop belong to the plant. A delay without lag can also
-    be passed as `delay=settings.delay`.
+    Pass `dt=settings.dt` to `tune`. Delay and lag of the current loop belong to the plant. A delay
+    without lag can also be passed as `delay=settings.delay`.
 
     References
     ----------
-    H. Gross, J. Hamann, G. Wiegärtner, *Electrical Feed Drives in Automation*, Publicis MCD, 2001: the cascade.
+    H. Gross, J. Hamann, G. Wiegärtner, *Electrical Feed Drives in Automation*, Publicis MCD, 2001:
+    the cascade.
 
     Examples
     --------
@@ -86,16 +92,21 @@ def to_blocks(settings: Drive, *, output_unit: str = "") -> tuple[list[control.S
     return _parts_and_blocks(settings, output_unit)
 
 
-def _parts_and_blocks(settings: Drive, output_unit: str) -> tuple[list[control.StateSpace], dict[str, TunableBlock]]:
+def _parts_and_blocks(
+    settings: Drive, output_unit: str
+) -> tuple[list[control.StateSpace], dict[str, TunableBlock]]:
     """Return the result of `to_blocks` without its warning."""
     unit = output_unit or settings.output_unit
     kp = settings.gain * settings.output_factor(unit)
     ki = kp / settings.tn
     if not settings.kv > 0:
-        raise ValueError(f"settings must have a position loop with a gain, got kv = {settings.kv:g} 1/s")
+        raise ValueError(
+            f"settings must have a position loop with a gain, got kv = {settings.kv:g} 1/s"
+        )
     if not kp > ki * settings.dt / 2:
         raise ValueError(
-            f"settings must have a reset time above half a period, {settings.dt / 2:g} s, got tn = {settings.tn:g} s"
+            f"settings must have a reset time above half a period, {settings.dt / 2:g} s, got tn ="
+            f" {settings.tn:g} s"
         )
     slots = len(settings.filters)
     signals = [f"behind filter {k}" if k else "behind K_v" for k in range(slots)] + ["set point"]
@@ -113,12 +124,16 @@ def _parts_and_blocks(settings: Drive, output_unit: str) -> tuple[list[control.S
 
 
 def _fixed_parts(settings: Drive, plant_input: str) -> list[control.StateSpace]:
-    """Return the parts of a drive without gains: differences, hold, feedforward of the velocity, and the sums."""
+    """Return the parts of a drive without gains: differences, hold, feedforward of the velocity,
+    and the sums.
+    """
     dt, n = settings.dt, settings.position_every
     both = settings.encoder == "both"
     motor, load = ("motor", "load") if both else ("position", "position")
     factor = settings.load_scale.factor if both else settings.position_scale.factor
-    velocity = times(settings.position_scale.factor, realise_section(velocity_section(settings), dt))
+    velocity = times(
+        settings.position_scale.factor, realise_section(velocity_section(settings), dt)
+    )
 
     def gain(D: list[list[float]], reads: tuple[str, ...], drives: str) -> control.StateSpace:
         return with_names(control.StateSpace([], [], [], D, dt), reads, (drives,))
@@ -138,7 +153,9 @@ def _fixed_parts(settings: Drive, plant_input: str) -> list[control.StateSpace]:
     return parts
 
 
-def with_blocks(settings: Drive, blocks: Mapping[str, TunableBlock], *, output_unit: str = "") -> Drive:
+def with_blocks(
+    settings: Drive, blocks: Mapping[str, TunableBlock], *, output_unit: str = ""
+) -> Drive:
     """Return the drive with the gains of tuned blocks: `kv`, `kp`, `tn` and the filters.
 
     Use this after `tune`, to get the numbers that are typed into the drive.
@@ -183,13 +200,20 @@ def with_blocks(settings: Drive, blocks: Mapping[str, TunableBlock], *, output_u
             )
     if set(blocks) - set(own):
         raise ValueError(
-            f"blocks must be those of the drive, {', '.join(own)}, got {', '.join(sorted(set(blocks) - set(own)))} too"
+            f"blocks must be those of the drive, {', '.join(own)}, got"
+            f" {', '.join(sorted(set(blocks) - set(own)))} too"
         )
     K_x, K_v = blocks["K_x"], blocks["K_v"]
     assert isinstance(K_x, Pid)
     assert isinstance(K_v, Pid)
     kp = K_v.kp + K_v.ki * settings.dt / 2
-    scale = settings.gain / settings.kp * settings.output_factor(output_unit or settings.output_unit)
-    filters = [replace(block, reads="", drives="") for name in own if isinstance(block := blocks[name], Filter)]
+    scale = (
+        settings.gain / settings.kp * settings.output_factor(output_unit or settings.output_unit)
+    )
+    filters = [
+        replace(block, reads="", drives="")
+        for name in own
+        if isinstance(block := blocks[name], Filter)
+    ]
     tn = kp / K_v.ki if K_v.ki else np.inf
     return replace(settings, kv=K_x.kp, kp=kp / scale, tn=tn, filters=tuple(filters))

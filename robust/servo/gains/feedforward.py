@@ -1,13 +1,15 @@
-"""Feedforward for an axis without a spring: mass, friction and jerk as gains of a drive, and the remaining force.
+"""Feedforward for an axis without a spring: mass, friction and jerk as gains of a drive, and the
+remaining force.
 
     m a + c v + (Fc + (Fs - Fc) exp(-(v/vs)^2)) sign v = F,   T dF/dt + F = F*
 
-The set point gives v, a and the jerk j. The lead T is the sum of lag, delay and half a period of hold. To first order
-in T,
+The set point gives v, a and the jerk j. The lead T is the sum of lag, delay and half a period of
+hold. To first order in T,
 
     F* = (m + c T) a + c v + m T j + (Fc + (Fs - Fc) exp(-(v/vs)^2)) sign v.
 
-`robust.synthesis.feedforward_filter` is for plants that are stable by themselves; a free mass is not stable.
+`robust.synthesis.feedforward_filter` is for plants that are stable by themselves; a free mass is
+not stable.
 """
 
 from __future__ import annotations
@@ -42,11 +44,13 @@ Interval: TypeAlias = "float | tuple[float, float] | np.ndarray"
 
 @value
 class _FeedforwardGains:
-    """Feedforward of mass, friction and jerk, each with its interval (2,); the gains use the middle of each.
+    """Feedforward of mass, friction and jerk, each with its interval (2,); the gains use the middle
+    of each.
 
-    Units: [kg] or [kg m^2], [Ns/m], [N], [N] at standstill, [m/s], or those with rad and Nm. Without a Stribeck effect
-    `stiction` is `coulomb`, and `stribeck_velocity` is nan. `lead` is the time T [s] by which the force follows its
-    set point. With `settings` the gains have the units of the drive, else they are forces.
+    Units: [kg] or [kg m^2], [Ns/m], [N], [N] at standstill, [m/s], or those with rad and Nm.
+    Without a Stribeck effect `stiction` is `coulomb`, and `stribeck_velocity` is nan. `lead` is the
+    time T [s] by which the force follows its set point. With `settings` the gains have the units of
+    the drive, else they are forces.
 
     >>> found = feedforward(mass=(11.5, 12.5), viscous=20.0, coulomb=(14.0, 16.0))
     >>> float(found.force(0.1, 2.0)), float(found.error(0.1, 2.0))
@@ -61,51 +65,78 @@ class _FeedforwardGains:
     lead: float
     settings: Drive | None
 
-    def force(self, v: float | np.ndarray, a: float | np.ndarray, j: float | np.ndarray = 0.0) -> np.ndarray:
-        """Return the force [N] or [Nm] to add for a velocity, acceleration and jerk of the set point."""
+    def force(
+        self, v: float | np.ndarray, a: float | np.ndarray, j: float | np.ndarray = 0.0
+    ) -> np.ndarray:
+        """Return the force [N] or [Nm] to add for a velocity, acceleration and jerk of the set
+        point.
+        """
         m, c = self.mass.mean(), self.viscous.mean()
-        middle = _friction_force(np.abs(v), self.coulomb.mean(), self.stiction.mean(), self.stribeck_velocity.mean())
+        middle = _friction_force(
+            np.abs(v), self.coulomb.mean(), self.stiction.mean(), self.stribeck_velocity.mean()
+        )
         return np.asarray((m + c * self.lead) * a + c * v + m * self.lead * j + middle * np.sign(v))
 
     def error(self, v: float | np.ndarray, a: float | np.ndarray) -> np.ndarray:
         """Return the largest error of the force [N] or [Nm] for every machine within the intervals.
 
-        It holds while the axis moves in the direction of its set point, without terms of second order in the lead.
+        It holds while the axis moves in the direction of its set point, without terms of second
+        order in the lead.
         """
         moving = np.where(np.asarray(v) != 0, self.friction_error, 0.0)
-        return np.asarray(np.ptp(self.mass) / 2 * np.abs(a) + np.ptp(self.viscous) / 2 * np.abs(v) + moving)
+        return np.asarray(
+            np.ptp(self.mass) / 2 * np.abs(a) + np.ptp(self.viscous) / 2 * np.abs(v) + moving
+        )
 
     @property
     def friction_error(self) -> float:
         """Largest error of the dry friction over all velocities, q Fs [N] or [Nm]."""
         widest = np.nan_to_num(self.stribeck_velocity.max(), nan=1.0)
         v = _VELOCITIES * widest
-        middle = _friction_force(v, self.coulomb.mean(), self.stiction.mean(), self.stribeck_velocity.mean())
+        middle = _friction_force(
+            v, self.coulomb.mean(), self.stiction.mean(), self.stribeck_velocity.mean()
+        )
         corners = product(self.coulomb, self.stiction, self.stribeck_velocity)
-        return float(max(np.max(np.abs(_friction_force(v, *corner) - middle)) for corner in corners))
+        return float(
+            max(np.max(np.abs(_friction_force(v, *corner) - middle)) for corner in corners)
+        )
 
     @property
     def relative_error(self) -> float:
         """q: largest error of the dry friction over the largest stiction; 0 without friction.
 
-        While the axis slides in the direction of its set point the friction that is left is `Bounded(q * Fs)`.
+        While the axis slides in the direction of its set point the friction that is left is
+        `Bounded(q * Fs)`.
         """
         return self.friction_error / self.stiction[1] if self.stiction[1] else 0.0
 
     @property
     def drive_gains(self) -> tuple[tuple[str, float, str], ...]:
-        """(what it multiplies, gain, unit) of each part, in the units of the drive, or as forces without one."""
+        """(what it multiplies, gain, unit) of each part, in the units of the drive, or as forces
+        without one.
+        """
         base, force, scale = "m", "N", 1.0
         if self.settings is not None:
             base, force = self.settings.base_unit, self.settings.output_unit
-            scale = self.settings.output_factor(force) / self.settings.output_factor(self.settings.force_unit)
+            scale = self.settings.output_factor(force) / self.settings.output_factor(
+                self.settings.force_unit
+            )
         m, c = float(self.mass.mean()), float(self.viscous.mean())
-        gains = [("acceleration", m + c * self.lead, f"{force}/({base}/s^2)"), ("velocity", c, f"{force}/({base}/s)")]
+        gains = [
+            ("acceleration", m + c * self.lead, f"{force}/({base}/s^2)"),
+            ("velocity", c, f"{force}/({base}/s)"),
+        ]
         gains.append(("jerk", m * self.lead, f"{force}/({base}/s^3)"))
         gains.append(("sign of the velocity (Coulomb)", float(self.coulomb.mean()), force))
         rows = [(name, scale * gain, unit) for name, gain, unit in gains]
         if np.isfinite(self.stribeck_velocity).all():
-            rows.append(("Stribeck, at standstill more", scale * float((self.stiction - self.coulomb).mean()), force))
+            rows.append(
+                (
+                    "Stribeck, at standstill more",
+                    scale * float((self.stiction - self.coulomb).mean()),
+                    force,
+                )
+            )
             rows.append(("Stribeck velocity", float(self.stribeck_velocity.mean()), f"{base}/s"))
         return tuple(rows)
 
@@ -115,8 +146,11 @@ class _FeedforwardGains:
         return "\n".join(
             [
                 *rows,
-                f"uncompensated dry friction in motion: {self.friction_error:.3g} {force}, "
-                f"{100 * self.relative_error:.3g} % of stiction (all of it at standstill and at a reversal)",
+                (
+                    f"uncompensated dry friction in motion: {self.friction_error:.3g} {force},"
+                    f" {100 * self.relative_error:.3g} % of stiction (all of it at standstill and"
+                    " at a reversal)"
+                ),
             ]
         )
 
@@ -133,21 +167,26 @@ def feedforward(
 ) -> _FeedforwardGains:
     """Return the feedforward gains of a drive for an axis without a spring.
 
-    Use this for a free axis, for which `robust.synthesis.feedforward_filter` has no stable plant to invert.
+    Use this for a free axis, for which `robust.synthesis.feedforward_filter` has no stable plant to
+    invert.
 
     Parameters
     ----------
     plant : control.StateSpace, TransferFunction, UncertaintyModel, FrictionPlant or MachineWithFriction, optional
-        1/(m s^2 + c s) from force [N] or [Nm] to position [m] or [rad]. A `MachineWithFriction` gives its mass with
-        three standard deviations to either side. Without a plant, `mass` is needed.
+        1/(m s^2 + c s) from force [N] or [Nm] to position [m] or [rad]. A `MachineWithFriction`
+        gives its mass with three standard deviations to either side. Without a plant, `mass` is
+        needed.
     mass, viscous : float or (low, high), optional
-        [kg] or [kg m^2], and [Ns/m] or [Nm s/rad]: a number or an interval, instead of those of the plant.
+        [kg] or [kg m^2], and [Ns/m] or [Nm s/rad]: a number or an interval, instead of those of the
+        plant.
     coulomb, stiction : float or (low, high)
         Friction while sliding and at standstill [N] or [Nm].
     stribeck_velocity : float or (low, high), optional
-        Velocity vs [m/s] or [rad/s]: friction falls from stiction to Coulomb as exp(-(v/vs)^2); needed with `stiction`.
+        Velocity vs [m/s] or [rad/s]: friction falls from stiction to Coulomb as exp(-(v/vs)^2);
+        needed with `stiction`.
     settings : Drive, optional
-        The drive. Its lag and delay give the jerk gain; its torque constant and units give the units of the gains.
+        The drive. Its lag and delay give the jerk gain; its torque constant and units give the
+        units of the gains.
 
     Returns
     -------
@@ -156,7 +195,8 @@ def feedforward(
     Raises
     ------
     ValueError
-        A plant that is not 1/(m s^2 + c s); no mass; an interval with its ends exchanged; stiction below Coulomb.
+        A plant that is not 1/(m s^2 + c s); no mass; an interval with its ends exchanged; stiction
+        below Coulomb.
 
     References
     ----------
@@ -190,23 +230,30 @@ def feedforward(
         "viscous": _interval("viscous", 0.0 if viscous is None else viscous),
         "coulomb": _interval("coulomb", coulomb),
         "stiction": _interval("stiction", coulomb if stiction is None else stiction),
-        "stribeck_velocity": np.full(2, np.nan)
-        if stribeck_velocity is None
-        else _interval("stribeck_velocity", stribeck_velocity),
+        "stribeck_velocity": (
+            np.full(2, np.nan)
+            if stribeck_velocity is None
+            else _interval("stribeck_velocity", stribeck_velocity)
+        ),
     }
     for name in ("mass", "stribeck_velocity"):
         if found[name][0] <= 0:
             raise ValueError(f"{name} must be positive, got {found[name][0]:g}")
     if np.any(found["stiction"] < found["coulomb"]):
         raise ValueError(
-            f"stiction must be at least coulomb, {found['coulomb'].tolist()}, got {found['stiction'].tolist()}"
+            f"stiction must be at least coulomb, {found['coulomb'].tolist()}, got"
+            f" {found['stiction'].tolist()}"
         )
     lead = 0.0 if settings is None else settings.lag + settings.delay + settings.dt / 2
     return _FeedforwardGains(**found, lead=lead, settings=settings)
 
 
-def _friction_force(v: np.ndarray, coulomb: float, stiction: float, stribeck_velocity: float) -> np.ndarray:
-    """Return the dry friction at a speed v >= 0, which falls from stiction to Coulomb friction (Stribeck)."""
+def _friction_force(
+    v: np.ndarray, coulomb: float, stiction: float, stribeck_velocity: float
+) -> np.ndarray:
+    """Return the dry friction at a speed v >= 0, which falls from stiction to Coulomb friction
+    (Stribeck).
+    """
     if np.isnan(stribeck_velocity):
         return np.asarray(coulomb + 0.0 * v)
     return np.asarray(coulomb + (stiction - coulomb) * np.exp(-((v / stribeck_velocity) ** 2)))
@@ -225,7 +272,9 @@ def _interval(name: str, given: Interval) -> np.ndarray:
 def _rigid_body(
     plant: LinearSystem | UncertaintyModel | FrictionPlant | MachineWithFriction,
 ) -> tuple[Interval, Interval | None]:
-    """Return mass and viscous friction of a plant: the mass with its interval, and None for an unknown friction."""
+    """Return mass and viscous friction of a plant: the mass with its interval, and None for an
+    unknown friction.
+    """
     if isinstance(plant, MachineWithFriction):
         mass, spread = plant.mass, SIGMAS * plant.mass_std
         return (mass - spread, mass + spread), None
@@ -245,7 +294,7 @@ def _rigid_body(
     misfit = float(np.max(np.abs(m * columns[0] + c * columns[1] - 1)))
     if not (misfit <= _MISFIT and m > 0):
         raise ValueError(
-            f"plant must be 1/(m s^2 + c s), got a relative error of {misfit:.2g} to the nearest such plant: give mass "
-            "and viscous of all moving parts instead"
+            f"plant must be 1/(m s^2 + c s), got a relative error of {misfit:.2g} to the nearest"
+            " such plant: give mass and viscous of all moving parts instead"
         )
     return float(m), max(float(c), 0.0)

@@ -20,10 +20,11 @@ def load_gains(path: str | os.PathLike[str]) -> Drive:
     Parameters
     ----------
     path : path
-        A file with `fs`, `kv`, `kp` and the other fields of `Drive`, but `delay` in ms instead of periods. Each filter
-        is a table [[filters]] with its frequency [Hz] as `notch`, `low_pass` or `biquad`, and its other numbers:
-        `bandwidth` and `depth` for a notch; `zeta` for a low-pass; `zeta`, `numerator_frequency` and `numerator_zeta`
-        for a biquad. Without `lag` and `delay`, no lag and a delay of one period are assumed, and printed as assumed.
+        A file with `fs`, `kv`, `kp` and the other fields of `Drive`, but `delay` in ms instead of
+        periods. Each filter is a table [[filters]] with its frequency [Hz] as `notch`, `low_pass`
+        or `biquad`, and its other numbers: `bandwidth` and `depth` for a notch; `zeta` for a
+        low-pass; `zeta`, `numerator_frequency` and `numerator_zeta` for a biquad. Without `lag` and
+        `delay`, no lag and a delay of one period are assumed, and printed as assumed.
 
     Returns
     -------
@@ -32,7 +33,8 @@ def load_gains(path: str | os.PathLike[str]) -> Drive:
     Raises
     ------
     ValueError
-        A file that is not TOML, an unknown or missing entry, or a number without a unit or with a wrong one.
+        A file that is not TOML, an unknown or missing entry, or a number without a unit or with a
+        wrong one.
     FileNotFoundError
         No such file.
 
@@ -72,8 +74,9 @@ def _warn_of_unusual_gain(kv: float, written: Json) -> None:
     low, high = USUAL_KV
     if is_unusual_gain(kv):
         warnings.warn(
-            f"kv = {short_form(written)} is {kv:.4g} 1/s, but drives usually have {low:g} to {high:g} 1/s "
-            f"({60e-3 * low:g} to {60e-3 * high:g} (m/min)/mm). Every result holds for this gain: check its unit",
+            f"kv = {short_form(written)} is {kv:.4g} 1/s, but drives usually have {low:g} to"
+            f" {high:g} 1/s ({60e-3 * low:g} to {60e-3 * high:g} (m/min)/mm). Every result holds"
+            " for this gain: check its unit",
             DesignWarning,
             stacklevel=3,
         )

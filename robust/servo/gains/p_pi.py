@@ -2,7 +2,8 @@
 
     u = -K y,   K = F(z) kp (1 + Ts/tn z^-1/(1 - z^-1)) (V(z) + kv H(z))
 
-F are the filters, V gives the velocity, and H is the hold of the position loop. Ts is the period of the velocity loop.
+F are the filters, V gives the velocity, and H is the hold of the position loop. Ts is the period of
+the velocity loop.
 """
 
 from __future__ import annotations
@@ -21,39 +22,45 @@ from robust.lti.sampling import sampled
 from robust.synthesis.blocks import second_order_section
 
 
-def cascade(settings: Drive, *, output_unit: str = "", actuator: bool = False) -> control.StateSpace:
+def cascade(
+    settings: Drive, *, output_unit: str = "", actuator: bool = False
+) -> control.StateSpace:
     """Return the drive as one controller.
 
-    Use this for every check, proof or plot that takes a controller K, such as `check` and `prove_friction`.
+    Use this for every check, proof or plot that takes a controller K, such as `check` and
+    `prove_friction`.
 
     Parameters
     ----------
     settings : Drive
         Gains, filters, sampling and units.
     output_unit : str
-        Unit of u: "A", or "N" ("Nm" for a rotary axis). The default is the output unit of `kp_unit`. It must be the
-        unit of the plant input.
+        Unit of u: "A", or "N" ("Nm" for a rotary axis). The default is the output unit of
+        `kp_unit`. It must be the unit of the plant input.
     actuator : bool
-        False: u is the current set point, and the plant contains delay and lag of the current loop; use this if the
-        plant was identified from the set point. True: u is the actual current at the sampling instants, and K contains
-        delay and lag; use this if the plant was identified from the actual current.
+        False: u is the current set point, and the plant contains delay and lag of the current loop;
+        use this if the plant was identified from the set point. True: u is the actual current at
+        the sampling instants, and K contains delay and lag; use this if the plant was identified
+        from the actual current.
 
     Returns
     -------
     control.StateSpace
-        Discrete, u = -K y: from the position in `position_unit` to u. With two encoders it has two inputs, "motor" in
-        `position_unit` and "load" in `load_unit`.
+        Discrete, u = -K y: from the position in `position_unit` to u. With two encoders it has two
+        inputs, "motor" in `position_unit` and "load" in `load_unit`.
 
     Raises
     ------
     ValueError
-        Settings that are not a Drive, or a unit of u that needs a torque constant when none is given.
+        Settings that are not a Drive, or a unit of u that needs a torque constant when none is
+        given.
 
     Warns
     -----
     DesignWarning
-        If the position loop runs slower than the velocity loop. Such a drive is periodically time-varying, and K is its
-        mean over the phase of the position loop. A verdict on K then holds for this approximation.
+        If the position loop runs slower than the velocity loop. Such a drive is periodically
+        time-varying, and K is its mean over the phase of the position loop. A verdict on K then
+        holds for this approximation.
 
     References
     ----------
@@ -86,19 +93,31 @@ def cascade(settings: Drive, *, output_unit: str = "", actuator: bool = False) -
 def with_set_point(settings: Drive, *, output_unit: str = "") -> control.StateSpace:
     """Return the drive from (position set point, measured positions) to u, each in its own unit."""
     scale = settings.gain * settings.output_factor(output_unit or settings.output_unit)
-    factor = settings.load_scale.factor if settings.encoder == "both" else settings.position_scale.factor
+    factor = (
+        settings.load_scale.factor if settings.encoder == "both" else settings.position_scale.factor
+    )
     n, held = settings.position_every, hold_mean(settings)
-    ahead = settings.velocity_feedforward * settings.fs / n  # differences over a period of the position loop
+    ahead = (
+        settings.velocity_feedforward * settings.fs / n
+    )  # differences over a period of the position loop
     difference = realise_fir(np.concatenate([[ahead], np.zeros(n - 1), [-ahead]]), settings.dt)
-    velocity_set_point = in_parallel(times(settings.kv, held), in_series(difference, held, dt=settings.dt))
+    velocity_set_point = in_parallel(
+        times(settings.kv, held), in_series(difference, held, dt=settings.dt)
+    )
     error = _added(times(factor, velocity_set_point), times(-1.0, _measured_velocity(settings)))
     return in_series(error, *_behind_velocity_loop(settings, scale), dt=settings.dt)
 
 
 def _measured_velocity(settings: Drive) -> control.StateSpace:
-    """Return the feedback of the velocity loop, from the positions to velocity + kv position, in its own units."""
-    velocity = times(settings.position_scale.factor, realise_section(velocity_section(settings), settings.dt))
-    factor = settings.load_scale.factor if settings.encoder == "both" else settings.position_scale.factor
+    """Return the feedback of the velocity loop, from the positions to velocity + kv position, in
+    its own units.
+    """
+    velocity = times(
+        settings.position_scale.factor, realise_section(velocity_section(settings), settings.dt)
+    )
+    factor = (
+        settings.load_scale.factor if settings.encoder == "both" else settings.position_scale.factor
+    )
     join = _added if settings.encoder == "both" else in_parallel
     return join(velocity, times(settings.kv * factor, hold_mean(settings)))
 
@@ -113,7 +132,9 @@ def _behind_velocity_loop(settings: Drive, scale: float) -> list[control.StateSp
 
 
 def velocity_section(settings: Drive) -> np.ndarray:
-    """Return (6,) section from a position to its velocity: differences behind a low-pass, or the observer."""
+    """Return (6,) section from a position to its velocity: differences behind a low-pass, or the
+    observer.
+    """
     fs = settings.fs
     if settings.velocity_from == "observer":
         omega = 2 * np.pi * settings.observer_frequency
@@ -123,19 +144,23 @@ def velocity_section(settings: Drive) -> np.ndarray:
 
 
 def hold_mean(settings: Drive) -> control.StateSpace:
-    """Return the hold of a position loop that samples in every nth period, as its mean over the n phases."""
+    """Return the hold of a position loop that samples in every nth period, as its mean over the n
+    phases.
+    """
     n = settings.position_every
     return realise_fir(np.full(n, 1 / n), settings.dt)
 
 
 def warn_of_slow_position_loop(settings: Drive) -> None:
-    """Warn that K is an approximation where the position loop runs slower than the velocity loop."""
+    """Warn that K is an approximation where the position loop runs slower than the velocity
+    loop.
+    """
     if settings.position_every > 1:
         warnings.warn(
-            f"the position loop runs once in {settings.position_every} periods of the velocity loop, and K is the "
-            f"mean over the {settings.position_every} possible shifts between the two clocks: "
-            "every verdict on K holds for this approximation and not for the drive. Set "
-            "position_every to 1 for a proof",
+            f"the position loop runs once in {settings.position_every} periods of the velocity"
+            f" loop, and K is the mean over the {settings.position_every} possible shifts between"
+            " the two clocks: every verdict on K holds for this approximation and not for the"
+            " drive. Set position_every to 1 for a proof",
             DesignWarning,
             stacklevel=3,
         )
@@ -165,4 +190,6 @@ def times(factor: float, system: control.StateSpace) -> control.StateSpace:
 def _added(F: control.StateSpace, G: control.StateSpace) -> control.StateSpace:
     """Return two systems, each with its own inputs, with their outputs added."""
     both = block_diagonal([F, G], F.dt)
-    return control.StateSpace(both.A, both.B, both.C.sum(axis=0)[None], both.D.sum(axis=0)[None], F.dt)
+    return control.StateSpace(
+        both.A, both.B, both.C.sum(axis=0)[None], both.D.sum(axis=0)[None], F.dt
+    )

@@ -1,7 +1,9 @@
-"""A drive as one function block of structured text (IEC 61131-3), for a PLC that runs the cascade itself.
+"""A drive as one function block of structured text (IEC 61131-3), for a PLC that runs the cascade
+itself.
 
-All arithmetic is in LREAL. The block computes what `cascade` computes, and adds three things that a linear controller
-does not have: a slower position loop without approximation, a limit with anti-windup, and a start without a jump.
+All arithmetic is in LREAL. The block computes what `cascade` computes, and adds three things that a
+linear controller does not have: a slower position loop without approximation, a limit with
+anti-windup, and a start without a jump.
 """
 
 from __future__ import annotations
@@ -16,24 +18,44 @@ from robust.io.target_code import literal
 from robust.servo.gains.p_pi import velocity_section
 
 #: Keywords of IEC 61131-3, which a block cannot have as its name.
-_RESERVED = {"AND", "ARRAY", "BOOL", "DO", "ELSE", "END_IF", "FUNCTION_BLOCK", "IF", "INT", "LREAL", "MOD", "NOT", "OR"}
+_RESERVED = {
+    "AND",
+    "ARRAY",
+    "BOOL",
+    "DO",
+    "ELSE",
+    "END_IF",
+    "FUNCTION_BLOCK",
+    "IF",
+    "INT",
+    "LREAL",
+    "MOD",
+    "NOT",
+    "OR",
+}
 _RESERVED |= {"REAL", "THEN", "TO", "VAR", "XOR"}
 
 
-def structured_text(settings: Drive, *, name: str = "PositionController", output_unit: str = "") -> str:
-    """Return a function block in structured text that runs the cascade; call it once in every velocity-loop period.
+def structured_text(
+    settings: Drive, *, name: str = "PositionController", output_unit: str = ""
+) -> str:
+    """Return a function block in structured text that runs the cascade; call it once in every
+    velocity-loop period.
 
-    Use this if a PLC closes the position and velocity loop, and the drive only controls the current.
+    Use this if a PLC closes the position and velocity loop, and the drive only controls the
+    current.
 
-    Inputs are the position set point, the measured position (motor and load with two encoders), a force or current
-    that is added behind the filters, and `reset`. While the output is limited, an error that would drive it further
-    into the limit is not added to the integral (conditional integration). In the first call, and while `reset` is true,
-    the block takes the present position as the previous one, and clears its integral and its filters.
+    Inputs are the position set point, the measured position (motor and load with two encoders), a
+    force or current that is added behind the filters, and `reset`. While the output is limited, an
+    error that would drive it further into the limit is not added to the integral (conditional
+    integration). In the first call, and while `reset` is true, the block takes the present position
+    as the previous one, and clears its integral and its filters.
 
     Parameters
     ----------
     settings : Drive
-        Gains, filters, sampling and units. `lag` and `delay_periods` belong to the current loop, not to the block.
+        Gains, filters, sampling and units. `lag` and `delay_periods` belong to the current loop,
+        not to the block.
     name : str
         Name of the block.
     output_unit : str
@@ -50,8 +72,9 @@ def structured_text(settings: Drive, *, name: str = "PositionController", output
 
     References
     ----------
-    IEC 61131-3:2013, *Programmable controllers - Part 3: Programming languages*, 7.3 (structured text).
-    K. J. Åström, B. Wittenmark, *Computer-Controlled Systems*, 3rd ed., 1997, 3.5 (anti-windup).
+    IEC 61131-3:2013, *Programmable controllers - Part 3: Programming languages*, 7.3 (structured
+    text). K. J. Åström, B. Wittenmark, *Computer-Controlled Systems*, 3rd ed., 1997, 3.5
+    (anti-windup).
 
     Examples
     --------
@@ -63,13 +86,20 @@ def structured_text(settings: Drive, *, name: str = "PositionController", output
     ['integral := 0.0;', 'integral := integral + integral_gain * velocity_error;']
     """
     require_kind("settings", settings, Drive)
-    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or name.upper() in _RESERVED:
+    if (
+        not isinstance(name, str)
+        or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name)
+        or name.upper() in _RESERVED
+    ):
         raise ValueError(f"name must be an identifier of IEC 61131-3, got {short_form(name)}")
     unit = output_unit or settings.output_unit
     factor = settings.output_factor(unit)
     rows = [
         f"FUNCTION_BLOCK {name}",
-        f"(* Position P, velocity PI. Call once every {1e3 / settings.fs:.12g} ms, in a task of fixed period. *)",
+        (
+            f"(* Position P, velocity PI. Call once every {1e3 / settings.fs:.12g} ms, in a task of"
+            " fixed period. *)"
+        ),
         *(f"(* {row} *)" for row in str(settings).splitlines()),
         *_declarations(settings, unit, factor),
         "",
@@ -91,7 +121,11 @@ def _declarations(settings: Drive, unit: str, factor: float) -> list[str]:
         ("position_gain", settings.kv, "1/s"),
         ("set_point_factor", position_factor, f"{base}/{set_point_unit}"),
         ("feedforward_gain", settings.velocity_feedforward * fs / settings.position_every, "1/s"),
-        ("velocity_factor", settings.position_scale.factor, f"{base}/{settings.position_scale.unit}"),
+        (
+            "velocity_factor",
+            settings.position_scale.factor,
+            f"{base}/{settings.position_scale.unit}",
+        ),
         ("velocity_gain", gain, f"{unit}/({base}/s)"),
         ("integral_gain", gain * settings.dt / settings.tn, f"{unit}/({base}/s)"),
     ]
@@ -102,14 +136,42 @@ def _declarations(settings: Drive, unit: str, factor: float) -> list[str]:
             if letter:
                 constants.append((f"{key}_{letter}", float(number), ""))
     inputs = [("position_set", "LREAL", f"set point [{set_point_unit}]")]
-    inputs += [("position", "LREAL", f"measured{' at the motor' if two else ''} [{settings.position_scale.unit}]")]
-    inputs += [("load_position", "LREAL", f"measured at the load [{settings.load_scale.unit}]")] if two else []
-    inputs += [("added", "LREAL", f"feedforward, added behind the filters [{unit}]"), ("reset", "BOOL", "start anew")]
-    states = ["position_set_before", "position_origin", "velocity_set", "velocity_error", "integral", "unlimited"]
+    inputs += [
+        (
+            "position",
+            "LREAL",
+            f"measured{' at the motor' if two else ''} [{settings.position_scale.unit}]",
+        )
+    ]
+    inputs += (
+        [("load_position", "LREAL", f"measured at the load [{settings.load_scale.unit}]")]
+        if two
+        else []
+    )
+    inputs += [
+        ("added", "LREAL", f"feedforward, added behind the filters [{unit}]"),
+        ("reset", "BOOL", "start anew"),
+    ]
+    states = [
+        "position_set_before",
+        "position_origin",
+        "velocity_set",
+        "velocity_error",
+        "integral",
+        "unlimited",
+    ]
     states += [f"{key}_{state}" for key in sections for state in ("s1", "s2", "in", "out")]
-    rows = ["VAR_INPUT", *(f"    {key} : {kind}; (* {text} *)" for key, kind, text in inputs), "END_VAR"]
+    rows = [
+        "VAR_INPUT",
+        *(f"    {key} : {kind}; (* {text} *)" for key, kind, text in inputs),
+        "END_VAR",
+    ]
     rows += ["VAR_OUTPUT", f"    output : LREAL; (* set point of the current loop [{unit}] *)"]
-    rows += ["    limited : BOOL; (* whether the output is at its limit *)", "END_VAR", "VAR CONSTANT"]
+    rows += [
+        "    limited : BOOL; (* whether the output is at its limit *)",
+        "END_VAR",
+        "VAR CONSTANT",
+    ]
     for key, number, of in constants:
         rows.append(f"    {key} : LREAL := {literal(number)};{f' (* {of} *)' if of else ''}")
     rows += ["END_VAR", "VAR", "    started : BOOL := FALSE;", "    countdown : INT := 0;"]

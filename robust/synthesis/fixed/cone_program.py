@@ -1,14 +1,15 @@
 """One convex step of the fixed-structure design: second-order cones, line by line.
 
-The unknowns are the parameters, in coordinates eta in which the columns of Y and of c X over P_c are orthonormal, and
+The unknowns are the parameters, in coordinates eta in which the columns of Y and of c X over P_c
+are orthonormal, and
 |Y| and |X| if a demand adds the two. A modulus on the small side of a demand is a cone. One on the large side is
 replaced by a lower bound from the previous iterate:
 
     |R| >= Re(R R_c*)/|R_c|     for hard demands
     |R|^2 >= 2 Re(R R_c*) - |R_c|^2     for the level that is minimised: a^2 <= level |R|^2 is a rotated cone
 
-Both are exact at the previous iterate, so it stays feasible and no step is a step back (Karimi & Kammer,
-Automatica 85 (2017), eq. 22 to 26).
+Both are exact at the previous iterate, so it stays feasible and no step is a step back (Karimi &
+Kammer, Automatica 85 (2017), eq. 22 to 26).
 """
 
 from __future__ import annotations
@@ -51,17 +52,23 @@ class Demand:
         return Demand(name=self.name, index=place[self.index[keep]], **parts)
 
     def measure(self, Y: np.ndarray, X: np.ndarray) -> np.ndarray:
-        """Return (..., R) left side over right side, from Y and X on all lines: at most one if the demand is met."""
+        """Return (..., R) left side over right side, from Y and X on all lines: at most one if the
+        demand is met.
+        """
         Y, X = Y[..., self.index], X[..., self.index]
         size = np.abs(X)
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.hypot(self.a * np.abs(Y) + self.b * size, self.c * size) / np.abs(self.y * Y + self.x * X)
+            ratio = np.hypot(self.a * np.abs(Y) + self.b * size, self.c * size) / np.abs(
+                self.y * Y + self.x * X
+            )
         return np.where(np.isnan(ratio), np.inf, ratio)
 
     def measure_between(self, Y: np.ndarray, X: np.ndarray, omega: np.ndarray) -> np.ndarray:
-        """Return (...,) largest `measure`, with the right side on a straight line between two lines.
+        """Return (...,) largest `measure`, with the right side on a straight line between two
+        lines.
 
-        A loop that passes near -1 between two lines is small on the chord; omega (W,) shows where a plant ends.
+        A loop that passes near -1 between two lines is small on the chord; omega (W,) shows where a
+        plant ends.
         """
         Y, X = Y[..., self.index], X[..., self.index]
         with np.errstate(all="ignore"):
@@ -77,7 +84,9 @@ class Demand:
 
 @value(copy=False)
 class Rows:
-    """Demands of one kind, over their own previous |R_c|: line (H,), a, b, c (H,) and Re(R/R_c) (H, n)."""
+    """Demands of one kind, over their own previous |R_c|: line (H,), a, b, c (H,) and Re(R/R_c) (H,
+    n).
+    """
 
     line: np.ndarray
     a: np.ndarray
@@ -106,8 +115,9 @@ class Step:
 def solve_step(step: Step) -> tuple[np.ndarray | None, str]:
     """Return eta, or None with the reason of a failure; the caller judges the result.
 
-    The unknowns are eta, |Y| and |X| on lines with a demand that adds the two, and the level. An expression is a matrix
-    over these and one. A cone is a list of expressions: on each line the first is at least the norm of the others.
+    The unknowns are eta, |Y| and |X| on lines with a demand that adds the two, and the level. An
+    expression is a matrix over these and one. A cone is a list of expressions: on each line the
+    first is at least the norm of the others.
     """
     hard, aim, n = step.hard, step.aim, step.eta.size
     adds_hard, adds_aim = ((rows.a > 0) & (rows.b > 0) for rows in (hard, aim))
@@ -133,8 +143,12 @@ def solve_step(step: Step) -> tuple[np.ndarray | None, str]:
         return parts(np.where(a > 0, a * step.Y[line], rows.b[pick, None] * step.X[line]))
 
     # bounds the step if improvement has no limit
-    cones = [[_MAX_STEP_RATIO * float(np.linalg.norm(step.eta)) * one, *(unknown[[k]] for k in range(n))]]
-    cones += [[size, *parts(part[lines])] for size, part in zip(sizes, (step.Y, step.X), strict=True)]
+    cones = [
+        [_MAX_STEP_RATIO * float(np.linalg.norm(step.eta)) * one, *(unknown[[k]] for k in range(n))]
+    ]
+    cones += [
+        [size, *parts(part[lines])] for size, part in zip(sizes, (step.Y, step.X), strict=True)
+    ]
     cones.append([of_eta(hard.R[~adds_hard]), *alone(hard, ~adds_hard)])
     positive = [of_eta(step.linear), of_eta(hard.R[adds_hard]) - added(hard, adds_hard)]
     zero = of_eta(step.scale[None]) - one

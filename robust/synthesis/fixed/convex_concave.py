@@ -1,4 +1,5 @@
-"""The convex-concave iteration: from a stabilising controller, step by step, to one that no convex step improves.
+"""The convex-concave iteration: from a stabilising controller, step by step, to one that no convex
+step improves.
 
 K = F X/Y,  P = Y + G F X.  |P|^2 >= 2 Re(P P_c*) - |P_c|^2 with the previous iterate P_c turns every demand into
 a convex one that holds at P_c, and P keeps the winding number of P_c: a stable loop stays stable.
@@ -47,7 +48,9 @@ class DesignTask:
         return self.gamma if self.aim == "gamma" else None
 
     def split(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (W,) Y and F X; by sums, because the threads of a matrix product cost more than they save here."""
+        """Return (W,) Y and F X; by sums, because the threads of a matrix product cost more than
+        they save here.
+        """
         return (self.Y * theta).sum(axis=1), (self.X * theta).sum(axis=1)
 
     def loop(self, theta: np.ndarray) -> np.ndarray:
@@ -61,26 +64,34 @@ class DesignTask:
         return max((float(row.measure(Y, X).max()) for row in self.rows), default=0.0)
 
     def goal(self, theta: np.ndarray) -> float:
-        """Return the quantity to minimise once the demands are met: gamma, or minus the gain at low frequency."""
+        """Return the quantity to minimise once the demands are met: gamma, or minus the gain at low
+        frequency.
+        """
         if self.objective is not None:
             return float(self.objective.measure(*self.split(theta)).max())
         Y0, X0 = self.basis.zero_frequency()
         size = abs(float(Y0 @ theta)) + 1e-9 * float(np.abs(Y0 * theta).sum())
-        return -abs(float(X0 @ theta)) / size if size else np.inf  # a step that ends without a denominator
+        return (
+            -abs(float(X0 @ theta)) / size if size else np.inf
+        )  # a step that ends without a denominator
 
     def merit(self, theta: np.ndarray) -> tuple[float, float]:
         """Return the merit: demands first, then the goal."""
         return max(self.hard(theta), 1 + _TOLERANCE), self.goal(theta)
 
     def decide_stability(self, old: np.ndarray, new: np.ndarray) -> tuple[Stability, str]:
-        """Return STABLE if loop and controller keep their numbers of unstable poles from old to new, or the reason."""
+        """Return STABLE if loop and controller keep their numbers of unstable poles from old to
+        new, or the reason.
+        """
         P_old, P = self.loop(old), self.loop(new)
         if not np.all((P * P_old.conj()).real[self.at.known] > 0):
             return Stability.UNSTABLE, "the number of unstable poles of the loop may change"
         if not np.all(linear_rows(self, old) @ new >= 0):
             return Stability.UNSTABLE, "the number of unstable poles of the controller may change"
         zeros, poles = self.basis.zeros_and_poles(new)
-        if zeros.size > poles.size:  # a pole of the start beyond the fastest one has gone to infinity
+        if (
+            zeros.size > poles.size
+        ):  # a pole of the start beyond the fastest one has gone to infinity
             return Stability.UNSTABLE, "the controller is not proper"
         K = self.basis.controller(new)
         if self.stable and unstable_poles(K, self.basis.dt):
@@ -89,7 +100,9 @@ class DesignTask:
 
 
 def linear_rows(task: DesignTask, theta: np.ndarray) -> np.ndarray:
-    """Return (Q, n), rows @ theta >= 0: the controller stays proper, stable; on request real roots, positive gains."""
+    """Return (Q, n), rows @ theta >= 0: the controller stays proper, stable; on request real roots,
+    positive gains.
+    """
     basis, n_y = task.basis, task.basis.n_y
     shape = basis.structure
     if not shape.free:
@@ -104,7 +117,9 @@ def linear_rows(task: DesignTask, theta: np.ndarray) -> np.ndarray:
     else:
         Y = np.ones((1, n_y), complex)  # at infinite frequency: proper
     old = Y @ theta[:n_y]
-    Y, old = Y[old != 0], old[old != 0]  # a pole exactly on the circle: its side is checked afterwards, by the poles
+    # a pole exactly on the circle: its side is checked afterwards, by the poles
+    Y = Y[old != 0]
+    old = old[old != 0]
     rows = [np.hstack([(Y / old[:, None]).real, np.zeros((Y.shape[0], basis.n_x))])]
     if shape.real:
         for part, before in ((slice(0, n_y), 0), (slice(n_y, None), n_y)):
@@ -114,10 +129,18 @@ def linear_rows(task: DesignTask, theta: np.ndarray) -> np.ndarray:
             signed = np.sign(c[-1]) * T
             c = np.sign(c[-1]) * c
             wanted = [signed]
-            if c.size == 3:  # real roots: c2 + c0 <= |(c1, c2 - c0)|, at least its projection on the previous one
+            if (
+                c.size == 3
+                # real roots: c2 + c0 <= |(c1, c2 - c0)|, at least its projection on the previous one
+            ):
                 direction = np.array([c[1], c[0] - c[2]]) / np.hypot(c[1], c[0] - c[2])
                 wanted.append(
-                    (direction[0] * signed[1] + direction[1] * (signed[0] - signed[2]) - signed[0] - signed[2])[None]
+                    (
+                        direction[0] * signed[1]
+                        + direction[1] * (signed[0] - signed[2])
+                        - signed[0]
+                        - signed[2]
+                    )[None]
                 )
             block = np.vstack(wanted)
             wide = np.zeros((block.shape[0], theta.size))
@@ -127,7 +150,9 @@ def linear_rows(task: DesignTask, theta: np.ndarray) -> np.ndarray:
 
 
 def _working_lines(task: DesignTask, theta: np.ndarray) -> np.ndarray:
-    """Return (W,) bool: the first lines of the program, spread over the band, with the peaks of every demand."""
+    """Return (W,) bool: the first lines of the program, spread over the band, with the peaks of
+    every demand.
+    """
     W = task.at.omega.size
     if W <= 1.5 * _WORKING_LINES:
         return np.ones(W, dtype=bool)
@@ -139,7 +164,9 @@ def _working_lines(task: DesignTask, theta: np.ndarray) -> np.ndarray:
 
 
 def _demand_peaks(task: DesignTask, theta: np.ndarray, most: int) -> np.ndarray:
-    """Return (W,) bool: the largest local maxima of each demand, and every line of a demand on few lines."""
+    """Return (W,) bool: the largest local maxima of each demand, and every line of a demand on few
+    lines.
+    """
     mask = np.zeros(task.at.omega.size, dtype=bool)
     Y, X = task.split(theta)
     for row in task.rows + ([task.objective] if task.objective is not None else []):
@@ -153,7 +180,9 @@ def _demand_peaks(task: DesignTask, theta: np.ndarray, most: int) -> np.ndarray:
     return mask
 
 
-def _convex_step(task: DesignTask, theta: np.ndarray, *, mask: np.ndarray, level: bool) -> tuple[Step, np.ndarray]:
+def _convex_step(
+    task: DesignTask, theta: np.ndarray, *, mask: np.ndarray, level: bool
+) -> tuple[Step, np.ndarray]:
     """Return the step about theta, and the map from eta back to theta.
 
     level: the demands themselves are minimised, because one of them is not met yet.
@@ -165,7 +194,10 @@ def _convex_step(task: DesignTask, theta: np.ndarray, *, mask: np.ndarray, level
     unit = np.abs(task.at.centre)
     unit = np.maximum(unit, 1e-9 * np.median(unit))
     T = np.zeros((theta.size, theta.size))
-    for part, size, first in ((Yb, 1 / P[mask], 0), (Xb, task.at.centre[mask] / P[mask], task.basis.n_y)):
+    for part, size, first in (
+        (Yb, 1 / P[mask], 0),
+        (Xb, task.at.centre[mask] / P[mask], task.basis.n_y),
+    ):
         own = slice(first, first + (task.basis.n_x if first else task.basis.n_y))
         T[own, own] = _orthonormal(part[:, own] * size[:, None])
 
@@ -176,8 +208,18 @@ def _convex_step(task: DesignTask, theta: np.ndarray, *, mask: np.ndarray, level
             i = row.index[on]
             ref = row.y[on] * Yc[i] + row.x[on] * Xc[i]
             ratio = np.abs(P[i]) / np.abs(ref)
-            right = ((row.y[on, None] * task.Y[i] + row.x[on, None] * task.X[i]) / ref[:, None]).real @ T
-            parts.append((place[i], row.a[on] * ratio, row.b[on] * ratio / unit[i], row.c[on] * ratio / unit[i], right))
+            right = (
+                (row.y[on, None] * task.Y[i] + row.x[on, None] * task.X[i]) / ref[:, None]
+            ).real @ T
+            parts.append(
+                (
+                    place[i],
+                    row.a[on] * ratio,
+                    row.b[on] * ratio / unit[i],
+                    row.c[on] * ratio / unit[i],
+                    right,
+                )
+            )
         if not parts:
             parts.append((np.zeros(0, int), *np.zeros((3, 0)), np.zeros((0, theta.size))))
         line, a, b, c, right = (np.concatenate(p) for p in zip(*parts, strict=True))
@@ -216,7 +258,10 @@ def iterate(
     progress: Callable[[int, float], object] | None,
 ) -> tuple[np.ndarray, tuple[float, ...], str]:
     """Return the best result over the starts: parameters, history and the reason of the end."""
-    found = [_improve_start(task, theta, n_iterations=n_iterations, progress=progress) for theta in starts]
+    found = [
+        _improve_start(task, theta, n_iterations=n_iterations, progress=progress)
+        for theta in starts
+    ]
     return min(found, key=lambda result: task.merit(result[0]))
 
 
@@ -227,7 +272,9 @@ def _improve_start(
     n_iterations: int,
     progress: Callable[[int, float], object] | None,
 ) -> tuple[np.ndarray, tuple[float, ...], str]:
-    """Improve one start by convex steps until nothing improves: parameters, history and the reason of the end."""
+    """Improve one start by convex steps until nothing improves: parameters, history and the reason
+    of the end.
+    """
     mask = _working_lines(task, theta)
     history: list[float] = []
     slow, why, first = 0, "converged", task.merit(theta)[1]
@@ -254,7 +301,10 @@ def _improve_start(
         if progress is not None:
             progress(k + 1, history[-1])
         if first < 0 and after[1] < _MAX_GAIN_RATIO * first:
-            why = "stopped: the gain at low frequency grows without bound; limit K S, or the crossover from above"
+            why = (
+                "stopped: the gain at low frequency grows without bound; limit K S, or the"
+                " crossover from above"
+            )
             break
         if slow >= 2:
             if open_question:
@@ -275,10 +325,13 @@ def is_lower(after: tuple[float, float], before: tuple[float, float], by: float)
 def _line_search(task: DesignTask, old: np.ndarray, new: np.ndarray) -> tuple[np.ndarray, str]:
     """Return the best point of equal stability, on the way to the new iterate and beyond.
 
-    Also return why the stability of a better one is not decided, if that is the first obstacle; "" otherwise.
+    Also return why the stability of a better one is not decided, if that is the first obstacle; ""
+    otherwise.
     """
     P_old, P = task.loop(old), task.loop(new)
-    new = new / max(float(np.median(np.abs(P / P_old))), 1e-300)  # the same scale, so that the path is short
+    new = new / max(
+        float(np.median(np.abs(P / P_old))), 1e-300
+    )  # the same scale, so that the path is short
     best, merit, obstacle = old, task.merit(old), (Stability.STABLE, "")
     for ladder in ((1.0, 2.0, 4.0, 8.0), (0.7, 0.5, 0.3, 0.1, 0.03)):
         for reach in ladder:
@@ -301,14 +354,19 @@ def _line_search(task: DesignTask, old: np.ndarray, new: np.ndarray) -> tuple[np
 
 
 def _nearest_met(task: DesignTask, old: np.ndarray, met: np.ndarray) -> np.ndarray:
-    """Return the first point on the path where the demands are met: a step for them alone gives the goal away."""
+    """Return the first point on the path where the demands are met: a step for them alone gives the
+    goal away.
+    """
     low, high, best = 0.0, 1.0, met
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
         trial = old + middle * (met - old)
         if task.hard(trial) <= 1 + _TOLERANCE:
             high = middle
-            if task.merit(trial) < task.merit(best) and task.decide_stability(old, trial)[0] is Stability.STABLE:
+            if (
+                task.merit(trial) < task.merit(best)
+                and task.decide_stability(old, trial)[0] is Stability.STABLE
+            ):
                 best = trial
         else:
             low = middle

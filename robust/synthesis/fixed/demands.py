@@ -45,13 +45,21 @@ def _limit_on_lines(name: str, bound: Bound, omega: np.ndarray) -> np.ndarray:
     return out
 
 
-def objective_row(at: PlantOnLines, w_P: Weight | None, w_T: Weight | None, w_u: Weight | None) -> Demand | None:
-    """Return [worst-case performance; w_T T; w_u K S] stacked; its largest value over the lines is gamma."""
+def objective_row(
+    at: PlantOnLines, w_P: Weight | None, w_T: Weight | None, w_u: Weight | None
+) -> Demand | None:
+    """Return [worst-case performance; w_T T; w_u K S] stacked; its largest value over the lines is
+    gamma.
+    """
     if w_P is None and w_T is None and w_u is None:
         return None
     sizes = {}
     for name, w in (("w_P", w_P), ("w_T", w_T), ("w_u", w_u)):
-        sizes[name] = np.zeros(at.omega.size) if w is None else np.abs(response(state_space(name, w), at.omega))
+        sizes[name] = (
+            np.zeros(at.omega.size)
+            if w is None
+            else np.abs(response(state_space(name, w), at.omega))
+        )
         if not np.isfinite(sizes[name]).all():
             raise ValueError(f"{name} must be finite on the lines, got a pole on one")
     a, b = _worst_case_terms(at, sizes["w_P"])
@@ -61,7 +69,9 @@ def objective_row(at: PlantOnLines, w_P: Weight | None, w_T: Weight | None, w_u:
     return demand_row("gamma", at, a=a, b=b, c=c)
 
 
-def weight_rows(at: PlantOnLines, *, w_P: Weight | None, w_T: Weight | None, w_u: Weight | None) -> list[Demand]:
+def weight_rows(
+    at: PlantOnLines, *, w_P: Weight | None, w_T: Weight | None, w_u: Weight | None
+) -> list[Demand]:
     rows = []
     for name, w, text in (
         ("w_P", w_P, "|w_P S| <= 1 for the whole set"),
@@ -75,7 +85,9 @@ def weight_rows(at: PlantOnLines, *, w_P: Weight | None, w_T: Weight | None, w_u
 
 
 def _worst_case_terms(at: PlantOnLines, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return a and b of p |Y (1 + w Delta)| <= |1 + L over the set|: exact for discs, otherwise sufficient."""
+    """Return a and b of p |Y (1 + w Delta)| <= |1 + L over the set|: exact for discs, otherwise
+    sufficient.
+    """
     return p * (1 + at.outside) + at.outside, at.radius
 
 
@@ -90,16 +102,23 @@ def demand_row(
     x: float | np.ndarray | None = None,
     index: np.ndarray | None = None,
 ) -> Demand:
-    """Return a row on all lines (or some), with the centre of the disc on its right side by default."""
+    """Return a row on all lines (or some), with the centre of the disc on its right side by
+    default.
+    """
     W = at.omega.size
     index = np.flatnonzero(at.known) if index is None else index
     wide = {key: np.broadcast_to(v, W)[index] for key, v in dict(a=a, b=b, c=c).items()}
-    right = dict(y=np.broadcast_to(y, W)[index] + 0j, x=(at.centre if x is None else np.broadcast_to(x, W))[index] + 0j)
+    right = dict(
+        y=np.broadcast_to(y, W)[index] + 0j,
+        x=(at.centre if x is None else np.broadcast_to(x, W))[index] + 0j,
+    )
     return Demand(name=name, index=index, **wide, **right)
 
 
 def end_row(family: list[PlantOnLines], at: PlantOnLines, most: float) -> list[Demand]:
-    """Return a row for small |L| from the last line of every FRF on, where the plant is assumed to be no larger."""
+    """Return a row for small |L| from the last line of every FRF on, where the plant is assumed to
+    be no larger.
+    """
     starts = np.cumsum([0, *(s.omega.size for s in family)])
     lasts = [
         np.arange(np.flatnonzero(s.known)[-1], s.omega.size) + first
@@ -110,7 +129,11 @@ def end_row(family: list[PlantOnLines], at: PlantOnLines, most: float) -> list[D
     if not ends.size:
         return []
     name = f"|L| <= {most:g} from the last line on, above which the plant is unknown"
-    return [demand_row(name, at, a=0.0, b=(np.abs(at.centre) + at.radius) / most, y=1.0, x=0.0, index=ends)]
+    return [
+        demand_row(
+            name, at, a=0.0, b=(np.abs(at.centre) + at.radius) / most, y=1.0, x=0.0, index=ends
+        )
+    ]
 
 
 def limit_rows(
@@ -125,30 +148,42 @@ def limit_rows(
 ) -> list[Demand]:
     """Return the hard demands, with stability of the whole set as the first one.
 
-    resonates : with a given resonance |L| of a controller may exceed one there, beyond its crossover.
+    resonates : with a given resonance |L| of a controller may exceed one there, beyond its
+    crossover.
     """
     rows = []
     if np.any(at.radius > 0) or np.any(at.outside > 0):
-        direct = at.inverse > 0  # |w S| <= 1, because the disc of an inverse form grows without bound
+        direct = (
+            at.inverse > 0
+        )  # |w S| <= 1, because the disc of an inverse form grows without bound
         b, x = np.where(direct, 0.0, at.radius / _BACK_OFF), np.where(direct, at.G, at.centre)
         rows.append(demand_row("robust stability", at, a=at.inverse / _BACK_OFF, b=b, x=x))
     if M_S is not None:
         a, b = _worst_case_terms(at, 1 / _limit_on_lines("M_S", M_S, at.omega))
         rows.append(demand_row(f"|S| <= {_describe_bound(M_S)}", at, a=a, b=b))
     if M_T is not None:
-        rows.append(_peak_of_T(at, _limit_on_lines("M_T", M_T, at.omega), f"|T| <= {_describe_bound(M_T)}"))
+        rows.append(
+            _peak_of_T(at, _limit_on_lines("M_T", M_T, at.omega), f"|T| <= {_describe_bound(M_T)}")
+        )
     if M_u is not None:
         most = _limit_on_lines("M_u", M_u, at.omega)
         rows.append(
-            demand_row(f"|K S| <= {_describe_bound(M_u)}", at, a=at.outside, b=at.radius + (1 + at.outside) / most)
+            demand_row(
+                f"|K S| <= {_describe_bound(M_u)}",
+                at,
+                a=at.outside,
+                b=at.radius + (1 + at.outside) / most,
+            )
         )
     if omega_c is not None:
         least, highest = omega_c if isinstance(omega_c, (tuple, list)) else (omega_c, None)
         rows.append(_gain_row(at, "omega_c", least, 1.0))
         if highest is not None:
-            where, name = _nearest_lines(at, "omega_c", highest), f"|L| <= 1 at {format_hertz(highest)}"
+            where = _nearest_lines(at, "omega_c", highest)
+            name = f"|L| <= 1 at {format_hertz(highest)}"
             if not resonates:
-                where, name = np.union1d(where, np.flatnonzero(at.known & (at.omega >= highest))), f"{name} and above"
+                where = np.union1d(where, np.flatnonzero(at.known & (at.omega >= highest)))
+                name = f"{name} and above"
             rows.append(demand_row(name, at, a=0.0, b=np.abs(at.G), y=1.0, x=0.0, index=where))
     if gain is not None:
         rows.append(_gain_row(at, "gain", *gain))
@@ -156,7 +191,9 @@ def limit_rows(
 
 
 def _peak_of_T(at: PlantOnLines, M: np.ndarray, name: str) -> Demand:
-    """Return |T| <= M over the set: exact for M > 1, where L must stay out of a circle; below by the triangle."""
+    """Return |T| <= M over the set: exact for M > 1, where L must stay out of a circle; below by
+    the triangle.
+    """
     big = M > 1 + 1e-6
     square = np.where(big, M**2 - 1, 1.0)
     a = np.where(big, M / M**2, at.outside)
@@ -176,12 +213,20 @@ def _gain_row(at: PlantOnLines, name: str, omega: float, least: float) -> Demand
         raise ValueError(f"{name} must ask for a positive |L|, got {least:g}")
     where = _nearest_lines(at, name, omega)
     return demand_row(
-        f"|L| >= {least:g} at {format_hertz(float(omega))}", at, a=least, b=0.0, y=0.0, x=at.G, index=where
+        f"|L| >= {least:g} at {format_hertz(float(omega))}",
+        at,
+        a=least,
+        b=0.0,
+        y=0.0,
+        x=at.G,
+        index=where,
     )
 
 
 def _nearest_lines(at: PlantOnLines, name: str, omega: float) -> np.ndarray:
-    """Return the lines nearest to a frequency, one for each plant; refuse a frequency outside the band."""
+    """Return the lines nearest to a frequency, one for each plant; refuse a frequency outside the
+    band.
+    """
     omega = require_real(name, omega)
     starts = np.concatenate([[0], np.flatnonzero(np.diff(at.omega) <= 0) + 1, [at.omega.size]])
     found = []
@@ -190,8 +235,8 @@ def _nearest_lines(at: PlantOnLines, name: str, omega: float) -> np.ndarray:
         lowest = max(at.lowest, lines[0])
         if not lowest * 0.999 <= omega <= lines[-1] * 1.001:
             raise ValueError(
-                f"{name} must lie within the lines, {format_hertz(lowest)} to {format_hertz(lines[-1])}, "
-                f"got {format_hertz(omega)}"
+                f"{name} must lie within the lines, {format_hertz(lowest)} to"
+                f" {format_hertz(lines[-1])}, got {format_hertz(omega)}"
             )
         found.append(first + int(np.argmin(np.abs(np.log(lines / omega)))))
     return np.array(found)

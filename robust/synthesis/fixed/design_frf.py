@@ -1,4 +1,6 @@
-"""The entry point to controllers of fixed structure from an FRF: one loop by itself, several one after the other."""
+"""The entry point to controllers of fixed structure from an FRF: one loop by itself, several one
+after the other.
+"""
 
 from __future__ import annotations
 
@@ -46,71 +48,81 @@ def design_frf(
     n_iterations: int = 60,
     progress: Callable[[int, float], object] | None = None,
 ) -> Design:
-    """Design a controller of fixed structure directly from a measured FRF, without a parametric model.
+    """Design a controller of fixed structure directly from a measured FRF, without a parametric
+    model.
 
-    Use this for a PID or another low-order controller, if the FRF is all you have, or if a fit is doubtful.
+    Use this for a PID or another low-order controller, if the FRF is all you have, or if a fit is
+    doubtful.
 
-    Give the hard demands (M_S, M_T, M_u, omega_c, gain; stability of every plant of the set is always one of them) and
-    the aim: the weights (aim "gamma"), or, without weights, the gain at low frequency.
+    Give the hard demands (M_S, M_T, M_u, omega_c, gain; stability of every plant of the set is
+    always one of them) and the aim: the weights (aim "gamma"), or, without weights, the gain at low
+    frequency.
 
     Parameters
     ----------
     plant : nlfrf.Bla, FrequencyResponseData, UncertaintyModel, control system, list of them
-        An FRF is known on its lines only. It is interpolated between two of them where the controller has a mode, and
-        continued below the first one by gain and phase of its first lines. A list is a family: one controller for all.
-        Discs of a Bla or model are part of every demand, which then holds for each plant in them. For a matrix, with as
-        many inputs as outputs, the controller is diagonal: input k by output k, one loop after the other with those
-        before it closed. Each is then judged with all others closed, and designed again if it misses a demand. The
-        whole is checked last. A list for any of the next arguments has one entry for each loop.
+        An FRF is known on its lines only. It is interpolated between two of them where the
+        controller has a mode, and continued below the first one by gain and phase of its first
+        lines. A list is a family: one controller for all. Discs of a Bla or model are part of every
+        demand, which then holds for each plant in them. For a matrix, with as many inputs as
+        outputs, the controller is diagonal: input k by output k, one loop after the other with
+        those before it closed. Each is then judged with all others closed, and designed again if it
+        misses a demand. The whole is checked last. A list for any of the next arguments has one
+        entry for each loop.
     structure : str, int or ControllerStructure
-        "P", "I", "PI", "PD", "PID", "lead", "lead-lag" (real zeros and poles), or an order n ("order-n"); or one of
-        your own, with a given denominator.
+        "P", "I", "PI", "PD", "PID", "lead", "lead-lag" (real zeros and poles), or an order n
+        ("order-n"); or one of your own, with a given denominator.
     w_P, w_T, w_u : control system or float, optional
-        Weights on S, T and K S. gamma = max over frequency of the norm of [|w_P S| at worst over the set; w_T T;
-        w_u K S]: without uncertainty the H-infinity norm, with w_P alone the structured singular value of robust
-        performance.
+        Weights on S, T and K S. gamma = max over frequency of the norm of [|w_P S| at worst over
+        the set; w_T T; w_u K S]: without uncertainty the H-infinity norm, with w_P alone the
+        structured singular value of robust performance.
     M_S, M_T, M_u : float or control system, optional
         Largest |S|, |T|, |K S| allowed, a number or a magnitude over frequency.
     omega_c : float or (low, high), optional
-        Least crossover [rad/s]; with two numbers also the largest one: |L| <= 1 from there on, or only at that line if
-        the structure has a resonance. With one number the loop may cross over far above it.
+        Least crossover [rad/s]; with two numbers also the largest one: |L| <= 1 from there on, or
+        only at that line if the structure has a resonance. With one number the loop may cross over
+        far above it.
     gain : (omega, least), optional
         Least |L| at a frequency [rad/s]: tracking and disturbance rejection.
     aim : str
-        "gamma": minimise gamma. "gain": maximise lim s^m K(s) at zero frequency, with the weights as further demands
-        (gamma <= 1). "auto": "gamma" if a weight is given.
+        "gamma": minimise gamma. "gain": maximise lim s^m K(s) at zero frequency, with the weights
+        as further demands (gamma <= 1). "auto": "gamma" if a weight is given.
     dt : float
-        Sampling time of the controller [s]; 0 for a continuous one. Hold and delay are added to the plant.
+        Sampling time of the controller [s]; 0 for a continuous one. Hold and delay are added to the
+        plant.
     delay : float
         Computation delay [s], in addition to the delay of the plant.
     fixed : control system
-        A known factor of K on the same time base: a notch, a roll-off, a filter (`robust.shaping.notch`, ...).
+        A known factor of K on the same time base: a notch, a roll-off, a filter
+        (`robust.shaping.notch`, ...).
     end_gain : float
-        Largest |L| from the last line of an FRF on; above it the plant is assumed to be no larger than there.
+        Largest |L| from the last line of an FRF on; above it the plant is assumed to be no larger
+        than there.
     integrators : int
         Number of integrators in an "order-n".
     filter_time : float, optional
-        Time constant of the derivative filter [s] of PD and PID; by default chosen by the design, at least half a
-        sample: with a shorter one a sampled derivative rings.
+        Time constant of the derivative filter [s] of PD and PID; by default chosen by the design,
+        at least half a sample: with a shorter one a sampled derivative rings.
     stable : bool
         Keep the controller itself stable (integrators aside).
     positive : bool
-        Keep Kp, Ki and Kd of a PID (or a part of one) positive: no PLC takes a negative time Ti = Kp/Ki or Td = Kd/Kp.
-        Without a given filter time it is then the best of six.
+        Keep Kp, Ki and Kd of a PID (or a part of one) positive: no PLC takes a negative time Ti =
+        Kp/Ki or Td = Kd/Kp. Without a given filter time it is then the best of six.
     start : control system, optional
-        A stabilising controller of the structure as a start; by default it is searched for over the band, in gain and
-        roots, by differential evolution.
+        A stabilising controller of the structure as a start; by default it is searched for over the
+        band, in gain and roots, by differential evolution.
     n_starts : int
-        Number of evolved controllers that are refined, besides a simple one; more take longer and may end better.
+        Number of evolved controllers that are refined, besides a simple one; more take longer and
+        may end better.
     n_unstable : int
         Number of unstable poles of a plant that is an FRF.
     plant_integrators : int, optional
-        Number of integrators of a plant that is an FRF. By default estimated, with the sign of the plant, from slope
-        and phase of its first lines. If their bound allows several values, the design must hold for each; otherwise its
-        stability is not decided.
+        Number of integrators of a plant that is an FRF. By default estimated, with the sign of the
+        plant, from slope and phase of its first lines. If their bound allows several values, the
+        design must hold for each; otherwise its stability is not decided.
     prove : MachineWithFriction or (FrictionPlant, MaxwellSlip), optional
-        Class of friction with which the loop must be proved to come to rest: the gain is lowered until the proof holds,
-        and all else is judged again there.
+        Class of friction with which the loop must be proved to come to rest: the gain is lowered
+        until the proof holds, and all else is judged again there.
     n_iterations : int
         Largest number of convex steps from each start, on each choice of lines.
     progress : callable, optional
@@ -119,7 +131,8 @@ def design_frf(
     Returns
     -------
     Design
-        With `met`, `reason` and `history`. `reason` names the demands that are not met, with the best controller found.
+        With `met`, `reason` and `history`. `reason` names the demands that are not met, with the
+        best controller found.
 
     Warns
     -----
@@ -129,13 +142,13 @@ def design_frf(
     Raises
     ------
     ValueError
-        No stabilising controller to begin from, parts that do not fit each other, no demand at all, no gain that is
-        proved.
+        No stabilising controller to begin from, parts that do not fit each other, no demand at all,
+        no gain that is proved.
 
     References
     ----------
-    Karimi & Kammer, *A data-driven approach to robust control of multivariable systems by convex optimization*,
-    Automatica 85 (2017); SP 7.5 and 7.6.
+    Karimi & Kammer, *A data-driven approach to robust control of multivariable systems by convex
+    optimization*, Automatica 85 (2017); SP 7.5 and 7.6.
 
     Examples
     --------
@@ -179,9 +192,11 @@ def design_frf(
     }
     if has_several_channels(plant) or is_matrix(plant):
         return close_in_turn(plant, structure, asked)
-    if isinstance(plant, list | tuple) and any(has_several_channels(one) or is_matrix(one) for one in plant):
+    if isinstance(plant, list | tuple) and any(
+        has_several_channels(one) or is_matrix(one) for one in plant
+    ):
         raise ValueError(
-            "plant must be one Bla or UncertaintyModel with several channels, or a list of single loops, got a list "
-            "of matrices"
+            "plant must be one Bla or UncertaintyModel with several channels, or a list of single"
+            " loops, got a list of matrices"
         )
     return design_loop(plant, cast("str", structure), asked)

@@ -47,7 +47,12 @@ from robust.synthesis.fixed.plants import (
     plant_on_lines,
     stacked_plants,
 )
-from robust.synthesis.fixed.starts import describe_open_reading, find_start, loops_stable, start_from_controller
+from robust.synthesis.fixed.starts import (
+    describe_open_reading,
+    find_start,
+    loops_stable,
+    start_from_controller,
+)
 from robust.synthesis.fixed.structures import (
     FASTEST,
     FASTEST_SAMPLED,
@@ -58,17 +63,18 @@ from robust.synthesis.fixed.structures import (
 )
 from robust.synthesis.hinf.design import Design
 
-#: Repetitions of a design on lines of the loop found, the degradation there that causes one, and the largest violation
-#: of a demand with which it continues from its result.
+# : Repetitions of a design on lines of the loop found, the degradation there that causes one, and
+# the largest violation : of a demand with which it continues from its result.
 _LOOKS, _LOOKED, _NEARLY = 3, 1e-3, 1.1
-#: Starts that are refined if the controller has to be proved for friction: of 15 in example 19 five were proved, at a
-#: lowered gain, and none of those with the most integral gain.
+# : Starts that are refined if the controller has to be proved for friction: of 15 in example 19
+# five were proved, at a : lowered gain, and none of those with the most integral gain.
 _PROVED_STARTS = 6
 _N_FILTER_TIMES = 6  # time constants of a derivative filter that are tried for positive gains
 _N_REFINED = 8  # more of them, around the best
 #: Accepted violation of a demand, recomputed on those lines.
 _LIMIT_TOLERANCE = 1e-3
-#: Gains of a controller that are tried for a proof, in turn, and the final ratio of the bisection from there.
+# : Gains of a controller that are tried for a proof, in turn, and the final ratio of the bisection
+# from there.
 _PROOF_GAINS, _PROOF_GAIN_RATIO = tuple(0.5**n for n in range(10)), 1.03
 
 #: Subject of a proof: a class of friction with its machines, or one machine and a class.
@@ -86,7 +92,8 @@ def design_loop(
 ) -> Design:
     """Return `design_frf` for a plant with one input and output."""
     aim = require_choice("aim", options["aim"], ("auto", "gamma", "gain"))
-    dt, delay = require_nonnegative("dt", options["dt"]), require_nonnegative("delay", options["delay"])
+    dt = require_nonnegative("dt", options["dt"])
+    delay = require_nonnegative("delay", options["delay"])
     n_unstable = require_integer("n_unstable", options["n_unstable"], least=0)
     n_iterations = require_integer("n_iterations", options["n_iterations"], least=0)
     integrators = require_integer("integrators", options["integrators"], least=0)
@@ -97,16 +104,29 @@ def design_loop(
         raise ValueError("plant must be a plant or a list of them, got an empty list")
     dt = _loop_sampling_time(plants, dt)
     _warn_of_ringing(options["filter_time"], dt)
-    named = [*_per_demand_list("omega_c", options["omega_c"]), *_per_demand_list("gain", options["gain"])[:1]]
+    named = [
+        *_per_demand_list("omega_c", options["omega_c"]),
+        *_per_demand_list("gain", options["gain"])[:1],
+    ]
     wanted = tuple(require_real("omega_c", w) for w in named)
-    sizes = (options["w_P"], options["w_T"], options["w_u"], options["M_S"], options["M_T"], options["M_u"])
-    end_gain, positive_gains = require_positive("end_gain", options["end_gain"]), options["positive"]
+    sizes = (
+        options["w_P"],
+        options["w_T"],
+        options["w_u"],
+        options["M_S"],
+        options["M_T"],
+        options["M_u"],
+    )
+    end_gain = require_positive("end_gain", options["end_gain"])
+    positive_gains = options["positive"]
     known = _what_is_known(options, n_unstable)
     look = partial(plant_on_lines, dt=dt, delay=delay, extra=wanted, weights=sizes, known=known)
     family = [look(p) for p in plants]
     basis = _structure_basis(shape, stacked_plants(family), dt=dt, fixed=options["fixed"])
     if positive_gains and shape.name not in PID_PARTS:
-        raise ValueError(f"positive must be used with {', '.join(PID_PARTS)}, got it with {shape.name!r}")
+        raise ValueError(
+            f"positive must be used with {', '.join(PID_PARTS)}, got it with {shape.name!r}"
+        )
     if positive_gains and not is_constant(basis.fixed):
         raise ValueError("positive must be left out with a fixed factor: the product is not a PID")
     if positive_gains and shape.free:
@@ -139,14 +159,21 @@ def design_loop(
         family = [at.held_for(at.readings[:1]) for at in family]
         task = closer([basis.known_modes()])
         starts = _starts_for(task, options) or _refuse_without_start(task, options["start"])
-    follow = partial(_iterate_on_loop_lines, closer=closer, n_iterations=n_iterations, progress=options["progress"])
+    follow = partial(
+        _iterate_on_loop_lines,
+        closer=closer,
+        n_iterations=n_iterations,
+        progress=options["progress"],
+    )
     if options["prove"] is None:
         theta, history, why = follow(task, starts)
     else:  # the best controller may have no proved gain, while another one has
         each = [follow(task, [one]) for one in starts]
         theta, history, why = _best_proved(task, each, prove=options["prove"], delay=delay)
     found = _evaluate_design(closer([basis.controller(theta)]), theta, history=history, why=why)
-    found = replace(found, omega_c=tuple(map(float, _per_demand_list("omega_c", options["omega_c"]))))
+    found = replace(
+        found, omega_c=tuple(map(float, _per_demand_list("omega_c", options["omega_c"])))
+    )
     return _with_lines_named(found, family, aim=aim, options=options) if found.met else found
 
 
@@ -155,20 +182,23 @@ def _warn_of_ringing(filter_time: float | None, dt: float) -> None:
     if filter_time is not None and 2 * filter_time < dt * (1 - 1e-9):
         keep = (2 * filter_time - dt) / (2 * filter_time + dt)
         warnings.warn(
-            f"filter_time {filter_time:g} s is below half a sample of {1e3 * dt:g} ms: the derivative rings, d[k] = "
-            f"{keep:.3g} d[k-1] + ...; use two samples, {2 * dt:g} s",
+            f"filter_time {filter_time:g} s is below half a sample of {1e3 * dt:g} ms: the"
+            f" derivative rings, d[k] = {keep:.3g} d[k-1] + ...; use two samples, {2 * dt:g} s",
             DesignWarning,
             stacklevel=4,
         )
 
 
 def _warn_of_rising_gain(family: list[PlantOnLines], dt: float) -> None:
-    """Warn of an FRF whose gain rises over its last lines: above them it is assumed to be no larger."""
+    """Warn of an FRF whose gain rises over its last lines: above them it is assumed to be no
+    larger.
+    """
     for at in family:
         if at.loop is None and at.highest * dt < 0.9 * np.pi and at.rises_at_end:
             warnings.warn(
-                f"|G| rises over the last lines, up to {format_hertz(at.highest)}: an unknown mode above them may make "
-                "the loop unstable. Measure at higher frequency, or lower end_gain",
+                f"|G| rises over the last lines, up to {format_hertz(at.highest)}: an unknown mode"
+                " above them may make the loop unstable. Measure at higher frequency, or lower"
+                " end_gain",
                 DesignWarning,
                 stacklevel=4,
             )
@@ -181,10 +211,11 @@ def _best_filter(
     basis: Basis,
     options: LoopOptions,
 ) -> Design:
-    """Return a design with positive gains, or else the best over the time constants of the derivative filter.
+    """Return a design with positive gains, or else the best over the time constants of the
+    derivative filter.
 
-    For a given time constant the gains are linear in the parameters, and the convex program keeps them positive; for a
-    free one that constraint is bilinear.
+    For a given time constant the gains are linear in the parameters, and the convex program keeps
+    them positive; for a free one that constraint is bilinear.
     """
     found: list[tuple[tuple[bool, float], Design]] = []
     refused: ValueError | None = None
@@ -194,14 +225,20 @@ def _best_filter(
     omega = np.array([1e-3 * basis.omega_mid])
 
     def merit(log_pole: float) -> float:
-        """Return gamma, or minus the gain at low frequency; inf without a start or with a missed limit."""
+        """Return gamma, or minus the gain at low frequency; inf without a start or with a missed
+        limit.
+        """
         nonlocal refused
         try:
-            design = design_loop(plant, structure, {**options, "filter_time": float(np.exp(-log_pole))})
+            design = design_loop(
+                plant, structure, {**options, "filter_time": float(np.exp(-log_pole))}
+            )
         except ValueError as error:  # no start with this filter
             refused = error
             return np.inf
-        goal = design.gamma if np.isfinite(design.gamma) else -float(abs(response(design.K, omega)[0]))
+        goal = (
+            design.gamma if np.isfinite(design.gamma) else -float(abs(response(design.K, omega)[0]))
+        )
         found.append(((not design.met, goal), design))
         return goal if design.met else np.inf
 
@@ -211,9 +248,13 @@ def _best_filter(
         assert refused is not None
         raise refused
     best = int(np.argmin(goals))
-    if np.isfinite(goals[best]):  # six filters are too few: the gain between two of them may be half as large again
+    if np.isfinite(
+        goals[best]
+    ):  # six filters are too few: the gain between two of them may be half as large again
         between = log_poles[max(best - 1, 0)], log_poles[min(best + 1, _N_FILTER_TIMES - 1)]
-        minimize_scalar(merit, bounds=between, method="bounded", options={"maxiter": _N_REFINED, "xatol": 0.02})
+        minimize_scalar(
+            merit, bounds=between, method="bounded", options={"maxiter": _N_REFINED, "xatol": 0.02}
+        )
     return min(found, key=lambda one: one[0])[1]
 
 
@@ -226,7 +267,9 @@ def _has_positive_gains(K: control.StateSpace, dt: float) -> bool:
     s = 2j / dt * np.tan(omega * dt / 2) if dt else 1j * omega
     parts = [np.ones_like(s), s / (filter_time * s + 1)] + ([1 / s] if K.nstates > 1 else [])
     columns = np.array(parts) / response(K, omega)
-    gains = np.linalg.lstsq(np.hstack([columns.real, columns.imag]).T, np.repeat([1.0, 0.0], omega.size))[0]
+    gains = np.linalg.lstsq(
+        np.hstack([columns.real, columns.imag]).T, np.repeat([1.0, 0.0], omega.size)
+    )[0]
     return bool(np.all(gains >= 0))
 
 
@@ -238,9 +281,11 @@ def _iterate_on_loop_lines(
     n_iterations: int,
     progress: Callable[[int, float], object] | None,
 ) -> tuple[np.ndarray, tuple[float, ...], str]:
-    """Return parameters, history and the reason of the end; begin again if the lines of the loop show a worse result.
+    """Return parameters, history and the reason of the end; begin again if the lines of the loop
+    show a worse result.
 
-    The next run begins from the result if it nearly meets the demands; otherwise from the start, on the new lines.
+    The next run begins from the result if it nearly meets the demands; otherwise from the start, on
+    the new lines.
     """
     tried, found, history = [], [], tuple[float, ...]()
     begin = starts
@@ -251,7 +296,9 @@ def _iterate_on_loop_lines(
         finer = closer(tried)
         found.append((finer.merit(theta), theta, why))
         missed = task.hard(theta) <= 1 + _LIMIT_TOLERANCE < finer.hard(theta)
-        if not n_iterations or not (missed or is_lower(task.merit(theta), finer.merit(theta), _LOOKED)):
+        if not n_iterations or not (
+            missed or is_lower(task.merit(theta), finer.merit(theta), _LOOKED)
+        ):
             break
         task, begin = finer, [theta] if finer.hard(theta) < _NEARLY else starts
     _, theta, why = min(found, key=lambda one: one[0])
@@ -259,31 +306,51 @@ def _iterate_on_loop_lines(
 
 
 def _best_proved(
-    task: DesignTask, found: list[tuple[np.ndarray, tuple[float, ...], str]], *, prove: Proved, delay: float
+    task: DesignTask,
+    found: list[tuple[np.ndarray, tuple[float, ...], str]],
+    *,
+    prove: Proved,
+    delay: float,
 ) -> tuple[np.ndarray, tuple[float, ...], str]:
-    """Return the best of the candidates, each with the largest gain up to its own that is proved for the friction."""
+    """Return the best of the candidates, each with the largest gain up to its own that is proved
+    for the friction.
+    """
     machines, friction = machines_of(*(prove if isinstance(prove, tuple) else (prove, None)))
     proved = []
     for theta, history, why in found:
-        if gain := largest_proved_gain(task.basis.controller(theta), machines, friction=friction, delay=delay):
+        if gain := largest_proved_gain(
+            task.basis.controller(theta), machines, friction=friction, delay=delay
+        ):
             lowered = theta.copy()
             lowered[task.basis.n_y :] *= gain
-            text = "proved for its class of friction" + (f" at {gain:.3g} times the gain found" if gain < 1 else "")
+            text = "proved for its class of friction" + (
+                f" at {gain:.3g} times the gain found" if gain < 1 else ""
+            )
             proved.append((lowered, history, f"{why}; {text}"))
     if not proved:
         raise ValueError(
-            "prove must be a class for which some gain of the controller is proved, got none at 1, 1/2, ... 1/512"
+            "prove must be a class for which some gain of the controller is proved, got none at 1,"
+            " 1/2, ... 1/512"
         )
     return min(proved, key=lambda one: task.merit(one[0]))
 
 
 def largest_proved_gain(
-    K: control.StateSpace, machines: tuple[FrictionPlant, ...], *, friction: MaxwellSlip, delay: float
+    K: control.StateSpace,
+    machines: tuple[FrictionPlant, ...],
+    *,
+    friction: MaxwellSlip,
+    delay: float,
 ) -> float:
-    """Return the largest gain, at most one, with which each machine is proved to come to rest; zero if none is."""
+    """Return the largest gain, at most one, with which each machine is proved to come to rest; zero
+    if none is.
+    """
 
     def is_proved(gain: float) -> bool:
-        return all(prove_friction(one, gain * K, friction, delay=delay).verdict.is_proved for one in machines)
+        return all(
+            prove_friction(one, gain * K, friction, delay=delay).verdict.is_proved
+            for one in machines
+        )
 
     low = next((gain for gain in _PROOF_GAINS if is_proved(gain)), 0.0)
     high = 2 * low
@@ -314,22 +381,36 @@ def _split_demands(
     if aim == "gain":
         rows += weight_rows(at, w_P=w_P, w_T=w_T, w_u=w_u)
         if not rows and family:
-            raise ValueError("M_S (or another limit, or a weight) must be given, got no demand on the loop")
+            raise ValueError(
+                "M_S (or another limit, or a weight) must be given, got no demand on the loop"
+            )
     return aim, objective_row(at, w_P, w_T, w_u), rows + end_row(family, at, end_gain)
 
 
 def _what_is_known(options: LoopOptions, n_unstable: int) -> KnownPlant:
-    """Return the user's knowledge of an FRF: positive gains imply a stable plant whose y rises as u rises."""
+    """Return the user's knowledge of an FRF: positive gains imply a stable plant whose y rises as u
+    rises.
+    """
     n = options["plant_integrators"]
     n = None if n is None else require_integer("plant_integrators", n, least=0)
-    return KnownPlant(n_unstable=n_unstable, n_integrators=n, sign=1 if options["y_rises"] and not n_unstable else None)
+    return KnownPlant(
+        n_unstable=n_unstable,
+        n_integrators=n,
+        sign=1 if options["y_rises"] and not n_unstable else None,
+    )
 
 
 def _starts_for(task: DesignTask, options: LoopOptions) -> list[np.ndarray]:
-    """Return the parameters of stabilising controllers, given or found; an empty list if there are none."""
+    """Return the parameters of stabilising controllers, given or found; an empty list if there are
+    none.
+    """
     if options["start"] is not None:
         return _check_start(task, options["start"])
-    n_starts = options["n_starts"] if options["prove"] is None else max(options["n_starts"], _PROVED_STARTS)
+    n_starts = (
+        options["n_starts"]
+        if options["prove"] is None
+        else max(options["n_starts"], _PROVED_STARTS)
+    )
     return _search_starts(task, n_starts)
 
 
@@ -342,7 +423,9 @@ def _check_start(task: DesignTask, start: Controller) -> list[np.ndarray]:
     if task.positive and np.any(linear_rows(task, theta) @ theta < 0):
         raise ValueError("start must have gains that are all positive, got one that is negative")
     if task.stable and unstable_poles(K, task.basis.dt):
-        raise ValueError("start must be stable itself, got unstable poles. Or allow them with stable=False")
+        raise ValueError(
+            "start must be stable itself, got unstable poles. Or allow them with stable=False"
+        )
     return [theta]
 
 
@@ -374,13 +457,16 @@ def _refuse_without_start(task: DesignTask, start: Controller | None) -> NoRetur
     if task.positive and all(read_below(*at.measured)[0].sign < 0 for at in task.family):
         because = "By its phase y falls as u rises: change the sign of one of them"
     raise ValueError(
-        f"{'positive' if task.positive else 'start'} must be {'left out' if task.positive else 'given'}: no simple "
-        f"{task.basis.structure.name} controller{gains} was found that stabilises {plants}. {because}"
+        f"{'positive' if task.positive else 'start'} must be"
+        f" {'left out' if task.positive else 'given'}: no simple {task.basis.structure.name}"
+        f" controller{gains} was found that stabilises {plants}. {because}"
     )
 
 
 def _describe_phase_gap(at: PlantOnLines) -> str:
-    """Describe two lines of an FRF too far apart for a winding number, at the largest |G|; "" without any."""
+    """Describe two lines of an FRF too far apart for a winding number, at the largest |G|; ""
+    without any.
+    """
     omega, G = at.measured
     turn = np.abs(np.angle(G[1:] / G[:-1]))
     gaps = np.flatnonzero(turn > LARGEST_JUMP)
@@ -388,9 +474,9 @@ def _describe_phase_gap(at: PlantOnLines) -> str:
         return ""
     k = gaps[np.argmax(np.abs(G[gaps]))]
     return (
-        f"Between its lines at {omega[k]:.4g} and {omega[k + 1]:.4g} rad/s the phase of the FRF turns by "
-        f"{np.degrees(turn[k]):.0f} deg, too much for a winding number of 1 + L: measure lines between them, or design "
-        "for a fitted nominal"
+        f"Between its lines at {omega[k]:.4g} and {omega[k + 1]:.4g} rad/s the phase of the FRF"
+        f" turns by {np.degrees(turn[k]):.0f} deg, too much for a winding number of 1 + L: measure"
+        " lines between them, or design for a fitted nominal"
     )
 
 
@@ -415,23 +501,35 @@ def _loop_sampling_time(plants: Sequence[DesignPlant], dt: float) -> float:
     )
 
 
-def _structure_basis(shape: ControllerStructure, at: PlantOnLines, *, dt: float, fixed: Controller) -> Basis:
+def _structure_basis(
+    shape: ControllerStructure, at: PlantOnLines, *, dt: float, fixed: Controller
+) -> Basis:
     """Return the structure on the band of the lines."""
     F = state_space("fixed", fixed)
     require_sampling_time("fixed", F, reference="the controller", wanted=dt)
     F = control.StateSpace(F.A, F.B, F.C, F.D, dt)
-    omega = at.omega[at.known & (at.omega >= at.lowest * (1 - 1e-9)) & (at.omega <= at.highest * (1 + 1e-9))]
+    omega = at.omega[
+        at.known & (at.omega >= at.lowest * (1 - 1e-9)) & (at.omega <= at.highest * (1 + 1e-9))
+    ]
     s = 2 / dt * np.tan(omega * dt / 2) if dt else omega
     low, high = float(s.min()), float(s.max())
     derivative = shape.name in ("PD", "PID")  # a filter below half a sample rings
-    top = min(FASTEST * high, (1 if derivative else FASTEST_SAMPLED) * 2 / dt) if dt else FASTEST * high
+    top = (
+        min(FASTEST * high, (1 if derivative else FASTEST_SAMPLED) * 2 / dt)
+        if dt
+        else FASTEST * high
+    )
     middle = float(np.sqrt(low * min(high, top)))
     slowest = middle if derivative else 0.0  # a derivative filter, and no second integrator
     return Basis(structure=shape, a=middle, dt=dt, slowest=slowest, fastest=top, fixed=F)
 
 
-def _evaluate_design(task: DesignTask, theta: np.ndarray, *, history: tuple[float, ...], why: str) -> Design:
-    """Return the design, with everything recomputed for the final controller, and its description."""
+def _evaluate_design(
+    task: DesignTask, theta: np.ndarray, *, history: tuple[float, ...], why: str
+) -> Design:
+    """Return the design, with everything recomputed for the final controller, and its
+    description.
+    """
     K = task.basis.controller(theta)
     state, trouble = loops_stable(K, task.family, task.n_unstable)
     good = state is Stability.STABLE
@@ -439,16 +537,31 @@ def _evaluate_design(task: DesignTask, theta: np.ndarray, *, history: tuple[floa
     ones = np.ones(k.size, complex)
     gamma = np.nan
     if task.gamma is not None:
-        gamma = float(task.gamma.measure(ones, k).max()) if good else np.inf if state is Stability.UNSTABLE else np.nan
+        gamma = (
+            float(task.gamma.measure(ones, k).max())
+            if good
+            else np.inf
+            if state is Stability.UNSTABLE
+            else np.nan
+        )
     if not good:
-        return Design(K=K, gamma=gamma, met=False, reason=f"not found: {trouble}", history=history, stability=state)
+        return Design(
+            K=K,
+            gamma=gamma,
+            met=False,
+            reason=f"not found: {trouble}",
+            history=history,
+            stability=state,
+        )
     failed = []
     for row in task.rows:
         v = row.measure(ones, k)
         if v.max() > 1 + _LIMIT_TOLERANCE:
             failed.append((float(v.max()), row.name, float(task.at.omega[row.index[v.argmax()]])))
     failed.sort(reverse=True)
-    text = "; ".join(f"{name} is missed by a factor {v:.4g} at {format_hertz(w)}" for v, name, w in failed[:3])
+    text = "; ".join(
+        f"{name} is missed by a factor {v:.4g} at {format_hertz(w)}" for v, name, w in failed[:3]
+    )
     reason = f"not found: {text} ({why})" if failed else why
     if undecided := describe_open_reading(K, task.family, task.n_unstable):
         state, reason = Stability.UNDECIDED, f"{undecided}; {reason}"
@@ -466,13 +579,19 @@ def _evaluate_design(task: DesignTask, theta: np.ndarray, *, history: tuple[floa
     )
 
 
-def _with_lines_named(design: Design, family: list[PlantOnLines], *, aim: str, options: LoopOptions) -> Design:
-    """Return a design that is met, with the number of lines if a mode between two of them may violate a demand."""
+def _with_lines_named(
+    design: Design, family: list[PlantOnLines], *, aim: str, options: LoopOptions
+) -> Design:
+    """Return a design that is met, with the number of lines if a mode between two of them may
+    violate a demand.
+    """
     paths = [along_arcs(at) for at in family if at.loop is None]
     if not paths:
         return design
     at = stacked_plants(paths)
-    _, gamma, rows = _split_demands([], at, aim=aim, options={**options, "omega_c": None, "gain": None}, end_gain=1.0)
+    _, gamma, rows = _split_demands(
+        [], at, aim=aim, options={**options, "omega_c": None, "gain": None}, end_gain=1.0
+    )
     missed = [(row, 1.0) for row in rows] + ([] if gamma is None else [(gamma, design.gamma)])
     k = response(design.K, at.omega)
     worst, name, where = 0.0, "", 0.0
@@ -486,13 +605,19 @@ def _with_lines_named(design: Design, family: list[PlantOnLines], *, aim: str, o
     return replace(
         design,
         n_lines=n_lines,
-        reason=f"{design.reason}; met on {n_lines} lines: between two of them, at {format_hertz(where)}, a hidden mode "
-        f"may violate {name} by a factor {worst:.4g}",
+        reason=(
+            f"{design.reason}; met on {n_lines} lines: between two of them, at"
+            f" {format_hertz(where)}, a hidden mode may violate {name} by a factor {worst:.4g}"
+        ),
     )
 
 
-def _describe_loop(task: DesignTask, K: control.StateSpace) -> tuple[tuple[float, ...], float, float]:
-    """Return the crossovers of the nominal loops of the family, and their largest |S| and |T| on the lines."""
+def _describe_loop(
+    task: DesignTask, K: control.StateSpace
+) -> tuple[tuple[float, ...], float, float]:
+    """Return the crossovers of the nominal loops of the family, and their largest |S| and |T| on
+    the lines.
+    """
     crossovers: list[float] = []
     peaks = []
     for at in task.family:

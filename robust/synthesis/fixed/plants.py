@@ -22,15 +22,22 @@ from robust.lti.lti import response, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import integrator_poles
 from robust.models.sets.forms import ADDITIVE, DEFAULT_FORM, FORMS, relative_radius
-from robust.models.sets.measured import FrfSource, hold_and_delay_factor, parts_on_lines, warn_of_unknown_hold
+from robust.models.sets.measured import (
+    FrfSource,
+    hold_and_delay_factor,
+    parts_on_lines,
+    warn_of_unknown_hold,
+)
 from robust.models.sets.model import UncertaintyModel
 
-#: |w| above which an inverse form is not treated as a disc: towards one the disc becomes a half plane.
+# : |w| above which an inverse form is not treated as a disc: towards one the disc becomes a half
+# plane.
 _LARGEST_DISC = 0.98
-#: Factor above its features up to which a parametric plant is evaluated, for high-gain controllers; and frequencies.
+# : Factor above its features up to which a parametric plant is evaluated, for high-gain
+# controllers; and frequencies.
 _FAR, _N_FAR = 1e5, 31
-#: Points of the path between two lines, and maxima of |S| and |T| that become lines: at least this share of the
-#: largest.
+# : Points of the path between two lines, and maxima of |S| and |T| that become lines: at least this
+# share of the : largest.
 _PARTS, _NEAR_PEAK = 8, 0.7
 #: The last lines of an FRF are those above the last one divided by this.
 _LAST_LINES = 1.25
@@ -40,7 +47,9 @@ _BELOW = 3
 
 @value
 class DiscsOnLines:
-    """A plant and the discs around it on lines, in front of the controller: one loop of several, the others closed."""
+    """A plant and the discs around it on lines, in front of the controller: one loop of several,
+    the others closed.
+    """
 
     omega: np.ndarray  # (W,) frequencies [rad/s]
     G: np.ndarray  # (W,) complex response, hold and delay included
@@ -56,19 +65,21 @@ class PlantOnLines:
     G: np.ndarray
     centre: np.ndarray
     radius: np.ndarray  # (W,) radius of that disc; zero without uncertainty
-    # (W,) |w| where an inverse form comes near |w| = 1 or exceeds it, so that the set is not a disc; zero elsewhere
+    # (W,) |w| where an inverse form comes near |w| = 1 or exceeds it, so that the set is not a
+    # disc; zero elsewhere
     outside: np.ndarray
     inverse: np.ndarray  # (W,) |w| of an inverse form on S, zero for the other forms
     loop: Loop | None  # the parametric plant, if there is one: then stability follows from poles
     n_integrators: int  # number of integrators of a parametric plant
-    # (W,) False at frequencies above the last line of an FRF, where it is assumed to be no larger than there
+    # (W,) False at frequencies above the last line of an FRF, where it is assumed to be no larger
+    # than there
     known: np.ndarray
-    # lowest, highest: first and last measured line [rad/s]; below the first one an FRF is continued by its integrators.
-    # For a parametric plant they exclude only the lines far above.
+    # lowest, highest: first and last measured line [rad/s]; below the first one an FRF is continued
+    # by its integrators. For a parametric plant they exclude only the lines far above.
     lowest: float
     highest: float
-    # readings, open_readings: possible continuations of an FRF below its first line, the likeliest first: those that
-    # the design holds for, and others within the bound, for which it may not hold
+    # readings, open_readings: possible continuations of an FRF below its first line, the likeliest
+    # first: those that the design holds for, and others within the bound, for which it may not hold
     readings: tuple[Reading, ...] = ()
     open_readings: tuple[Reading, ...] = ()
 
@@ -84,9 +95,13 @@ class PlantOnLines:
 
     @property
     def rises_at_end(self) -> bool:
-        """Return True if |G| rises over the last lines of an FRF by more than their bound allows."""
+        """Return True if |G| rises over the last lines of an FRF by more than their bound
+        allows.
+        """
         (omega, G), radius = self.measured, self.radius[self.on_lines]
-        last = np.union1d(np.flatnonzero(omega > omega[-1] / _LAST_LINES), np.arange(omega.size)[-4:])
+        last = np.union1d(
+            np.flatnonzero(omega > omega[-1] / _LAST_LINES), np.arange(omega.size)[-4:]
+        )
         x, y = np.log(omega[last]), np.log(np.abs(G[last]) + 1e-300)
         x = x - x.mean()
         error = radius[last] / np.abs(G[last])
@@ -101,7 +116,9 @@ class PlantOnLines:
 
 @value
 class KnownPlant:
-    """The user's knowledge of an FRF: its unstable poles, its integrators and its sign; None if to be estimated."""
+    """The user's knowledge of an FRF: its unstable poles, its integrators and its sign; None if to
+    be estimated.
+    """
 
     n_unstable: int = 0
     n_integrators: int | None = None
@@ -121,7 +138,8 @@ def plant_on_lines(
     known: KnownPlant = KnownPlant(),  # noqa: B008
     K: Sequence[control.StateSpace] = (),
 ) -> PlantOnLines:
-    """Return the plant, its disc and its lines; `extra` frequencies [rad/s] are added if it is known everywhere.
+    """Return the plant, its disc and its lines; `extra` frequencies [rad/s] are added if it is
+    known everywhere.
 
     K : controllers whose modes and loops are evaluated too; an FRF is interpolated there.
     """
@@ -141,7 +159,9 @@ def _with_discs(
     band: tuple[float, float],
     loop: Loop | None = None,
 ) -> PlantOnLines:
-    """Return a plant with the discs of a form of set, from responses and weights (W,) on its lines."""
+    """Return a plant with the discs of a form of set, from responses and weights (W,) on its
+    lines.
+    """
     size = np.abs(G)
     inverse, w = FORMS[form].inverse, relative_radius(form, w, size)
     disc = w < _LARGEST_DISC
@@ -163,7 +183,11 @@ def _with_discs(
 
 
 def _measured_lines(
-    plant: FrfSource | DiscsOnLines, dt: float, delay: float, known: KnownPlant, K: Sequence[control.StateSpace]
+    plant: FrfSource | DiscsOnLines,
+    dt: float,
+    delay: float,
+    known: KnownPlant,
+    K: Sequence[control.StateSpace],
 ) -> PlantOnLines:
     """Return an FRF, continued below its first line and above its last one."""
     if isinstance(plant, DiscsOnLines):
@@ -173,16 +197,25 @@ def _measured_lines(
     w = np.nan_to_num(np.abs(w))
     if dt and omega[-1] * dt >= np.pi:
         raise ValueError(
-            f"dt must put the Nyquist frequency above the highest line, {format_hertz(omega[-1])}, got {dt:g} s"
+            f"dt must put the Nyquist frequency above the highest line, {format_hertz(omega[-1])},"
+            f" got {dt:g} s"
         )
-    G = G if isinstance(plant, DiscsOnLines) else G * hold_and_delay_factor(plant, omega, dt=dt, delay=delay)
-    radius, n, band = relative_radius(form, w, np.abs(G)) * np.abs(G), omega.size, (float(omega[0]), float(omega[-1]))
-    readings = read_below(omega, G, radius, n_unstable=known.n_unstable, n_integrators=known.n_integrators)
+    G = (
+        G
+        if isinstance(plant, DiscsOnLines)
+        else G * hold_and_delay_factor(plant, omega, dt=dt, delay=delay)
+    )
+    radius = relative_radius(form, w, np.abs(G)) * np.abs(G)
+    n = omega.size
+    band = (float(omega[0]), float(omega[-1]))
+    readings = read_below(
+        omega, G, radius, n_unstable=known.n_unstable, n_integrators=known.n_integrators
+    )
     right = tuple(one for one in readings if one.sign == (known.sign or readings[0].sign))
     if not right:
         raise ValueError(
-            "positive must be left out: by the phase of the FRF y falls as u rises. Change the sign of one of them, or "
-            "measure at lower frequency if this is wrong"
+            "positive must be left out: by the phase of the FRF y falls as u rises. Change the sign"
+            " of one of them, or measure at lower frequency if this is wrong"
         )
     low = right[0]
     omega, G = np.concatenate([low.omega[::_BELOW], omega]), np.concatenate([low.G[::_BELOW], G])
@@ -195,7 +228,9 @@ def _measured_lines(
     G, w = (np.concatenate([part, np.full(above.size, part[-1])]) for part in (G, w))
     omega, G, w, on_lines = _add_mode_lines(K, omega, G=G, w=w, known=on_lines)
     seen = _with_discs(form, omega, G=G, w=w, known=on_lines, n_integrators=0, band=band)
-    return replace(seen, readings=right, open_readings=() if known.sign else readings).held_for(right)
+    return replace(seen, readings=right, open_readings=() if known.sign else readings).held_for(
+        right
+    )
 
 
 def _modelled_lines(
@@ -207,38 +242,57 @@ def _modelled_lines(
     weights: tuple[object, ...],
     K: Sequence[control.StateSpace],
 ) -> PlantOnLines:
-    """Return a parametric plant at the features of it, its weight, demands or controllers, and far above."""
+    """Return a parametric plant at the features of it, its weight, demands or controllers, and far
+    above.
+    """
     source: Any = plant  # a set, or a system in the place of a set without uncertainty
     if not isinstance(plant, UncertaintyModel):
         G_ss = state_space("plant", plant)
         nothing, unity = (control.StateSpace([], [], [], [[x]], timebase(G_ss)) for x in (0.0, 1.0))
-        source = SimpleNamespace(nominal=G_ss, weight=nothing, form=DEFAULT_FORM, omega=np.zeros(0), shaping=unity)
+        source = SimpleNamespace(
+            nominal=G_ss, weight=nothing, form=DEFAULT_FORM, omega=np.zeros(0), shaping=unity
+        )
         source.perturbation = "LTI"
     step = timebase(source.nominal)
     if step and dt and abs(step / dt - 1) > 1e-9:
         raise ValueError(f"dt must be the sampling time of the plant, {step:g} s, got {dt:g} s")
     if dt and isinstance(plant, UncertaintyModel):
         warn_of_unknown_hold(plant, dt)
-    loop = assemble_loop(source, control.StateSpace([], [], [], [[0.0]], step or dt), w_P=None, delay=delay)
+    loop = assemble_loop(
+        source, control.StateSpace([], [], [], [[0.0]], step or dt), w_P=None, delay=delay
+    )
     omega = _design_grid(loop, source.omega, extra=extra, weights=weights, K=K)
     band = float(omega[0]), float(omega[-1])
     above = np.geomspace(1, _FAR, _N_FAR)[1:] * band[1]
     omega = np.concatenate([omega, above[above < loop.omega_max * (1 - 1e-9)]])
     G = loop.plant_response(omega)
-    omega, G = omega[np.isfinite(G)], G[np.isfinite(G)]  # a line on an undamped mode has no response
+    # a line on an undamped mode has no response
+    omega = omega[np.isfinite(G)]
+    G = G[np.isfinite(G)]
     w, known = np.abs(response(loop.weight, omega)), np.ones(omega.size, dtype=bool)
     n = integrator_poles(loop.G, loop.dt)
-    seen = _with_discs(source.form, omega, G=G, w=w, known=known, n_integrators=n, band=band, loop=loop)
+    seen = _with_discs(
+        source.form, omega, G=G, w=w, known=known, n_integrators=n, band=band, loop=loop
+    )
     if not isinstance(plant, UncertaintyModel) or loop.aliases is None:
         return seen
     every = loop.aliases.sampled_radius(omega, G)
-    return replace(seen, radius=np.where(np.isfinite(every), every, seen.radius))  # without a bound the check decides
+    return replace(
+        seen, radius=np.where(np.isfinite(every), every, seen.radius)
+    )  # without a bound the check decides
 
 
 def _add_mode_lines(
-    K: Sequence[control.StateSpace], omega: np.ndarray, *, G: np.ndarray, w: np.ndarray, known: np.ndarray
+    K: Sequence[control.StateSpace],
+    omega: np.ndarray,
+    *,
+    G: np.ndarray,
+    w: np.ndarray,
+    known: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return lines, FRF, weight and its readings, with lines at modes of controllers and peaks of their loops."""
+    """Return lines, FRF, weight and its readings, with lines at modes of controllers and peaks of
+    their loops.
+    """
     modes = [controller_mode_lines(one, (omega[0], omega[-1])) for one in K]
     modes += [_loop_peak_lines(one, omega[known], G[known]) for one in K]
     if not any(one.size for one in modes):
@@ -248,12 +302,21 @@ def _add_mode_lines(
 
 
 def _loop_peak_lines(K: control.StateSpace, omega: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """Return frequencies between two lines at which |S| or |T| has a maximum near its largest, the FRF interpolated."""
-    at = np.append(omega[:-1, None] * (omega[1:] / omega[:-1])[:, None] ** (np.arange(_PARTS) / _PARTS), omega[-1])
+    """Return frequencies between two lines at which |S| or |T| has a maximum near its largest, the
+    FRF interpolated.
+    """
+    at = np.append(
+        omega[:-1, None] * (omega[1:] / omega[:-1])[:, None] ** (np.arange(_PARTS) / _PARTS),
+        omega[-1],
+    )
     L = interpolate_frf(at, omega, G) * response(K, at)
     found = []
     for size in (np.abs(1 / (1 + L)), np.abs(L / (1 + L))):
-        top = (size[1:-1] > size[:-2]) & (size[1:-1] > size[2:]) & (size[1:-1] > _NEAR_PEAK * size.max())
+        top = (
+            (size[1:-1] > size[:-2])
+            & (size[1:-1] > size[2:])
+            & (size[1:-1] > _NEAR_PEAK * size.max())
+        )
         found.append(at[1:-1][top])
     return np.setdiff1d(np.concatenate(found), omega)
 
@@ -261,8 +324,9 @@ def _loop_peak_lines(K: control.StateSpace, omega: np.ndarray, G: np.ndarray) ->
 def along_arcs(at: PlantOnLines) -> PlantOnLines:
     """Return an FRF along both paths that a mode or an anti-resonance may take between two lines.
 
-    G is a straight line if an anti-resonance dominates, and 1/G if a mode does; G then follows an arc through zero
-    (`passes_clear_of_minus_one`). A gain that is analytic between the two paths is largest on one of them.
+    G is a straight line if an anti-resonance dominates, and 1/G if a mode does; G then follows an
+    arc through zero (`passes_clear_of_minus_one`). A gain that is analytic between the two paths is
+    largest on one of them.
     """
     lines = np.flatnonzero(at.on_lines)
     first, second, part = lines[:-1, None], lines[1:, None], np.arange(1, _PARTS) / _PARTS
@@ -296,10 +360,15 @@ def _design_grid(
     weights: tuple[object, ...],
     K: Sequence[control.StateSpace],
 ) -> np.ndarray:
-    """Return frequencies [rad/s] for a parametric plant: at its features and those of weight, demands, controllers."""
+    """Return frequencies [rad/s] for a parametric plant: at its features and those of weight,
+    demands, controllers.
+    """
     lines = lines if lines.size else plant_features(loop.G, loop.dt, extra)
     grids = [np.array(extra)]
-    for w in (None, *(w for w in weights if isinstance(w, (control.StateSpace, control.TransferFunction)))):
+    for w in (
+        None,
+        *(w for w in weights if isinstance(w, (control.StateSpace, control.TransferFunction))),
+    ):
         w = None if w is None else state_space("weight", w)
         grids.append(replace(loop, w_P=w).grid(lines) if w is None or w.nstates else np.zeros(0))
     grids += [replace(loop, K=one).grid(lines) for one in K]
@@ -310,7 +379,9 @@ def _design_grid(
 
 
 def stacked_plants(plants: list[PlantOnLines]) -> PlantOnLines:
-    """Return the plants of a family as one, line after line, so that a demand applies to all of them."""
+    """Return the plants of a family as one, line after line, so that a demand applies to all of
+    them.
+    """
     return PlantOnLines(
         omega=np.concatenate([s.omega for s in plants]),
         G=np.concatenate([s.G for s in plants]),

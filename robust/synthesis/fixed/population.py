@@ -1,8 +1,10 @@
-"""A global search over the few parameters of a structure: differential evolution from simple controllers.
+"""A global search over the few parameters of a structure: differential evolution from simple
+controllers.
 
-A convex step leads to the nearest optimum, and never passes an obstacle between two of them (a resonance, a demand that
-is missed in between). The search moves roots and gain in logarithms, so its controllers are stable. It compares as the
-design does: demands first, then the goal; a wrong winding number excludes a candidate.
+A convex step leads to the nearest optimum, and never passes an obstacle between two of them (a
+resonance, a demand that is missed in between). The search moves roots and gain in logarithms, so
+its controllers are stable. It compares as the design does: demands first, then the goal; a wrong
+winding number excludes a candidate.
 """
 
 from __future__ import annotations
@@ -16,16 +18,25 @@ from robust.synthesis.fixed.structures import Basis
 _LEAST_DAMPING = 0.05  # of a pair of roots: a pair with less damping could hide between two lines
 _BEST_SHARE = 0.2  # best part of the population, to which the others are drawn
 _STEPS = (0.3, 0.9)  # share of that step, and of the added difference of two others
-_PATIENT, _DARING, _SETTLING = 20, 35, 5  # generations with the demands first; with a price on them; and first again
-_PRICES = (3.0, 100.0)  # price of the worst demand in factors of the goal, at the beginning and at the end
+# generations with the demands first; with a price on them; and first again
+_PATIENT = 20
+_DARING = 35
+_SETTLING = 5
+_PRICES = (
+    3.0,
+    100.0,
+)  # price of the worst demand in factors of the goal, at the beginning and at the end
 _MET_FIRST = 1e4  # far above the logarithm of any goal
 
-#: (N, n) parameters -> the worst demand, which is compared first, and the goal, which is compared last; both (N,).
+# : (N, n) parameters -> the worst demand, which is compared first, and the goal, which is compared
+# last; both (N,).
 Merit = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 def genes_of_roots(zeros: np.ndarray, poles: np.ndarray, gains: np.ndarray) -> np.ndarray:
-    """Return (N, m) logarithms of the coefficients of x and y, two roots at a time, and of the gain."""
+    """Return (N, m) logarithms of the coefficients of x and y, two roots at a time, and of the
+    gain.
+    """
     parts = []
     for sizes in (zeros, poles):
         for k in range(0, sizes.shape[1] - 1, 2):
@@ -42,7 +53,10 @@ def _roots_of_genes(genes: np.ndarray, degree: int, real: bool) -> np.ndarray:
         middle, size = np.exp(genes[:, k]) / 2, np.exp(genes[:, k + 1] / 2)
         middle = np.maximum(middle, size if real else _LEAST_DAMPING * size)
         spread = np.sqrt((middle**2 - size**2).astype(complex))
-        roots += [-(size**2) / (middle + spread), -middle - spread]  # the slow one without cancellation
+        roots += [
+            -(size**2) / (middle + spread),
+            -middle - spread,
+        ]  # the slow one without cancellation
     if degree % 2:
         roots.append(-np.exp(genes[:, degree - 1]) + 0j)
     return np.array(roots).reshape(degree, len(genes)).T
@@ -70,18 +84,23 @@ def evolve(
     merit: Merit,
     allowed: Callable[[np.ndarray], np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (2 N, n) parameters, the best ones first, and their genes, from N controllers that are all allowed.
+    """Return (2 N, n) parameters, the best ones first, and their genes, from N controllers that are
+    all allowed.
 
-    box: smallest and largest genes (m,), of controllers that cross over within the band: the goal may be unbounded.
+    box: smallest and largest genes (m,), of controllers that cross over within the band: the goal
+    may be unbounded.
 
-    The search runs twice: once with the demands before the goal, which keeps met demands met; and once with a rising
-    price on their violation, which can pass through regions where they are not met.
+    The search runs twice: once with the demands before the goal, which keeps met demands met; and
+    once with a rising price on their violation, which can pass through regions where they are not
+    met.
     """
     rng = np.random.default_rng(0)
     patient, daring = [np.inf] * _PATIENT, [*np.geomspace(*_PRICES, _DARING), *[np.inf] * _SETTLING]
     genes = np.vstack(
         [
-            _generations(basis, genes, signs, prices=prices, box=box, merit=merit, allowed=allowed, rng=rng)
+            _generations(
+                basis, genes, signs, prices=prices, box=box, merit=merit, allowed=allowed, rng=rng
+            )
             for prices in (patient, daring)
         ]
     )
@@ -107,8 +126,9 @@ def _generations(
 
     References
     ----------
-    Zhang & Sanderson, *JADE: adaptive differential evolution with optional external archive*, IEEE Trans. Evol. Comput.
-    13 (2009): each candidate is drawn to one of the best and takes the difference of two others.
+    Zhang & Sanderson, *JADE: adaptive differential evolution with optional external archive*, IEEE
+    Trans. Evol. Comput. 13 (2009): each candidate is drawn to one of the best and takes the
+    difference of two others.
     """
     genes, n = genes.copy(), len(genes)
     hard, goal = merit(parameters(basis, genes, signs))
@@ -116,19 +136,31 @@ def _generations(
         cost = _costs(hard, goal, price)
         best = genes[np.argsort(cost)[rng.integers(max(2, int(_BEST_SHARE * n)), size=n) % n]]
         one, other = genes[rng.integers(n, size=n)], genes[rng.integers(n, size=n)]
-        trial = np.clip(genes + rng.uniform(*_STEPS, size=(n, 1)) * (best - genes + one - other), *box)
+        trial = np.clip(
+            genes + rng.uniform(*_STEPS, size=(n, 1)) * (best - genes + one - other), *box
+        )
         theta = parameters(basis, trial, signs)
         new_hard, new_goal = merit(theta)
         better = np.flatnonzero(_costs(new_hard, new_goal, price) < cost)
         if better.size:
             better = better[allowed(theta[better])]
-            genes[better], hard[better], goal[better] = trial[better], new_hard[better], new_goal[better]
+            genes[better], hard[better], goal[better] = (
+                trial[better],
+                new_hard[better],
+                new_goal[better],
+            )
     return genes
 
 
 def _costs(hard: np.ndarray, goal: np.ndarray, price: float) -> np.ndarray:
-    """Return (N,) log of the goal plus price times log of the worst demand; demands first for an infinite price."""
+    """Return (N,) log of the goal plus price times log of the worst demand; demands first for an
+    infinite price.
+    """
     missed = np.log(np.maximum(hard, 1.0))
     size = np.log(np.maximum(np.abs(goal), 1e-300))
     goal = np.where(goal < 0, -size, size)
-    return goal + price * missed if np.isfinite(price) else np.where(missed > 0, missed, goal - _MET_FIRST)
+    return (
+        goal + price * missed
+        if np.isfinite(price)
+        else np.where(missed > 0, missed, goal - _MET_FIRST)
+    )

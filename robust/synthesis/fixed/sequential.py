@@ -1,12 +1,14 @@
-"""The loops of a matrix closed one after the other by a diagonal controller, with a final check of the whole.
+"""The loops of a matrix closed one after the other by a diagonal controller, with a final check of
+the whole.
 
 With the loops C closed by K_C, the plant of loop k is
 
     G_k = G_kk - G_kC H G_Ck,     H = K_C (1 + G_CC K_C)^-1,
 
-and a change dG of the matrix changes it, to first order, by x' dG z with x' = (1, -G_kC H) and z = (1, -H G_Ck) on the
-channels (k, C). This gives the discs for the design of each loop. They neglect the second order, and that all loops
-have the same dG; the check of the whole includes both. If it fails, the discs are widened and the design is repeated.
+and a change dG of the matrix changes it, to first order, by x' dG z with x' = (1, -G_kC H) and z =
+(1, -H G_Ck) on the channels (k, C). This gives the discs for the design of each loop. They neglect
+the second order, and that all loops have the same dG; the check of the whole includes both. If it
+fails, the discs are widened and the design is repeated.
 """
 
 from __future__ import annotations
@@ -41,7 +43,8 @@ _SWEEPS = 6  # largest number of designs of each loop with the others closed
 _TIGHTENING = 0.97  # factor on the limit of a peak, from one sweep to the next
 _WIDENINGS = 3  # times the discs are widened because of the check of the whole
 _N_LINES = 300  # for a parametric plant, besides those of its modes
-_BAND_EXTENSION = 100.0  # highest frequency for a continuous plant, over its fastest mode and the last measured line
+# highest frequency for a continuous plant, over its fastest mode and the last measured line
+_BAND_EXTENSION = 100.0
 _CONFIDENCE = 0.95  # of the set around an FRM
 _PER_LOOP_OPTIONS = ("w_P", "w_T", "w_u", "M_S", "M_T", "M_u", "omega_c", "gain", "aim", "fixed", "end_gain",
             "integrators", "filter_time", "stable", "start", "n_starts")  # fmt: skip
@@ -61,7 +64,8 @@ class MatrixOnLines:
     # left, right: (W, n, p) or (W, q, n) complex factors of G + left Delta right, for a full block
     left: np.ndarray
     right: np.ndarray
-    # (W, n, n) radii of single entries; zero for a full block, as left and right are for single entries
+    # (W, n, n) radii of single entries; zero for a full block, as left and right are for single
+    # entries
     radius: np.ndarray
 
     def seen_from(self, k: int, K: list[control.StateSpace | None], wider: float) -> DiscsOnLines:
@@ -72,19 +76,25 @@ class MatrixOnLines:
         inner = G[:, k, k]
         if C:
             gains = np.stack([response(K[j], self.omega) for j in C], axis=1)
-            H = gains[:, :, None] * np.linalg.inv(np.eye(len(C)) + G[:, C][:, :, C] * gains[:, None, :])
+            H = gains[:, :, None] * np.linalg.inv(
+                np.eye(len(C)) + G[:, C][:, :, C] * gains[:, None, :]
+            )
             row[:, C] = -(G[:, [k]][:, :, C] @ H)[:, 0]
             column[:, C] = -(H @ G[:, C][:, :, [k]])[:, :, 0]
             inner = inner + np.einsum("wj,wj->w", row[:, C], G[:, C, k])
         return DiscsOnLines(omega=self.omega, G=inner, radius=wider * self.spread(row, column))
 
     def with_modes(self, K: list[control.StateSpace | None]) -> MatrixOnLines:
-        """Return the plant with more lines, interpolated, at lightly damped modes of controllers."""
+        """Return the plant with more lines, interpolated, at lightly damped modes of
+        controllers.
+        """
         modes = [controller_mode_lines(one, (self.omega[0], self.omega[-1])) for one in K]
         omega = np.unique(np.concatenate([self.omega, *modes]))
 
         def between(x: np.ndarray) -> np.ndarray:
-            entries = [interpolate_frf(omega, self.omega, one) for one in x.reshape(self.omega.size, -1).T]
+            entries = [
+                interpolate_frf(omega, self.omega, one) for one in x.reshape(self.omega.size, -1).T
+            ]
             return np.array(entries).T.reshape(omega.size, *x.shape[1:])
 
         parts = {name: between(getattr(self, name)) for name in ("G", "left", "right")}
@@ -114,9 +124,17 @@ def close_in_turn(
     for _ in range(_WIDENINGS):
         for sweep in range(_SWEEPS):
             for k in order:
-                if K[k] is None or not _evaluate_loop(on_lines, k, K=K, own=each[k], wider=wider).met:
+                if (
+                    K[k] is None
+                    or not _evaluate_loop(on_lines, k, K=K, own=each[k], wider=wider).met
+                ):
                     made = _design_loop_k(
-                        plant, on_lines, k=k, K=K, own=_tighten_demands(each[k], _TIGHTENING**sweep), wider=wider
+                        plant,
+                        on_lines,
+                        k=k,
+                        K=K,
+                        own=_tighten_demands(each[k], _TIGHTENING**sweep),
+                        wider=wider,
                     )
                     history += made.history
                     K[k] = made.K
@@ -130,17 +148,20 @@ def close_in_turn(
     bad = [f"{_loop_name(plant, k)}: {loop.reason}" for k, loop in enumerate(loops) if not loop.met]
     bad += [f"not found: {whole}"] if whole else []
     text = (
-        f"loops {', '.join(str(k + 1) for k in order)} closed in this order, each judged with all others closed and "
-        "designed again if it failed"
+        f"loops {', '.join(str(k + 1) for k in order)} closed in this order, each judged with all"
+        " others closed and designed again if it failed"
     )
     n_lines = max(loop.n_lines for loop in loops)
-    text += f"; each met on {n_lines} lines, between two of which a mode may violate it" * (n_lines > 0)
+    text += f"; each met on {n_lines} lines, between two of which a mode may violate it" * (
+        n_lines > 0
+    )
     undecided = any(loop.stability is Stability.UNDECIDED for loop in loops)
     return Design(
         K=with_names(block_diagonal(K, dt), plant.outputs, plant.inputs),
         gamma=float(np.max([loop.gamma for loop in loops])),
         met=not bad,
-        reason="; ".join(bad) or f"{text}; the whole set is stable, up to {margin:.3g} times as large",
+        reason="; ".join(bad)
+        or f"{text}; the whole set is stable, up to {margin:.3g} times as large",
         history=tuple(history),
         stability=Stability.UNDECIDED if undecided else None if whole else Stability.STABLE,
         n_lines=n_lines,
@@ -148,44 +169,55 @@ def close_in_turn(
 
 
 def _require_plant(plant: Bla | UncertaintyModel, options: LoopOptions) -> float:
-    """Return the sampling time of the controller; refuse a plant whose loops cannot be closed in turn."""
+    """Return the sampling time of the controller; refuse a plant whose loops cannot be closed in
+    turn.
+    """
     if plant.n_inputs != plant.n_outputs:
         raise ValueError(
-            f"plant must have as many inputs as outputs for a diagonal controller, got {plant.n_inputs} inputs and "
-            f"{plant.n_outputs} outputs"
+            "plant must have as many inputs as outputs for a diagonal controller, got"
+            f" {plant.n_inputs} inputs and {plant.n_outputs} outputs"
         )
     if options["prove"] is not None:
-        raise ValueError("prove must be left out of a design for a matrix: friction is proved for a single loop only")
+        raise ValueError(
+            "prove must be left out of a design for a matrix: friction is proved for a single loop"
+            " only"
+        )
     dt = require_nonnegative("dt", options["dt"])
     require_nonnegative("delay", options["delay"])
     if n_unstable := require_integer("n_unstable", options["n_unstable"], least=0):
         raise ValueError(
-            f"n_unstable must be 0 for loops closed in turn, which start from a stable matrix, got {n_unstable}"
+            "n_unstable must be 0 for loops closed in turn, which start from a stable matrix, got"
+            f" {n_unstable}"
         )
     if isinstance(plant, Bla):
         return dt
     step = timebase(plant.nominal)
     if options["delay"] or (dt and dt != step):
         raise ValueError(
-            f"dt and delay must be in the nominal for several channels, got {dt:g} s and {options['delay']:g} s in "
-            f"addition to a nominal at {step:g} s: use sampled()"
+            f"dt and delay must be in the nominal for several channels, got {dt:g} s and"
+            f" {options['delay']:g} s in addition to a nominal at {step:g} s: use sampled()"
         )
     wild = unstable_pole_values(plant.nominal, step)
     if wild.size:
         raise ValueError(
-            f"plant must be stable except for integrators to close loops in turn, got a pole at {wild[0]:.4g}: "
-            "dk_iteration and ncfsyn stabilise it with a full controller"
+            "plant must be stable except for integrators to close loops in turn, got a pole at"
+            f" {wild[0]:.4g}: dk_iteration and ncfsyn stabilise it with a full controller"
         )
     return step
 
 
-def _loop_demands(k: int, n: int, *, structure: Structure | list[Structure], options: LoopOptions) -> LoopTask:
+def _loop_demands(
+    k: int, n: int, *, structure: Structure | list[Structure], options: LoopOptions
+) -> LoopTask:
     """Return structure and demands for one loop; a list has one entry for each loop."""
     own = {**options, "structure": structure}
     for name in (*_PER_LOOP_OPTIONS, "structure"):
         given = own[name]
         if isinstance(given, list) and len(given) != n:
-            raise ValueError(f"{name} must have one entry for each of {n} loops if it is a list, got {len(given)}")
+            raise ValueError(
+                f"{name} must have one entry for each of {n} loops if it is a list, got"
+                f" {len(given)}"
+            )
         own[name] = given[k] if isinstance(given, list) else given
     return own.pop("structure"), own
 
@@ -196,7 +228,11 @@ def _matrix_on_lines(plant: Bla | UncertaintyModel, dt: float, delay: float) -> 
     if isinstance(plant, Bla):
         factor = hold_and_delay_factor(plant, plant.omega, dt=dt, delay=delay)
         left, right = block_radii_of_record(
-            plant, plant.G, missed=np.zeros(plant.G.shape), spec=RadiusSpec(p=_CONFIDENCE), form=ADDITIVE
+            plant,
+            plant.G,
+            missed=np.zeros(plant.G.shape),
+            spec=RadiusSpec(p=_CONFIDENCE),
+            form=ADDITIVE,
         )
         G, left = np.moveaxis(plant.G * factor, 2, 0), left * np.abs(factor)
         return MatrixOnLines(
@@ -221,7 +257,9 @@ def _matrix_on_lines(plant: Bla | UncertaintyModel, dt: float, delay: float) -> 
         return MatrixOnLines(omega=omega, G=G, left=none, right=none.swapaxes(1, 2), radius=radius)
     left = _diagonal_matrices(np.abs([response(w, omega) for w in plant.left]))
     left = G @ left if plant.form == INPUT else left
-    return MatrixOnLines(omega=omega, G=G, left=left, right=_diagonal_matrices(right), radius=np.zeros(G.shape))
+    return MatrixOnLines(
+        omega=omega, G=G, left=left, right=_diagonal_matrices(right), radius=np.zeros(G.shape)
+    )
 
 
 def _diagonal_matrices(sizes: np.ndarray) -> np.ndarray:
@@ -254,17 +292,22 @@ def _design_loop_k(
             options = {**options, "start": K[k]}
         return design_loop(discs, structure, options)
     except ValueError as error:
-        closed = ", ".join(str(j + 1) for j in range(len(K)) if K[j] is not None and j != k) or "none"
+        closed = (
+            ", ".join(str(j + 1) for j in range(len(K)) if K[j] is not None and j != k) or "none"
+        )
         raise ValueError(
             f"{_loop_name(plant, k)} must close with loops {closed} closed before it, but {error}"
         ) from None
 
 
 def _tighten_demands(own: LoopTask, share: float) -> LoopTask:
-    """Return the demands with tighter peaks and crossovers: room for later changes of the other loops."""
+    """Return the demands with tighter peaks and crossovers: room for later changes of the other
+    loops.
+    """
     structure, options = own
     M_S, M_T, M_u = (
-        None if bound is None else share * bound for bound in (options["M_S"], options["M_T"], options["M_u"])
+        None if bound is None else share * bound
+        for bound in (options["M_S"], options["M_T"], options["M_u"])
     )
     omega_c, gain = options["omega_c"], options["gain"]
     if omega_c is not None:
@@ -272,11 +315,23 @@ def _tighten_demands(own: LoopTask, share: float) -> LoopTask:
         omega_c = low / share if high is None else (min(low / share, high), max(high * share, low))
     if gain is not None:
         gain = (gain[0], gain[1] / share)
-    return structure, {**options, "M_S": M_S, "M_T": M_T, "M_u": M_u, "omega_c": omega_c, "gain": gain}
+    return structure, {
+        **options,
+        "M_S": M_S,
+        "M_T": M_T,
+        "M_u": M_u,
+        "omega_c": omega_c,
+        "gain": gain,
+    }
 
 
 def _evaluate_loop(
-    on_lines: MatrixOnLines, k: int, *, K: list[control.StateSpace | None], own: LoopTask, wider: float
+    on_lines: MatrixOnLines,
+    k: int,
+    *,
+    K: list[control.StateSpace | None],
+    own: LoopTask,
+    wider: float,
 ) -> Design:
     """Return loop k unchanged, judged with all others closed."""
     structure, options = own
@@ -292,15 +347,21 @@ def _check_whole_set(
     order: list[int],
     dt: float,
 ) -> tuple[str, float]:
-    """Return the reason why the whole set is not stable ("" if it is), and the factor up to which it is stable."""
+    """Return the reason why the whole set is not stable ("" if it is), and the factor up to which
+    it is stable.
+    """
     if isinstance(plant, UncertaintyModel):
         try:
             report = check(plant, block_diagonal(K, dt))
         except ValueError as error:
             return f"the whole loop cannot be checked: {error}", np.nan
         good = report.proofs.robustly_stable
-        return "" if good else f"the whole set is not stable: {report.reason}", float(report.margins.rs)
-    finer = on_lines.with_modes(K)  # for all controllers: the plant of one loop contains the modes of the others
+        return "" if good else f"the whole set is not stable: {report.reason}", float(
+            report.margins.rs
+        )
+    finer = on_lines.with_modes(
+        K
+    )  # for all controllers: the plant of one loop contains the modes of the others
     for lines in (on_lines, finer):
         if why := check_sequential_stability(plant, lines, K=K, order=order, dt=dt):
             return why, np.nan
@@ -310,19 +371,36 @@ def _check_whole_set(
     size = np.linalg.norm(N, 2, axis=(1, 2))
     worst = int(size.argmax())
     margin = float(1 / size[worst])
-    return "" if margin > 1 else f"the whole set is not stable at {format_hertz(on_lines.omega[worst])}", margin
+    return (
+        (
+            ""
+            if margin > 1
+            else f"the whole set is not stable at {format_hertz(on_lines.omega[worst])}"
+        ),
+        margin,
+    )
 
 
 def check_sequential_stability(
-    plant: Bla, on_lines: MatrixOnLines, *, K: list[control.StateSpace | None], order: list[int], dt: float
+    plant: Bla,
+    on_lines: MatrixOnLines,
+    *,
+    K: list[control.StateSpace | None],
+    order: list[int],
+    dt: float,
 ) -> str:
-    """Return "" if det(1 + G K) has the right winding number: the product over the loops closed in turn."""
+    """Return "" if det(1 + G K) has the right winding number: the product over the loops closed in
+    turn.
+    """
     closed: list[control.StateSpace | None] = [None] * len(K)
     for k in order:
         loop = on_lines.seen_from(k, closed, 1.0)
         readings = read_below(loop.omega, loop.G, loop.radius)
         turns, clear = winding_number(loop.omega, loop.G, K=K[k], dt=dt, readings=readings)
         if not clear or turns != unstable_poles(K[k], dt):
-            return f"the whole loop is not shown to be stable: {_loop_name(plant, k)} winds {turns} times about zero"
+            return (
+                f"the whole loop is not shown to be stable: {_loop_name(plant, k)} winds {turns}"
+                " times about zero"
+            )
         closed[k] = K[k]
     return ""

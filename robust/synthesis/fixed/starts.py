@@ -1,4 +1,6 @@
-"""A controller to begin from: simple shapes tried over the band, or a given one, in the requested structure."""
+"""A controller to begin from: simple shapes tried over the band, or a given one, in the requested
+structure.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,10 @@ from robust.synthesis.fixed.plants import PlantOnLines
 from robust.synthesis.fixed.population import evolve, genes_of_roots, parameters
 from robust.synthesis.fixed.structures import Basis
 
-_CROSSOVERS, _LEADS, _RESETS, _GAINS = 20, (1.0, 3.0, 10.0, 30.0), (0.03, 0.1, 0.3, 3.0), (1.0, 0.3, 0.1)
+_CROSSOVERS = 20
+_LEADS = (1.0, 3.0, 10.0, 30.0)
+_RESETS = (0.03, 0.1, 0.3, 3.0)
+_GAINS = (1.0, 0.3, 0.1)
 _INTEGRATOR_LEAKS = (1e-4, 1e-2)
 _MAX_LINES = 100
 _PER_CROSSOVER = 3  # simple controllers for each crossover at the start of the search
@@ -38,8 +43,12 @@ _DISTINCT = 0.5  # logarithm of the least factor between some coefficient of two
 _PULLED_IN = 1e-6  # of the lowest line: far above rounding, far below any damping that a line shows
 
 
-def _simple_controllers(basis: Basis, at: PlantOnLines) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (N, n) sizes of zeros and poles and (N,) crossovers of PI-like, lead and mixed shapes over the band."""
+def _simple_controllers(
+    basis: Basis, at: PlantOnLines
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (N, n) sizes of zeros and poles and (N,) crossovers of PI-like, lead and mixed shapes
+    over the band.
+    """
     shape = basis.structure
     sizes = np.abs(basis.plane(at.omega[at.known & (at.omega <= at.highest)]))
     n_pi = min(shape.n_zeros, shape.n_integrators)
@@ -67,7 +76,8 @@ def _project_on_structure(basis: Basis, K0: control.StateSpace, omega: np.ndarra
     """Return the parameters of the structure closest to a given controller on the lines."""
     s = basis.plane(omega)
     k = response(K0, omega)
-    Y, X = basis.Y(s) * basis.integrals(s)[:, None], basis.X(s) * response(basis.fixed, omega)[:, None]
+    Y = basis.Y(s) * basis.integrals(s)[:, None]
+    X = basis.X(s) * response(basis.fixed, omega)[:, None]
     M = np.hstack([k[:, None] * Y, -X])
     weight = 1 / np.maximum(np.abs(k), 1e-12 * np.abs(k).max())
     for _ in range(8):  # Sanathanan & Koerner: the error of X/Y, not of X - K Y
@@ -79,8 +89,12 @@ def _project_on_structure(basis: Basis, K0: control.StateSpace, omega: np.ndarra
     return theta if np.real(basis.Y(np.zeros(1, complex)) @ theta[: basis.n_y])[0] > 0 else -theta
 
 
-def loops_stable(K: control.StateSpace, family: list[PlantOnLines], n_unstable: int) -> tuple[Stability, str]:
-    """Return if K stabilises every plant of the family, by poles or by winding number, with the reason if not."""
+def loops_stable(
+    K: control.StateSpace, family: list[PlantOnLines], n_unstable: int
+) -> tuple[Stability, str]:
+    """Return if K stabilises every plant of the family, by poles or by winding number, with the
+    reason if not.
+    """
     for i, at in enumerate(family):
         who = f" of plant {i + 1}" if len(family) > 1 else ""
         if at.loop is not None:
@@ -95,12 +109,18 @@ def loops_stable(K: control.StateSpace, family: list[PlantOnLines], n_unstable: 
             L = G * response(K, omega)
             return Stability.UNDECIDED, describe_unresolved(omega, 1 + L, np.abs(L), who)
         if wrong := [found for found in turns if found != n_unstable + unstable_poles(K, dt)]:
-            return Stability.UNSTABLE, f"the loop{who} is unstable: 1 + L winds {wrong[0]} times about zero"
+            return (
+                Stability.UNSTABLE,
+                f"the loop{who} is unstable: 1 + L winds {wrong[0]} times about zero",
+            )
     return Stability.STABLE, ""
 
 
-def describe_open_reading(K: control.StateSpace, family: list[PlantOnLines], n_unstable: int) -> str:
-    """Describe a continuation of a plant below its first line with which the loop may be unstable; "" without any.
+def describe_open_reading(
+    K: control.StateSpace, family: list[PlantOnLines], n_unstable: int
+) -> str:
+    """Describe a continuation of a plant below its first line with which the loop may be unstable;
+    "" without any.
 
     The text also names the remedy: lines at lower frequency, or a statement of the user.
     """
@@ -109,19 +129,26 @@ def describe_open_reading(K: control.StateSpace, family: list[PlantOnLines], n_u
         if at.loop is not None or not at.open_readings:
             continue
         turns, clear = windings(*at.measured, K=K, dt=timebase(K), readings=at.open_readings)
-        open_ones = [one for one, found in zip(at.open_readings, turns, strict=True) if found != wanted or not clear]
+        open_ones = [
+            one
+            for one, found in zip(at.open_readings, turns, strict=True)
+            if found != wanted or not clear
+        ]
         if open_ones:
             return (
-                f"stability not decided: below its first line at {format_hertz(at.lowest)} the FRF may be that of a "
-                f"plant {at.readings[0]}, or {open_ones[0]}, and the loop is known to be stable with the first only. "
-                "Measure at lower frequency (a longer period, --period, and a lower --f-min), or state "
-                "plant_integrators=, or positive=True if y rises as u rises"
+                f"stability not decided: below its first line at {format_hertz(at.lowest)} the FRF"
+                f" may be that of a plant {at.readings[0]}, or {open_ones[0]}, and the loop is"
+                " known to be stable with the first only. Measure at lower frequency (a longer"
+                " period, --period, and a lower --f-min), or state plant_integrators=, or"
+                " positive=True if y rises as u rises"
             )
     return ""
 
 
 def _stable_by_poles(loop: Loop, K: control.StateSpace) -> tuple[Stability, str]:
-    """Return the state of a parametric loop, stable if every pole is stable beyond rounding, and the reason if not."""
+    """Return the state of a parametric loop, stable if every pole is stable beyond rounding, and
+    the reason if not.
+    """
     closed = replace(loop, K=K)
     try:
         closed_loop(loop.G, K, ("e",), ("r",))
@@ -143,7 +170,9 @@ def find_start(
     positive: bool,
     wanted: int,
 ) -> list[np.ndarray]:
-    """Return parameters of stabilising controllers: as many evolved ones as wanted, and a simple one; may be empty."""
+    """Return parameters of stabilising controllers: as many evolved ones as wanted, and a simple
+    one; may be empty.
+    """
     zeros, poles, centres = _simple_controllers(basis, at)
     thin = np.zeros(at.omega.size, dtype=bool)
     thin[np.unique(np.linspace(0, at.omega.size - 1, _MAX_LINES).astype(int))] = True
@@ -162,24 +191,33 @@ def find_start(
     def merit(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return (N,) worst demand and (N,) goal on a few lines."""
         Y, X = theta[:, : basis.n_y] @ Y_columns, theta[:, basis.n_y :] @ X_columns
-        hard = np.max([np.ones(len(theta)), *(row.measure_between(Y, X, omega) for row in thin_rows)], axis=0)
+        hard = np.max(
+            [np.ones(len(theta)), *(row.measure_between(Y, X, omega) for row in thin_rows)], axis=0
+        )
         if positive:
             hard[np.any(theta @ gain_rows < 0, axis=1)] = np.inf
         if thin_aim is not None:
             return hard, thin_aim.measure_between(Y, X, omega)
-        return hard, -np.abs((theta @ X0) / (np.abs(theta @ Y0) + 1e-9 * np.abs(theta * Y0).sum(axis=1)))
+        return hard, -np.abs(
+            (theta @ X0) / (np.abs(theta @ Y0) + 1e-9 * np.abs(theta * Y0).sum(axis=1))
+        )
 
-    # the gain that puts |L| = 1 at the line next to the crossover, of either sign, and smaller gains
+    # the gain that puts |L| = 1 at the line next to the crossover, of either sign, and smaller
+    # gains
     k = np.argmin(np.abs(np.log(np.abs(s) / centres[:, None])), axis=1)
     each = np.arange(centres.size)
-    theta = parameters(basis, genes_of_roots(zeros, poles, np.ones(centres.size)), np.ones(centres.size))
+    theta = parameters(
+        basis, genes_of_roots(zeros, poles, np.ones(centres.size)), np.ones(centres.size)
+    )
     Y, X = theta[:, : basis.n_y] @ Y_columns, theta[:, basis.n_y :] @ X_columns
     with np.errstate(divide="ignore"):
         unit = np.abs(Y[each, k] / (at.G[thin][k] * X[each, k]))
     gains = np.concatenate([sign * part * unit for sign in (1, -1) for part in _GAINS])
     fine = np.isfinite(gains) & (gains != 0)
     which, gains = np.tile(each, 2 * len(_GAINS))[fine], gains[fine]
-    genes, signs, centres = genes_of_roots(zeros[which], poles[which], gains), np.sign(gains), centres[which]
+    genes = genes_of_roots(zeros[which], poles[which], gains)
+    signs = np.sign(gains)
+    centres = centres[which]
     theta = parameters(basis, genes, signs)
     hard, best = merit(theta)
     order = np.lexsort((best, hard))
@@ -194,19 +232,35 @@ def find_start(
     if not chosen:
         return []
     box = genes.min(axis=0) - _BEYOND, genes.max(axis=0) + _BEYOND
-    evolved, own_genes = evolve(basis, genes[chosen], signs[chosen], box=box, merit=merit, allowed=allowed)
+    evolved, own_genes = evolve(
+        basis, genes[chosen], signs[chosen], box=box, merit=merit, allowed=allowed
+    )
     simple = sorted((k for own in niches.values() for k in own), key=lambda k: (hard[k], best[k]))
-    is_right = partial(_stabilises, basis, family=family, n_unstable=n_unstable, allow_unstable=allow_unstable)
+    is_right = partial(
+        _stabilises, basis, family=family, n_unstable=n_unstable, allow_unstable=allow_unstable
+    )
     found = _add_distinct([], evolved, own_genes, most=wanted, is_right=is_right)
-    # a simple one comes after those that evolved, because convex steps may improve it more; all simple ones if no
-    # evolved one is proved stable, because the winding number was estimated
-    return [one for one, _ in _add_distinct(found, theta[simple], genes[simple], most=wanted + 1, is_right=is_right)]
+    # a simple one comes after those that evolved, because convex steps may improve it more; all
+    # simple ones if no evolved one is proved stable, because the winding number was estimated
+    return [
+        one
+        for one, _ in _add_distinct(
+            found, theta[simple], genes[simple], most=wanted + 1, is_right=is_right
+        )
+    ]
 
 
 def _stabilises(
-    basis: Basis, theta: np.ndarray, *, family: list[PlantOnLines], n_unstable: int, allow_unstable: bool
+    basis: Basis,
+    theta: np.ndarray,
+    *,
+    family: list[PlantOnLines],
+    n_unstable: int,
+    allow_unstable: bool,
 ) -> bool:
-    """Return True for a controller that stabilises every plant, and is stable itself if required."""
+    """Return True for a controller that stabilises every plant, and is stable itself if
+    required.
+    """
     K = basis.controller(theta)
     may_be_given = allow_unstable or unstable_poles(K, basis.dt) == 0
     return may_be_given and loops_stable(K, family, n_unstable)[0] is Stability.STABLE
@@ -220,7 +274,9 @@ def _add_distinct(
     most: int,
     is_right: Callable[[np.ndarray], bool],
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return parameters with their genes: those found, and other valid ones distinct from them, up to a number."""
+    """Return parameters with their genes: those found, and other valid ones distinct from them, up
+    to a number.
+    """
     found = list(found)
     for theta, own in zip(thetas, genes, strict=True):
         if len(found) >= most:
@@ -230,8 +286,12 @@ def _add_distinct(
     return found
 
 
-def _winding_test(basis: Basis, family: list[PlantOnLines], n_unstable: int) -> Callable[[np.ndarray], np.ndarray]:
-    """Return a test of (N, n) stable controllers for the right winding number of 1 + L, on the lines of every plant."""
+def _winding_test(
+    basis: Basis, family: list[PlantOnLines], n_unstable: int
+) -> Callable[[np.ndarray], np.ndarray]:
+    """Return a test of (N, n) stable controllers for the right winding number of 1 + L, on the
+    lines of every plant.
+    """
     n_K = basis.structure.n_integrators + integrator_poles(basis.fixed, basis.dt)
     plants = []
     for at in family:
@@ -242,8 +302,10 @@ def _winding_test(basis: Basis, family: list[PlantOnLines], n_unstable: int) -> 
             curves = [(one.n_integrators, one.G) for one in at.readings]
         else:
             omega = at.omega[at.known]
-            below, G = omega[:0], response(_barely_damped(at.loop.G, _PULLED_IN * omega.min()), omega)
-            wanted, curves = unstable_poles(at.loop.G, at.loop.dt), [(at.n_integrators, np.zeros(0, complex))]
+            below = omega[:0]
+            G = response(_barely_damped(at.loop.G, _PULLED_IN * omega.min()), omega)
+            wanted = unstable_poles(at.loop.G, at.loop.dt)
+            curves = [(at.n_integrators, np.zeros(0, complex))]
         Y, X = basis.columns(omega)
         plants.append((below.size, Y.T, X.T, G, curves, at.loop is None, wanted))
 
@@ -265,7 +327,9 @@ def _winding_test(basis: Basis, family: list[PlantOnLines], n_unstable: int) -> 
 
 
 def _barely_damped(G: control.StateSpace, sigma: float) -> control.StateSpace:
-    """Return the plant with every pole pulled in by sigma [rad/s]: on the boundary the winding would be rounding."""
+    """Return the plant with every pole pulled in by sigma [rad/s]: on the boundary the winding
+    would be rounding.
+    """
     dt = timebase(G)
     A = G.A * np.exp(-sigma * dt) if dt else G.A - sigma * np.eye(G.nstates)
     return control.ss(A, G.B, G.C, G.D, G.dt)
@@ -281,7 +345,7 @@ def start_from_controller(basis: Basis, start: Controller, at: PlantOnLines) -> 
     error = float(np.max(np.abs(response(K, omega) - k) / np.abs(k)))
     if not error < 0.1:
         raise ValueError(
-            f"start must have the structure {basis.structure.name!r}, got one that the structure misses by "
-            f"{100 * error:.2g} %"
+            f"start must have the structure {basis.structure.name!r}, got one that the structure"
+            f" misses by {100 * error:.2g} %"
         )
     return theta

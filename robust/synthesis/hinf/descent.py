@@ -1,8 +1,10 @@
-"""Scalings of D-K iteration moved along the gradient of the norm that the best controller for them reaches.
+"""Scalings of D-K iteration moved along the gradient of the norm that the best controller for them
+reaches.
 
-Synthesis and scalings in turn make ever smaller steps even where the norm would fall if both moved together. The least
-norm over all controllers is a function of the scalings alone. It is lowered by quasi-Newton steps (BFGS) in the
-logarithms of their gains and of the frequencies and dampings of their zeros and poles, with difference quotients.
+Synthesis and scalings in turn make ever smaller steps even where the norm would fall if both moved
+together. The least norm over all controllers is a function of the scalings alone. It is lowered by
+quasi-Newton steps (BFGS) in the logarithms of their gains and of the frequencies and dampings of
+their zeros and poles, with difference quotients.
 """
 
 from __future__ import annotations
@@ -17,7 +19,12 @@ from robust.lti.norms import continuous_image
 from robust.lti.realisation import from_roots
 from robust.models.fit.rational import map_to_model_plane
 from robust.models.fit.refinement import section_logarithms, zeros_and_poles
-from robust.synthesis.hinf.generalised_plant import dual_plant, has_zero_on_axis, normalise_plant, prepare_plant
+from robust.synthesis.hinf.generalised_plant import (
+    dual_plant,
+    has_zero_on_axis,
+    normalise_plant,
+    prepare_plant,
+)
 from robust.synthesis.hinf.hinfsyn import solve_riccati_pair
 
 _STEP = 1e-4  # step of a logarithm for the difference quotient
@@ -32,7 +39,8 @@ def descend(
 ) -> Iterator[list[control.StateSpace]]:
     """Yield better scalings, one set for each step, until no step is better.
 
-    least_norm : function of the scalings without the last one (of the performance, which stays one).
+    least_norm : function of the scalings without the last one (of the performance, which stays
+    one).
     """
     dt = timebase(scaling[0])
     groups = _equal_scalings(scaling)
@@ -54,7 +62,8 @@ def descend(
 
     now, slope, moved, inverse = norm(x), np.zeros(0), np.zeros(0), np.zeros((0, 0))
     while np.isfinite(now):
-        before, slope = slope, np.array([norm(x + _STEP * unit) - now for unit in np.eye(x.size)]) / _STEP
+        before = slope
+        slope = np.array([norm(x + _STEP * unit) - now for unit in np.eye(x.size)]) / _STEP
         if not np.isfinite(slope).all() or not slope.any():
             return
         if not before.size:
@@ -74,7 +83,9 @@ def descend(
 
 
 def least_level(P: control.StateSpace, n_y: int, n_u: int, near: float) -> float:
-    """Return the least norm of a controller for a regular problem, searched from near it; inf for a singular one."""
+    """Return the least norm of a controller for a regular problem, searched from near it; inf for a
+    singular one.
+    """
     plant = normalise_plant(prepare_plant(P, n_y, n_u))
     if plant is None or any(map(has_zero_on_axis, (plant, dual_plant(plant)))):
         return np.inf
@@ -89,12 +100,18 @@ def least_level(P: control.StateSpace, n_y: int, n_u: int, near: float) -> float
         low = max(low * (1 - width), 0.0)
     while high - low > _LEVEL_TOLERANCE * high:
         middle = (low + high) / 2
-        low, high = (middle, high) if solve_riccati_pair(plant, middle, quick=True) is None else (low, middle)
+        low, high = (
+            (middle, high)
+            if solve_riccati_pair(plant, middle, quick=True) is None
+            else (low, middle)
+        )
     return high
 
 
 def _updated_inverse(inverse: np.ndarray, moved: np.ndarray, change: np.ndarray) -> np.ndarray:
-    """Return the inverse Hessian of BFGS after a step and the change of the gradient, if the step is usable."""
+    """Return the inverse Hessian of BFGS after a step and the change of the gradient, if the step
+    is usable.
+    """
     along = float(moved @ change)
     if not along > 1e-10 * np.linalg.norm(moved) * np.linalg.norm(change):
         return inverse
@@ -103,7 +120,9 @@ def _updated_inverse(inverse: np.ndarray, moved: np.ndarray, change: np.ndarray)
 
 
 def _equal_scalings(scaling: list[control.StateSpace]) -> list[list[int]]:
-    """Return groups of blocks with nearly the same scaling, as from fits of the same data; without the last block."""
+    """Return groups of blocks with nearly the same scaling, as from fits of the same data; without
+    the last block.
+    """
     dt = timebase(scaling[0])
     x = 1j * np.geomspace(1e-6, 1e6, 200)
     points = (1 + x) / (1 - x) if dt else x
@@ -119,7 +138,9 @@ def _equal_scalings(scaling: list[control.StateSpace]) -> list[list[int]]:
 
 
 def sections_of(system: control.StateSpace) -> tuple[np.ndarray, int]:
-    """Return the parameters of a stable minimum-phase system (log gain, zeros, poles) and its order."""
+    """Return the parameters of a stable minimum-phase system (log gain, zeros, poles) and its
+    order.
+    """
     A, B, C, D = continuous_image(system)
     zeros, poles = np.linalg.eigvals(A - B @ np.linalg.solve(D, C)), np.linalg.eigvals(A)
     parts = [np.log(np.abs(D[0])), section_logarithms(zeros), section_logarithms(poles)]
@@ -128,4 +149,6 @@ def sections_of(system: control.StateSpace) -> tuple[np.ndarray, int]:
 
 def system_of_sections(parameters: np.ndarray, order: int, dt: float) -> control.StateSpace:
     roots = zeros_and_poles(parameters[1:], order)
-    return from_roots(*map_to_model_plane(*roots, float(np.exp(parameters[0])), 2.0 if dt else 0.0, 0), dt)
+    return from_roots(
+        *map_to_model_plane(*roots, float(np.exp(parameters[0])), 2.0 if dt else 0.0, 0), dt
+    )

@@ -16,11 +16,17 @@ from robust.proofs.search.certificate import Certificate
 
 def describe_controller(K: control.StateSpace) -> str:
     """Describe the order and the sampling of a controller."""
-    return f"controller of order {K.nstates}, {f'sampled at {1 / K.dt:g} Hz' if K.dt else 'continuous'}"
+    return (
+        f"controller of order {K.nstates},"
+        f" {f'sampled at {1 / K.dt:g} Hz' if K.dt else 'continuous'}"
+    )
 
 
 class Unpacked:
-    """Base of results that unpack as in MATLAB and python-control: K, CL, gamma, info = ..., info the whole result."""
+    """Base of results that unpack as in MATLAB and python-control:
+
+    K, CL, gamma, info = ..., info the whole result.
+    """
 
     K: control.StateSpace
     CL: control.StateSpace | None
@@ -39,34 +45,37 @@ class Design(Unpacked):
     K : control.StateSpace
         Controller for the unweighted plant, negative feedback: u = K (r - y).
     gamma : float
-        Achieved norm, recomputed from the closed loop; inf if the loop is not stable, nan without a weight. With a
-        `certificate` that holds, the norm is proved to be below it; otherwise gamma is only computed.
+        Achieved norm, recomputed from the closed loop; inf if the loop is not stable, nan without a
+        weight. With a `certificate` that holds, the norm is proved to be below it; otherwise gamma
+        is only computed.
     gamma_min : float
         No controller reaches less; nan if no such level is known.
     met : bool
-        True if K meets every hard demand, recomputed (for `design_frf` to 0.1 %, on the lines and wherever the
-        controller or its loop has features between them; see `n_lines`).
+        True if K meets every hard demand, recomputed (for `design_frf` to 0.1 %, on the lines and
+        wherever the controller or its loop has features between them; see `n_lines`).
     reason : str
         Reason why the design ended, or the demand that is not met and its frequency.
     certificate : Certificate or None
-        The proof of gamma, from plant and controller as given, or the reason why there is none; None if gamma refers to
-        the lines of an FRF.
+        The proof of gamma, from plant and controller as given, or the reason why there is none;
+        None if gamma refers to the lines of an FRF.
     CL : control.StateSpace or None
-        The closed loop with the norm gamma: for `mixsyn` from r to the weighted e, u and y, for `ncfsyn` from the
-        perturbations (p_out, p_in) of the shaped plant to its (u, y). None for a design on the lines of an FRF.
+        The closed loop with the norm gamma: for `mixsyn` from r to the weighted e, u and y, for
+        `ncfsyn` from the perturbations (p_out, p_in) of the shaped plant to its (u, y). None for a
+        design on the lines of an FRF.
     crossovers : tuple of float
-        Frequencies with |L| = 1 [rad/s], for the nominal and for every plant of a family; from `design_frf` for one
-        loop.
+        Frequencies with |L| = 1 [rad/s], for the nominal and for every plant of a family; from
+        `design_frf` for one loop.
     omega_c : tuple of float
-        Requested crossover of `design_frf` [rad/s]: at least the first, at most the second; empty if none was
-        requested.
+        Requested crossover of `design_frf` [rad/s]: at least the first, at most the second; empty
+        if none was requested.
     peak_S, peak_T : float
         Largest |S| and |T| of the nominal on the lines; nan if they were not computed.
     stability : Stability or None
-        From `design_frf`: stability of every plant with K; undecided if its FRF leaves that open. None elsewhere.
+        From `design_frf`: stability of every plant with K; undecided if its FRF leaves that open.
+        None elsewhere.
     n_lines : int
-        0 if no mode between two lines can violate the demands; otherwise the number of lines, and demands or gamma hold
-        on these only.
+        0 if no mode between two lines can violate the demands; otherwise the number of lines, and
+        demands or gamma hold on these only.
     history : tuple of float
         gamma after every iteration, or the worst demand as long as one was not met.
 
@@ -100,10 +109,16 @@ class Design(Unpacked):
     CL: control.StateSpace | None = None
 
     def __str__(self) -> str:
-        found = [] if np.isnan(self.gamma) else [f"gamma {self.gamma:.4g}{' proved' if self.certified else ''}"]
+        found = (
+            []
+            if np.isnan(self.gamma)
+            else [f"gamma {self.gamma:.4g}{' proved' if self.certified else ''}"]
+        )
         found += [f"at best {self.gamma_min:.4g}"] if np.isfinite(self.gamma_min) else []
         limits = "" if self.met and found else self.limits_in_words
-        text = f"{describe_controller(self.K)}: {'; '.join(filter(None, (', '.join(found), limits)))}"
+        text = (
+            f"{describe_controller(self.K)}: {'; '.join(filter(None, (', '.join(found), limits)))}"
+        )
         return "\n  ".join(filter(None, (text, self.loop_in_words, self.reason)))
 
     @property
@@ -111,18 +126,27 @@ class Design(Unpacked):
         """Describe if the limits are met."""
         if self.stability is Stability.UNDECIDED:
             return "STABILITY NOT DECIDED"
-        return f"every limit met{f' on {self.n_lines} lines' * (self.n_lines > 0)}" if self.met else "LIMITS NOT MET"
+        return (
+            f"every limit met{f' on {self.n_lines} lines' * (self.n_lines > 0)}"
+            if self.met
+            else "LIMITS NOT MET"
+        )
 
     @property
     def loop_in_words(self) -> str:
-        """Describe the crossover of the nominal loop, and its largest |S| and |T|; empty if not computed."""
+        """Describe the crossover of the nominal loop, and its largest |S| and |T|; empty if not
+        computed.
+        """
         if np.isnan(self.peak_S):
             return ""
         at = [format_hertz(omega) for omega in self.crossovers]
         most = f"{at[0]} to {at[-1]} ({len(at)} of them)" if len(at) > 4 else ", ".join(at)
-        asked = " to ".join(map(format_hertz, self.omega_c)) + " or above" * (len(self.omega_c) == 1)
+        asked = " to ".join(map(format_hertz, self.omega_c)) + " or above" * (
+            len(self.omega_c) == 1
+        )
         text = (
-            f"crossover{'s' * (len(at) > 1)} {most or 'nowhere on the lines'}{f', asked {asked}' * bool(self.omega_c)}"
+            f"crossover{'s' * (len(at) > 1)}"
+            f" {most or 'nowhere on the lines'}{f', asked {asked}' * bool(self.omega_c)}"
         )
         if self.omega_c and self.crossovers and self.crossovers[0] < 0.98 * self.omega_c[0]:
             text += f" (|L| crosses one at {at[0]} already: a mode may reach the crossover asked)"

@@ -1,9 +1,11 @@
-"""D-K iteration: a controller for several uncertainties and a performance, by synthesis and scalings in turn.
+"""D-K iteration: a controller for several uncertainties and a performance, by synthesis and
+scalings in turn.
 
-Each round synthesises for D_L P D_R^-1, finds the scalings of least bound for the loop with that controller, and fits
-them by stable, minimum-phase functions of limited order. Neither half increases the bound, but their progress becomes
-slow; then the scalings are moved along the gradient of the least norm (`robust.synthesis.hinf.descent`). The result is
-the best loop found, judged by mu with the original structure.
+Each round synthesises for D_L P D_R^-1, finds the scalings of least bound for the loop with that
+controller, and fits them by stable, minimum-phase functions of limited order. Neither half
+increases the bound, but their progress becomes slow; then the scalings are moved along the gradient
+of the least norm (`robust.synthesis.hinf.descent`). The result is the best loop found, judged by mu
+with the original structure.
 """
 
 from __future__ import annotations
@@ -47,7 +49,9 @@ _SYNTHESIS_FACTOR = 1.001  # gamma over the least norm: ten times that excess sh
 _LEAST_PROGRESS = 1e-3  # fall of mu below which a round does not count
 _PATIENCE = 1  # such rounds in a row that are tolerated: the quality of fits varies
 _SLOW_PROGRESS = 0.01  # fall of mu below which the scalings are moved along the gradient instead
-_STRETCH, _LONGEST_STRETCH = 2.0, 8.0  # growth of the step of the scalings after a better round, and its limit
+# growth of the step of the scalings after a better round, and its limit
+_STRETCH = 2.0
+_LONGEST_STRETCH = 8.0
 
 
 @value
@@ -57,8 +61,8 @@ class DkDesign(Unpacked):
     Fields
     ------
     K : control.StateSpace
-        u = K y, positive feedback through P (for a set, the usual negative feedback u = K (r - y)); zero if none
-        was found.
+        u = K y, positive feedback through P (for a set, the usual negative feedback u = K (r - y));
+        zero if none was found.
     mu : float
         Peak of the upper bound over omega with this controller; inf without one.
     omega, curve : (W,) ndarray
@@ -105,10 +109,14 @@ class DkDesign(Unpacked):
         if not np.isfinite(self.mu):
             return f"no controller: {self.reason}"
         proved = self.certificate is not None and self.certificate.holds
-        below = "robust performance" if self.mu < 1 else "no robust performance, because mu is not below 1"
+        below = (
+            "robust performance"
+            if self.mu < 1
+            else "no robust performance, because mu is not below 1"
+        )
         return (
-            f"{describe_controller(self.K)}: mu {self.mu:.4g} ({below}), "
-            f"{f'proved below {1.01 * self.mu:.4g} at all frequencies' if proved else 'on a grid, not proved'}\n"
+            f"{describe_controller(self.K)}: mu {self.mu:.4g} ({below}),"
+            f" {f'proved below {1.01 * self.mu:.4g} at all frequencies' if proved else 'on a grid, not proved'}\n"
             f"  {self.reason}"
         )
 
@@ -138,17 +146,17 @@ def dk_iteration(
     Parameters
     ----------
     P : UncertaintyModel, UncertainSystem or control.StateSpace
-        A set with several channels; an `interconnection` without the controller; or a system from (inputs of the
-        perturbations and of the performance, u) to (their outputs, y).
+        A set with several channels; an `interconnection` without the controller; or a system from
+        (inputs of the perturbations and of the performance, u) to (their outputs, y).
     blocks : list
-        For a system, as in `robust.mu.upper`; the performance is a full block. Repeated and real blocks are treated as
-        full complex ones in the design, and by their kind in the final bound.
+        For a system, as in `robust.mu.upper`; the performance is a full block. Repeated and real
+        blocks are treated as full complex ones in the design, and by their kind in the final bound.
     n_y, n_u : int
-        For a system or an interconnection: number of the last outputs that are measured, and of the last inputs that
-        are controlled.
+        For a system or an interconnection: number of the last outputs that are measured, and of the
+        last inputs that are controlled.
     w_P, w_u : control system or float, optional
-        Performance for a set: mu < 1 keeps the norm of [w_P S; w_u K S] below one for all its plants. One weight for
-        all channels, or a matrix for all of them; w_P is required.
+        Performance for a set: mu < 1 keeps the norm of [w_P S; w_u K S] below one for all its
+        plants. One weight for all channels, or a matrix for all of them; w_P is required.
     order : int
         Largest order of a scaling; a lower one is taken if it comes close.
     n_rounds : int
@@ -171,7 +179,8 @@ def dk_iteration(
 
     References
     ----------
-    SP 8.12; Doyle 1982, 1985; Balas, Doyle, Glover, Packard & Smith, *mu-Analysis and Synthesis Toolbox*.
+    SP 8.12; Doyle 1982, 1985; Balas, Doyle, Glover, Packard & Smith, *mu-Analysis and Synthesis
+    Toolbox*.
 
     Examples
     --------
@@ -180,7 +189,8 @@ def dk_iteration(
     >>> bool(dk_iteration(P, [(1, 1), (1, 1)], 1, 1, n_rounds=1).mu < 1)
     True
 
-    The same by the names of its signals. K reads e and drives u, the last output and the last input:
+    The same by the names of its signals. K reads e and drives u, the last output and the last
+    input:
 
     >>> from robust.models import Block, interconnection
     >>> lag = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]], inputs="u", outputs="y")
@@ -194,40 +204,53 @@ def dk_iteration(
 
     Notes
     -----
-    Without omega the frequencies are those of the poles of the loop of each round. Each round also tries scalings moved
-    farther than the loop requires, because successive rounds move them in the same direction. After the first round
-    that gains less than 0.01, each round is a step along the gradient. For the distillation column of SP 8.11.3 (there
-    8.12.4, from 1.18 to 1.02 and lower; the least known value is 0.974) the rounds reach 1.18, 1.035, 1.027, 1.016,
-    0.989 and 0.980 in eleven.
+    Without omega the frequencies are those of the poles of the loop of each round. Each round also
+    tries scalings moved farther than the loop requires, because successive rounds move them in the
+    same direction. After the first round that gains less than 0.01, each round is a step along the
+    gradient. For the distillation column of SP 8.11.3 (there 8.12.4, from 1.18 to 1.02 and lower;
+    the least known value is 0.974) the rounds reach 1.18, 1.035, 1.027, 1.016, 0.989 and 0.980 in
+    eleven.
     """
     if has_several_channels(P):
         P, blocks, n_y, n_u = _performance_plant(P, w_P, w_u=w_u, blocks=blocks)
     elif w_P is not None or w_u is not None:
         raise ValueError(
-            "w_P and w_u must be left out except for an UncertaintyModel with several channels: for a system they are "
-            "part of P"
+            "w_P and w_u must be left out except for an UncertaintyModel with several channels: for"
+            " a system they are part of P"
         )
     elif isinstance(P, UncertainSystem):
         P, blocks = _open_interconnection(P, blocks, n_y=n_y, n_u=n_u)
     P = multivariable("P", P)
     n_y, n_u = require_integer("n_y", n_y, least=1), require_integer("n_u", n_u, least=1)
-    order, n_rounds = require_integer("order", order, least=0), require_integer("n_rounds", n_rounds, least=1)
+    order = require_integer("order", order, least=0)
+    n_rounds = require_integer("n_rounds", n_rounds, least=1)
     blocks = () if blocks is None else blocks
     s = structure_for("blocks", blocks, (P.noutputs - n_y, P.ninputs - n_u), of="P without y and u")
     mu_min = require_nonnegative("mu_min", mu_min)
     best, reason = _empty_design(P, n_y, n_u), f"{format_count(n_rounds, 'round')} made"
     history: list[tuple[float, float, int]] = []
     idle = 0
-    of_best = _Attempt(design=best, gamma=0.0, scaling=[_identity_scaling(timebase(P))] * len(s.kinds))
+    of_best = _Attempt(
+        design=best, gamma=0.0, scaling=[_identity_scaling(timebase(P))] * len(s.kinds)
+    )
     last, moves = of_best, None
     for _ in range(n_rounds):
         try:
             if moves is None:
                 tried, failed = _alternate(
-                    P, last, s=s, sizes=(n_y, n_u), order=order, blocks=blocks, omega=omega, best=best.mu
+                    P,
+                    last,
+                    s=s,
+                    sizes=(n_y, n_u),
+                    order=order,
+                    blocks=blocks,
+                    omega=omega,
+                    best=best.mu,
                 )
             else:
-                tried, failed = _move_scalings(P, moves, s=s, sizes=(n_y, n_u), blocks=blocks, omega=omega)
+                tried, failed = _move_scalings(
+                    P, moves, s=s, sizes=(n_y, n_u), blocks=blocks, omega=omega
+                )
         except (ValueError, np.linalg.LinAlgError) as error:
             if not history:
                 raise
@@ -249,9 +272,17 @@ def dk_iteration(
         if idle > _PATIENCE:
             reason = "mu no longer decreased"
             break
-    if most_states is not None and best.K.nstates > require_integer("most_states", most_states, least=0):
-        best = _reduce_by_mu(P, of_best, most_states, s=s, sizes=(n_y, n_u), blocks=blocks, omega=omega)
-        reason += f"; reduced from order {of_best.design.K.nstates}" if np.isfinite(best.mu) else "; not reduced"
+    if most_states is not None and best.K.nstates > require_integer(
+        "most_states", most_states, least=0
+    ):
+        best = _reduce_by_mu(
+            P, of_best, most_states, s=s, sizes=(n_y, n_u), blocks=blocks, omega=omega
+        )
+        reason += (
+            f"; reduced from order {of_best.design.K.nstates}"
+            if np.isfinite(best.mu)
+            else "; not reduced"
+        )
     CL = lower_lft(P, best.K) if np.isfinite(best.mu) else None
     certificate = None if CL is None else certify(CL, blocks, 1.01 * best.mu)
     return replace(best, history=tuple(history), certificate=certificate, reason=reason, CL=CL)
@@ -259,7 +290,9 @@ def dk_iteration(
 
 @value(copy=False)
 class _Attempt:
-    """A loop, the norm of its synthesis, and the scalings behind it: their order, the size of their move."""
+    """A loop, the norm of its synthesis, and the scalings behind it: their order, the size of their
+    move.
+    """
 
     design: DkDesign
     gamma: float
@@ -279,7 +312,9 @@ def _alternate(
     omega: ArrayLike | None,
     best: float,
 ) -> tuple[list[_Attempt], str]:
-    """Return the loops with the scalings for the last one, the first time without any; or the reason of a failure."""
+    """Return the loops with the scalings for the last one, the first time without any; or the
+    reason of a failure.
+    """
     is_first, failed = not np.isfinite(last.design.mu), ""
     tried: list[_Attempt] = []
     stretch = 1.0 if not last.order else min(_STRETCH * last.share, _LONGEST_STRETCH)
@@ -289,9 +324,13 @@ def _alternate(
         wanted, used = (
             (last.scaling, 0)
             if is_first
-            else fit_scalings(last.design, P, s=s, scaling=last.scaling, stretch=share, order=highest)
+            else fit_scalings(
+                last.design, P, s=s, scaling=last.scaling, stretch=share, order=highest
+            )
         )
-        found, failed = _attempt(P, wanted, s=s, sizes=sizes, blocks=blocks, omega=omega, order=used, share=share)
+        found, failed = _attempt(
+            P, wanted, s=s, sizes=sizes, blocks=blocks, omega=omega, order=used, share=share
+        )
         tried += found
     return tried, failed
 
@@ -315,7 +354,9 @@ def _attempt(
     if not plain.stable:
         return [], f"the loop without its scalings is {plain}"
     judged = _judge_by_mu(P, found.K, blocks=blocks, omega=omega)
-    return [_Attempt(design=judged, gamma=found.gamma, scaling=scaling, order=order, share=share)], ""
+    return [
+        _Attempt(design=judged, gamma=found.gamma, scaling=scaling, order=order, share=share)
+    ], ""
 
 
 def _start_descent(
@@ -325,7 +366,11 @@ def _start_descent(
     near = [best.gamma]
 
     def least_norm(functions: list[control.StateSpace]) -> float:
-        found = least_level(_scaled_plant(P, [(d, biproper_inverse(d)) for d in functions], s, sizes), *sizes, near[0])
+        found = least_level(
+            _scaled_plant(P, [(d, biproper_inverse(d)) for d in functions], s, sizes),
+            *sizes,
+            near[0],
+        )
         near[0] = found if np.isfinite(found) else near[0]
         return found
 
@@ -360,7 +405,9 @@ def _reduce_by_mu(
     blocks: Blocks,
     omega: ArrayLike | None,
 ) -> DkDesign:
-    """Return the loop of least mu with a controller of n states, truncated with the weight of the scaled loop."""
+    """Return the loop of least mu with a controller of n states, truncated with the weight of the
+    scaled loop.
+    """
     K, (n_y, n_u), scaled = best.design.K, sizes, _scaled_plant(P, best.scaling, s, sizes)
     n_w, n_z = scaled.ninputs - n_u, scaled.noutputs - n_y
     ports = (
@@ -368,10 +415,17 @@ def _reduce_by_mu(
         [*range(scaled.noutputs), *range(n_z, scaled.noutputs)],
     )
     twice = control.StateSpace(
-        scaled.A, scaled.B[:, ports[0]], scaled.C[ports[1]], scaled.D[np.ix_(ports[1], ports[0])], scaled.dt
+        scaled.A,
+        scaled.B[:, ports[0]],
+        scaled.C[ports[1]],
+        scaled.D[np.ix_(ports[1], ports[0])],
+        scaled.dt,
     )
-    A, B, C, D = continuous_image(lower_lft(twice, K))  # from w and the signal added to u, to z and y
-    before, behind = (A, B[:, :n_w], C[n_z:], D[n_z:, :n_w]), (A, B[:, n_w:], C[:n_z], D[:n_z, n_w:])
+    A, B, C, D = continuous_image(
+        lower_lft(twice, K)
+    )  # from w and the signal added to u, to z and y
+    before = (A, B[:, :n_w], C[n_z:], D[n_z:, :n_w])
+    behind = (A, B[:, n_w:], C[:n_z], D[:n_z, n_w:])
     found = _empty_design(P, n_y, n_u)
     for _, order, small in weighted_candidates(continuous_image(K), before, behind):
         if order != n:
@@ -384,7 +438,9 @@ def _reduce_by_mu(
 
 
 def _scaling_attempts(is_first: bool, stretch: float, order: int) -> list[tuple[float, int]]:
-    """Return steps of the scalings with largest orders of their fits; steps below one are for lack of progress."""
+    """Return steps of the scalings with largest orders of their fits; steps below one are for lack
+    of progress.
+    """
     if is_first:
         return [(1.0, 0)]
     whole = [(1.0, order)] if stretch <= 1 else [(stretch, order), (1.0, order)]
@@ -394,9 +450,13 @@ def _scaling_attempts(is_first: bool, stretch: float, order: int) -> list[tuple[
 def _performance_plant(
     model: UncertaintyModel, w_P: Weight | None, *, w_u: Weight | None, blocks: Blocks | None
 ) -> tuple[control.StateSpace, Blocks, int, int]:
-    """Return the generalised plant of a set with its performance: from (d, r, u) to (z, weighted e and u, e)."""
+    """Return the generalised plant of a set with its performance: from (d, r, u) to (z, weighted e
+    and u, e).
+    """
     if w_P is None or blocks is not None:
-        raise ValueError("w_P must be given for an UncertaintyModel, and blocks left out: the model has its own")
+        raise ValueError(
+            "w_P must be given for an UncertaintyModel, and blocks left out: the model has its own"
+        )
     n_y, n_u, dt = model.n_outputs, model.n_inputs, timebase(model.nominal)
     weights = [("e", weight_on_time_base("w_P", w_P, dt=dt, n=n_y))]
     weights += [] if w_u is None else [("u", weight_on_time_base("w_u", w_u, dt=dt, n=n_u))]
@@ -408,15 +468,18 @@ def _performance_plant(
 def _open_interconnection(
     system: UncertainSystem, blocks: Blocks | None, *, n_y: int, n_u: int
 ) -> tuple[control.StateSpace, Blocks]:
-    """Return P and blocks of an interconnection whose last inputs and outputs belong to the controller."""
+    """Return P and blocks of an interconnection whose last inputs and outputs belong to the
+    controller.
+    """
     performance = len(system.outputs) - n_y, len(system.inputs) - n_u
     if blocks is not None:
         raise ValueError("blocks must be left out for an interconnection, which has its own")
     if min(n_y, n_u, *performance) < 1 and performance != (0, 0):
         raise ValueError(
-            f"n_y and n_u must be the number of last outputs, of {', '.join(system.outputs) or 'none'}, that K reads, "
-            f"and of last inputs, of {', '.join(system.inputs) or 'none'}, that it drives, got {n_y} and {n_u}; those "
-            "before them are the performance, and K is not among the systems"
+            "n_y and n_u must be the number of last outputs, of"
+            f" {', '.join(system.outputs) or 'none'}, that K reads, and of last inputs, of"
+            f" {', '.join(system.inputs) or 'none'}, that it drives, got {n_y} and {n_u}; those"
+            " before them are the performance, and K is not among the systems"
         )
     return system.N, [*system.structure, *[performance] * (performance != (0, 0))]
 
@@ -434,12 +497,18 @@ def _empty_design(P: control.StateSpace, n_y: int, n_u: int) -> DkDesign:
     )
 
 
-def _judge_by_mu(P: control.StateSpace, K: control.StateSpace, *, blocks: Blocks, omega: ArrayLike | None) -> DkDesign:
-    """Return the loop with a controller, judged by the upper bound of mu with the original structure."""
+def _judge_by_mu(
+    P: control.StateSpace, K: control.StateSpace, *, blocks: Blocks, omega: ArrayLike | None
+) -> DkDesign:
+    """Return the loop with a controller, judged by the upper bound of mu with the original
+    structure.
+    """
     N = lower_lft(P, K)
     at = structure_grid(N)[1:] if omega is None else np.asarray(omega, dtype=float)
     curve = upper(response_by_channel(N, at), blocks).value
-    return DkDesign(K=K, mu=float(curve.max()), omega=at, curve=curve, history=(), certificate=None, reason="")
+    return DkDesign(
+        K=K, mu=float(curve.max()), omega=at, curve=curve, history=(), certificate=None, reason=""
+    )
 
 
 def _identity_scaling(dt: float) -> Scaling:
@@ -452,19 +521,30 @@ def _scaled_plant(
 ) -> control.StateSpace:
     """Return D_L P D_R^-1 from one function per block with its inverse, y and u unscaled."""
     dt = timebase(P)
-    left = [d for (d, _), row in zip(scaling, s.rows, strict=True) for _ in range(row.stop - row.start)]
-    right = [d for (_, d), col in zip(scaling, s.cols, strict=True) for _ in range(col.stop - col.start)]
+    left = [
+        d for (d, _), row in zip(scaling, s.rows, strict=True) for _ in range(row.stop - row.start)
+    ]
+    right = [
+        d for (_, d), col in zip(scaling, s.cols, strict=True) for _ in range(col.stop - col.start)
+    ]
     passed = [control.StateSpace([], [], [], np.eye(n), dt) for n in sizes]
     return block_diagonal([*left, passed[0]], dt) * P * block_diagonal([*right, passed[1]], dt)
 
 
 def fit_scalings(
-    found: DkDesign, P: control.StateSpace, *, s: BlockStructure, scaling: list[Scaling], stretch: float, order: int
+    found: DkDesign,
+    P: control.StateSpace,
+    *,
+    s: BlockStructure,
+    scaling: list[Scaling],
+    stretch: float,
+    order: int,
 ) -> tuple[list[Scaling], int]:
-    """Return the fitted scalings for a loop, the last block unscaled, and their order: the lowest that suffices.
+    """Return the fitted scalings for a loop, the last block unscaled, and their order: the lowest
+    that suffices.
 
-    The logarithms move from the previous scalings (`scaling`) `stretch` times the way to the wanted ones: successive
-    rounds move them by a little in the same direction.
+    The logarithms move from the previous scalings (`scaling`) `stretch` times the way to the wanted
+    ones: successive rounds move them by a little in the same direction.
     """
     omega, dt = found.omega, timebase(P)
     response_ = response_by_channel(lower_lft(P, found.K), omega)
@@ -478,21 +558,29 @@ def fit_scalings(
     at, wanted = _resample_scalings(omega, d)
     best: tuple[float, list[Scaling], int] = (np.inf, [], 0)
     for k in range(min(order, 12) + 1):
-        fits = [minimum_phase(at, each, dt=dt, order=k) for each in wanted[:-1]] + [_identity_scaling(dt)]
+        fits = [minimum_phase(at, each, dt=dt, order=k) for each in wanted[:-1]] + [
+            _identity_scaling(dt)
+        ]
         misfit = float(np.linalg.norm(np.log(_scaling_sizes(fits, at) / wanted)))
         if misfit < best[0]:  # a fit of higher order may have ended in a worse local optimum
             best = misfit, fits, k
-        if (_scaled_gains(response_, _scaling_sizes(fits, omega), s) <= _FIT_TOLERANCE * goal).all():
+        if (
+            _scaled_gains(response_, _scaling_sizes(fits, omega), s) <= _FIT_TOLERANCE * goal
+        ).all():
             break
     return best[1], best[2]
 
 
 def _resample_scalings(omega: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies and scalings (blocks, W) to fit, in even steps where they change and a decade beyond."""
+    """Return frequencies and scalings (blocks, W) to fit, in even steps where they change and a
+    decade beyond.
+    """
     change = np.append(0.0, np.cumsum(np.abs(np.diff(np.log(d), axis=1)).sum(axis=0)))
     if not change[-1] > 0:
         return omega, d
-    low, high = np.interp(np.array([_CHANGE_OUTSIDE, 1 - _CHANGE_OUTSIDE]) * change[-1], change, np.log(omega))
+    low, high = np.interp(
+        np.array([_CHANGE_OUTSIDE, 1 - _CHANGE_OUTSIDE]) * change[-1], change, np.log(omega)
+    )
     low, high = max(low - np.log(10), np.log(omega[0])), min(high + np.log(10), np.log(omega[-1]))
     at = np.linspace(low, high, _N_FITTED)
     return np.exp(at), np.exp([np.interp(at, np.log(omega), np.log(each)) for each in d])
@@ -505,6 +593,8 @@ def _scaling_sizes(scaling: list[Scaling], omega: np.ndarray) -> np.ndarray:
 
 def _scaled_gains(response_: np.ndarray, d: np.ndarray, s: BlockStructure) -> np.ndarray:
     """Return (W,) largest singular value with one number per block and frequency as scaling."""
-    left, right = (np.repeat(d, [p.stop - p.start for p in parts], axis=0) for parts in (s.rows, s.cols))
+    left, right = (
+        np.repeat(d, [p.stop - p.start for p in parts], axis=0) for parts in (s.rows, s.cols)
+    )
     scaled = left[:, None] * response_ / right[None]
     return np.asarray(np.linalg.norm(np.moveaxis(scaled, 2, 0), 2, axis=(1, 2)))

@@ -35,26 +35,30 @@ def mixsyn(
 ) -> Design:
     """H-infinity synthesis in mixed sensitivity: minimise the norm of [w_P S; w_u K S; w_T T].
 
-    Use this first for one uncertainty; `dk_iteration` is for several uncertainties or robust performance.
+    Use this first for one uncertainty; `dk_iteration` is for several uncertainties or robust
+    performance.
 
-    The order of the weights is that of python-control and MATLAB: `mixsyn(G, w1, w2, w3)` weights S, K S and T.
-    If gamma < 1, every weight is met: |S| < 1/|w_P|, |K S| < 1/|w_u|, |T| < 1/|w_T|. With a model, its weight takes the
-    place of w_T (or joins S or K S, by its form), so that gamma < 1 includes stability of the whole set.
+    The order of the weights is that of python-control and MATLAB: `mixsyn(G, w1, w2, w3)` weights
+    S, K S and T. If gamma < 1, every weight is met: |S| < 1/|w_P|, |K S| < 1/|w_u|, |T| < 1/|w_T|.
+    With a model, its weight takes the place of w_T (or joins S or K S, by its form), so that gamma
+    < 1 includes stability of the whole set.
 
     Parameters
     ----------
     model : UncertaintyModel, control.StateSpace, TransferFunction
         Plant with one or several inputs and outputs, continuous or discrete.
     w_P : control system or float
-        Weight on S (`performance_weight`). Stable: a slow pole in place of an integrator. For several channels this and
-        the others are one weight for each channel, or a matrix for all of them (`control.append`).
+        Weight on S (`performance_weight`). Stable: a slow pole in place of an integrator. For
+        several channels this and the others are one weight for each channel, or a matrix for all of
+        them (`control.append`).
     w_u : control system or float, optional
         Weight on K S (`control_weight`).
     w_T : control system or float, optional
         Weight on T, in addition to that of the model.
     dt : float
-        Sampling time [s] of the controller for a continuous plant: the design then uses the sampled plant, hold and
-        delay included; weights go through the bilinear map. 0: the time base of the plant.
+        Sampling time [s] of the controller for a continuous plant: the design then uses the sampled
+        plant, hold and delay included; weights go through the bilinear map. 0: the time base of the
+        plant.
     delay : float
         Computation delay [s]; by a Padé approximation in continuous time.
     gamma_min : float
@@ -67,13 +71,15 @@ def mixsyn(
     Returns
     -------
     Design
-        gamma recomputed from the closed loop; inf, with the reason, if no controller was found. gamma_min is a lower
-        bound for any controller; without a w_u the infimum is only approached, by ever faster controllers.
+        gamma recomputed from the closed loop; inf, with the reason, if no controller was found.
+        gamma_min is a lower bound for any controller; without a w_u the infimum is only approached,
+        by ever faster controllers.
 
     Raises
     ------
     ValueError
-        An unstable or improper weight, sampling times that differ, a plant that no controller can stabilise.
+        An unstable or improper weight, sampling times that differ, a plant that no controller can
+        stabilise.
 
     References
     ----------
@@ -106,7 +112,10 @@ def mixsyn(
             raise ValueError(f"model must be of the form {possible}, got {model.form}")
         weights[place].append(model.weight)
     stacked = [
-        (_WEIGHTED_PORTS[name], weight_on_time_base(name, w, dt=dt, n=n_u if name == "w_u" else n_y))
+        (
+            _WEIGHTED_PORTS[name],
+            weight_on_time_base(name, w, dt=dt, n=n_u if name == "w_u" else n_y),
+        )
         for name, many in weights.items()
         for w in many
         if w is not None
@@ -129,14 +138,19 @@ def mixsyn(
 
 
 def _is_unstructured_model(model: object) -> TypeGuard[UncertaintyModel]:
-    """Return True for a model with a parametric nominal; refuse one without, or with a structured perturbation."""
+    """Return True for a model with a parametric nominal; refuse one without, or with a structured
+    perturbation.
+    """
     if has_several_channels(model):
         raise ValueError(
-            "model must be a plant or an UncertaintyModel, got one with several channels: use dk_iteration for its "
-            "perturbation, or mixsyn(model.nominal, ...) for its nominal alone"
+            "model must be a plant or an UncertaintyModel, got one with several channels: use"
+            " dk_iteration for its perturbation, or mixsyn(model.nominal, ...) for its nominal"
+            " alone"
         )
     if isinstance(model, UncertaintyModel) and model.measured_only:
-        raise ValueError("model must have a parametric nominal for a synthesis, got an FRF: see design_frf")
+        raise ValueError(
+            "model must have a parametric nominal for a synthesis, got an FRF: see design_frf"
+        )
     return isinstance(model, UncertaintyModel)
 
 

@@ -1,4 +1,6 @@
-"""Controllers by H-infinity loop shaping (Glover & McFarlane): a shaped loop, robustly stabilised."""
+"""Controllers by H-infinity loop shaping (Glover & McFarlane): a shaped loop, robustly
+stabilised.
+"""
 
 from __future__ import annotations
 
@@ -21,35 +23,41 @@ from robust.synthesis.hinf.generalised_plant import rank_margin
 _NEARLY_CANCELLED = 1e-2
 
 
-def ncfsyn(G: UncertaintyModel | Controller, W1: Weight = 1, W2: Weight = 1, *, factor: float = 1.1) -> Design:
-    """Robustly stabilise the shaped plant W2 G W1 against perturbations of its normalised coprime factors.
+def ncfsyn(
+    G: UncertaintyModel | Controller, W1: Weight = 1, W2: Weight = 1, *, factor: float = 1.1
+) -> Design:
+    """Robustly stabilise the shaped plant W2 G W1 against perturbations of its normalised coprime
+    factors.
 
     Use this if you can shape a loop but have no weights for S and T.
 
-    Shape the loop first: choose W1 (usually gain and integral action) so that |W2 G W1| is high where errors must
-    be small and low where the plant is unknown. The controller keeps that shape; a gamma_min below about 4 confirms
-    that the shape is feasible.
+    Shape the loop first: choose W1 (usually gain and integral action) so that |W2 G W1| is high
+    where errors must be small and low where the plant is unknown. The controller keeps that shape;
+    a gamma_min below about 4 confirms that the shape is feasible.
 
     Parameters
     ----------
     G : control.StateSpace, TransferFunction, UncertaintyModel
-        Plant with one or several inputs and outputs, continuous or discrete. For a sampled controller give the sampled
-        plant (`robust.sampled`).
+        Plant with one or several inputs and outputs, continuous or discrete. For a sampled
+        controller give the sampled plant (`robust.sampled`).
     W1, W2 : control.StateSpace, TransferFunction, float or (n_u, n_u), (n_y, n_y) ndarray
-        Shaping functions at the input and output of the plant: matrices (`control.append`), or one for all channels.
+        Shaping functions at the input and output of the plant: matrices (`control.append`), or one
+        for all channels.
     factor : float
-        gamma of the controller over gamma_min, above 1: at gamma_min itself the loop may be unstable.
+        gamma of the controller over gamma_min, above 1: at gamma_min itself the loop may be
+        unstable.
 
     Returns
     -------
     Design
-        K = W1 K_inf W2. An unstable loop is a result: gamma = inf. gamma, the norm of the shaped plant with K_inf, is
-        certified, or the reason states that it is not.
+        K = W1 K_inf W2. An unstable loop is a result: gamma = inf. gamma, the norm of the shaped
+        plant with K_inf, is certified, or the reason states that it is not.
 
     Raises
     ------
     ValueError
-        Sampling times or shapes that differ, a shaped plant with an unstable mode that cannot be stabilised.
+        Sampling times or shapes that differ, a shaped plant with an unstable mode that cannot be
+        stabilised.
 
     References
     ----------
@@ -69,7 +77,8 @@ def ncfsyn(G: UncertaintyModel | Controller, W1: Weight = 1, W2: Weight = 1, *, 
         raise ValueError(f"factor must be above 1, got {factor:g}")
     G = multivariable("G", G.nominal if isinstance(G, UncertaintyModel) else G)
     dt = timebase(G)
-    W1, W2 = _shaping_system("W1", W1, n=G.ninputs, dt=dt), _shaping_system("W2", W2, n=G.noutputs, dt=dt)
+    W1 = _shaping_system("W1", W1, n=G.ninputs, dt=dt)
+    W2 = _shaping_system("W2", W2, n=G.noutputs, dt=dt)
     shaped = in_series(W1, G, W2, dt=dt)
     matrices = (shaped.A, shaped.B, shaped.C, shaped.D)
     A, B, C, D = to_continuous(*matrices) if dt else matrices
@@ -80,7 +89,12 @@ def ncfsyn(G: UncertaintyModel | Controller, W1: Weight = 1, W2: Weight = 1, *, 
     F = -np.linalg.solve(np.eye(D.shape[1]) + D.T @ D, D.T @ C + B.T @ X)
     Bk = gamma**2 * np.linalg.solve(L.T, Z @ C.T)
     Ak = A + B @ F + Bk @ (C + D @ F)
-    central = (Ak, -Bk, B.T @ X, D.T)  # the sign converts the book's positive feedback to negative feedback
+    central = (
+        Ak,
+        -Bk,
+        B.T @ X,
+        D.T,
+    )  # the sign converts the book's positive feedback to negative feedback
     K_inf = control.StateSpace(*(to_discrete(*central) if dt else central), dt)
     K = with_names(
         in_series(W2, K_inf, W1, dt=dt), G.output_labels, G.input_labels
@@ -90,21 +104,37 @@ def ncfsyn(G: UncertaintyModel | Controller, W1: Weight = 1, W2: Weight = 1, *, 
     if not np.isfinite(achieved):
         reason = _explain_unstable(shaped, gamma_min)
         return Design(K=K, gamma=achieved, gamma_min=gamma_min, met=False, reason=reason, CL=CL)
-    proof = certify_closed_loop(_coprime_factor_plant(shaped), K_inf, achieved, subject="norm of the shaped loop")
+    proof = certify_closed_loop(
+        _coprime_factor_plant(shaped), K_inf, achieved, subject="norm of the shaped loop"
+    )
     reason = "" if proof.holds else f"gamma is not certified: {proof.reason}"
-    return Design(K=K, gamma=proof.level, gamma_min=gamma_min, reason=reason, certificate=proof, CL=CL)
+    return Design(
+        K=K, gamma=proof.level, gamma_min=gamma_min, reason=reason, certificate=proof, CL=CL
+    )
 
 
 def _explain_unstable(shaped: control.StateSpace, gamma_min: float) -> str:
-    """Return the reason why K does not stabilise a shaped plant, with the mode hardest to reach or to observe."""
+    """Return the reason why K does not stabilise a shaped plant, with the mode hardest to reach or
+    to observe.
+    """
     modes = unstable_pole_values(shaped, timebase(shaped))
     away = [shaped.A - mode * np.eye(shaped.nstates) for mode in modes]
-    reached = [min(rank_margin(np.hstack([one, shaped.B])), rank_margin(np.vstack([one, shaped.C]))) for one in away]
-    text = f"K does not stabilise the shaped plant: gamma_min is {gamma_min:.3g}, too large for floating point"
+    reached = [
+        min(rank_margin(np.hstack([one, shaped.B])), rank_margin(np.vstack([one, shaped.C])))
+        for one in away
+    ]
+    text = (
+        f"K does not stabilise the shaped plant: gamma_min is {gamma_min:.3g}, too large for"
+        " floating point"
+    )
     if not reached or min(reached) > _NEARLY_CANCELLED:
         return text
-    variable, mode = "z" if timebase(shaped) else "s", np.real_if_close(modes[int(np.argmin(reached))])
-    return f"{text}. Its mode at {variable} = {mode:.4g} nearly cancels with a zero: {min(reached):.1g} of it remains"
+    variable = "z" if timebase(shaped) else "s"
+    mode = np.real_if_close(modes[int(np.argmin(reached))])
+    return (
+        f"{text}. Its mode at {variable} = {mode:.4g} nearly cancels with a zero:"
+        f" {min(reached):.1g} of it remains"
+    )
 
 
 def _coprime_factor_plant(G: control.StateSpace) -> control.StateSpace:
@@ -118,7 +148,9 @@ def _coprime_factor_plant(G: control.StateSpace) -> control.StateSpace:
     return control.StateSpace(G.A, B, C, D, G.dt)
 
 
-def _riccati_solutions(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _riccati_solutions(
+    A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return X and Z of the shaped plant: those of control and of filtering."""
     X, Z = (
         stabilising_riccati(a, b, Q=c.T @ c, R=np.eye(d.shape[1]) + d.T @ d, S=c.T @ d)
@@ -126,34 +158,40 @@ def _riccati_solutions(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.nda
     )
     if X is None or Z is None:
         raise ValueError(
-            "G must be stabilisable and detectable once shaped, got a plant whose Riccati equations have no solution. "
-            "Does W1 or W2 cancel an unstable or undamped mode?"
+            "G must be stabilisable and detectable once shaped, got a plant whose Riccati equations"
+            " have no solution. Does W1 or W2 cancel an unstable or undamped mode?"
         )
     return X, Z
 
 
 def _shaping_system(name: str, given: Weight, *, n: int, dt: float) -> control.StateSpace:
-    """Return a shaping function for n channels of the plant, at its input (W1) or its output (W2)."""
+    """Return a shaping function for n channels of the plant, at its input (W1) or its output
+    (W2).
+    """
     W = multivariable(name, given)
     if (W.ninputs, W.noutputs) == (1, 1) and n > 1:
         W = block_diagonal([W] * n, W.dt)
     n_channels, side = (W.noutputs, "outputs") if name == "W1" else (W.ninputs, "inputs")
     if n_channels != n:
         raise ValueError(
-            f"{name} must have {n} {side}, one a channel of G, or be a single one for all, got {n_channels}"
+            f"{name} must have {n} {side}, one a channel of G, or be a single one for all, got"
+            f" {n_channels}"
         )
     if not is_clockless(W) and timebase(W) != dt:
-        raise ValueError(f"{name} must have the sampling time of G, {dt:g} s, got {timebase(W):g} s")
+        raise ValueError(
+            f"{name} must have the sampling time of G, {dt:g} s, got {timebase(W):g} s"
+        )
     return W
 
 
 def crossover_weight(G: LinearSystem, omega_c: float) -> control.StateSpace:
     """Return a first W1 for `ncfsyn`: integral action, with the gain for a given crossover.
 
-    For several channels a diagonal of such weights, each by the diagonal entry of the plant at its input.
+    For several channels a diagonal of such weights, each by the diagonal entry of the plant at its
+    input.
 
-    If the plant is flat at omega_c, W1 = k / s, so that the shaped loop falls by 20 dB per decade through the
-    crossover; if the plant falls by itself, W1 = k (s + omega_c/5) / s.
+    If the plant is flat at omega_c, W1 = k / s, so that the shaped loop falls by 20 dB per decade
+    through the crossover; if the plant falls by itself, W1 = k (s + omega_c/5) / s.
 
     Parameters
     ----------
@@ -174,7 +212,8 @@ def crossover_weight(G: LinearSystem, omega_c: float) -> control.StateSpace:
 
     References
     ----------
-    SP 9.4.2 (choice of the shaping functions); the integrator of this weight is the usual first choice.
+    SP 9.4.2 (choice of the shaping functions); the integrator of this weight is the usual first
+    choice.
 
     Examples
     --------
@@ -185,11 +224,14 @@ def crossover_weight(G: LinearSystem, omega_c: float) -> control.StateSpace:
     G = multivariable("G", G.nominal if isinstance(G, UncertaintyModel) else G)
     omega_c, dt = require_positive("omega_c", omega_c), timebase(G)
     if G.ninputs != G.noutputs:
-        raise ValueError(f"G must have as many inputs as outputs, got {G.ninputs} inputs and {G.noutputs} outputs")
+        raise ValueError(
+            f"G must have as many inputs as outputs, got {G.ninputs} inputs and {G.noutputs}"
+            " outputs"
+        )
     if dt and omega_c * dt > np.pi / 2:
         raise ValueError(
-            f"omega_c must be at most half the Nyquist frequency, {np.pi / dt / 2:g} rad/s ({0.25 / dt:g} Hz), got "
-            f"{omega_c:g} rad/s ({omega_c / (2 * np.pi):g} Hz)"
+            f"omega_c must be at most half the Nyquist frequency, {np.pi / dt / 2:g} rad/s"
+            f" ({0.25 / dt:g} Hz), got {omega_c:g} rad/s ({omega_c / (2 * np.pi):g} Hz)"
         )
     gains = np.abs(response_by_channel(G, omega_c * np.array([0.9, 1.0, 1.1])))
     loops = [_crossover_of_loop(gains[k, k], omega_c, dt) for k in range(G.ninputs)]

@@ -1,12 +1,15 @@
-"""The closed loop of a plant and the blocks, its responses, and their derivatives by M (the matrix of the blocks).
+"""The closed loop of a plant and the blocks, its responses, and their derivatives by M (the matrix
+of the blocks).
 
-With the states of the blocks included in the plant the blocks are one static feedback u = M y (Apkarian & Noll 2006):
+With the states of the blocks included in the plant the blocks are one static feedback u = M y
+(Apkarian & Noll 2006):
 
     N = M (I - D22 M)^-1,   A + B2 N C2, B1 + B2 N D21, C1 + D12 N C2, D11 + D12 N D21
 
-are the matrices A_cl, B_cl, C_cl, D_cl of the closed loop H. With X = (sI - A_cl)^-1 B_cl and Y = C_cl (sI - A_cl)^-1,
-dH = L dM R at any frequency s, L = (Y B2 + D12)(I - M D22)^-1, R = (I - D22 M)^-1 (C2 X + D21). The derivative of any
-limit is Re tr(Q* dH) for some Q, so the gradient is Re tr(R Q* L dM_k) for each parameter.
+are the matrices A_cl, B_cl, C_cl, D_cl of the closed loop H. With X = (sI - A_cl)^-1 B_cl and Y =
+C_cl (sI - A_cl)^-1, dH = L dM R at any frequency s, L = (Y B2 + D12)(I - M D22)^-1, R = (I - D22
+M)^-1 (C2 X + D21). The derivative of any limit is Re tr(Q* dH) for some Q, so the gradient is Re
+tr(R Q* L dM_k) for each parameter.
 """
 
 from __future__ import annotations
@@ -28,7 +31,9 @@ _MAX_MODAL_CONDITION = 1e7
 
 @value(copy=False)
 class StatePlant:
-    """All fixed parts, with the states of the blocks included: from (inputs, M y) to (outputs, y)."""
+    """All fixed parts, with the states of the blocks included: from (inputs, M y) to
+    (outputs, y).
+    """
 
     A: np.ndarray
     B1: np.ndarray
@@ -59,8 +64,12 @@ class StatePlant:
         )
 
 
-def state_plant(open_loop: control.StateSpace, n_states: int, n_in: int, n_out: int, dt: float) -> StatePlant:
-    """Return the open loop with the states of the blocks included; the ports of the blocks come last."""
+def state_plant(
+    open_loop: control.StateSpace, n_states: int, n_in: int, n_out: int, dt: float
+) -> StatePlant:
+    """Return the open loop with the states of the blocks included; the ports of the blocks come
+    last.
+    """
     A, B, C, D = continuous_matrices(open_loop, dt)
     n_w, n_z = B.shape[1] - n_out, C.shape[0] - n_in
     zero, one = np.zeros((n_states, n_states)), np.eye(n_states)
@@ -117,7 +126,9 @@ class ClosedLoop:
         vectors = self.modes[1]
         if len(vectors) and not np.linalg.cond(vectors) < _MAX_MODAL_CONDITION:
             return None
-        return self.C @ vectors, np.linalg.solve(vectors, self.B.astype(complex)) if len(vectors) else self.B
+        return self.C @ vectors, np.linalg.solve(vectors, self.B.astype(complex)) if len(
+            vectors
+        ) else self.B
 
     def responses(self, omega: np.ndarray) -> np.ndarray:
         """Return (W, outputs, inputs) at s = j omega; omega may be infinite."""
@@ -152,6 +163,8 @@ class ClosedLoop:
         vectors = self.modes[1]
         try:
             left = np.linalg.solve(vectors.T, np.eye(len(vectors))[:, k])
-        except np.linalg.LinAlgError:  # a defective matrix: the direction of a least-squares inverse
+        except (
+            np.linalg.LinAlgError
+        ):  # a defective matrix: the direction of a least-squares inverse
             left = np.linalg.pinv(vectors)[k]
         return self.F @ (self.plant.C2 @ vectors[:, [k]]), left[None] @ self.plant.B2 @ self.E

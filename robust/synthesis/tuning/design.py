@@ -1,4 +1,6 @@
-"""The result of a tuning: the blocks with their numbers, the value of each limit, and missing demands."""
+"""The result of a tuning: the blocks with their numbers, the value of each limit, and missing
+demands.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,8 @@ class Ended(Enum):
 
     References
     ----------
-    Lewis & Overton, *Nonsmooth optimization via quasi-Newton methods*, Mathematical Programming 141 (2013).
+    Lewis & Overton, *Nonsmooth optimization via quasi-Newton methods*, Mathematical Programming 141
+    (2013).
 
     Examples
     --------
@@ -55,13 +58,16 @@ class LimitValue:
     omega : float
         Frequency of this maximum [rad/s]; inf at infinite frequency.
     n_lines : int
-        Number of frequencies; 0 for a norm: no frequency has a larger ratio, by the Hamiltonian test to 1e-7.
+        Number of frequencies; 0 for a norm: no frequency has a larger ratio, by the Hamiltonian
+        test to 1e-7.
     omegas, curve, before : (W,) ndarray
-        Ratio over frequency [rad/s], and that with the given blocks; nan if those leave it unstable.
+        Ratio over frequency [rad/s], and that with the given blocks; nan if those leave it
+        unstable.
 
     References
     ----------
-    Bruinsma & Steinbuch, *A fast algorithm to compute the H-infinity norm*, Systems & Control Letters 14 (1990).
+    Bruinsma & Steinbuch, *A fast algorithm to compute the H-infinity norm*, Systems & Control
+    Letters 14 (1990).
 
     Examples
     --------
@@ -89,30 +95,37 @@ class LimitValue:
         kind = "hard" if self.hard else "soft"
         where = format_hertz(self.omega)
         how = f"on {self.n_lines} lines" if self.n_lines else "norm"
-        return f"{kind}  {self.limit} on plant {self.plant}: {self.ratio:.5g} of its bound at {where}, {how}"
+        return (
+            f"{kind}  {self.limit} on plant {self.plant}: {self.ratio:.5g} of its bound at {where},"
+            f" {how}"
+        )
 
 
 @value
 class TunedDesign:
-    """Blocks tuned together, with the properties of their loops. Nothing here is a proof: `check` proves.
+    """Blocks tuned together, with the properties of their loops.
+
+    Nothing here is a proof: `check` proves.
 
     Fields
     ------
     blocks : dict of str to block
         The given blocks with tuned numbers.
     met : bool
-        True if every loop is stable and every hard limit is met: at all frequencies for a norm, otherwise on lines.
+        True if every loop is stable and every hard limit is met: at all frequencies for a norm,
+        otherwise on lines.
     stable : bool
         True if every loop is stable beyond rounding, and has the required decay.
     limits : tuple of LimitValue
         Every limit on every plant, the worst first, hard ones before soft ones.
     excess : float
-        Largest real part of a pole that a block moves [rad/s], over all plants that are systems; -inf without any.
+        Largest real part of a pole that a block moves [rad/s], over all plants that are systems;
+        -inf without any.
     ended : Ended
         Reason why the search ended.
     spread : tuple of float
-        Result of every start: the worst hard ratio while one is missed, otherwise the worst soft one; inf if no stable
-        loop was found. Different results are local optima: take more starts.
+        Result of every start: the worst hard ratio while one is missed, otherwise the worst soft
+        one; inf if no stable loop was found. Different results are local optima: take more starts.
     at_bounds : tuple of str
         Parameters at a bound: the bound may limit the design.
     not_asked : tuple of str
@@ -120,7 +133,8 @@ class TunedDesign:
     n_evaluated : int
         Number of loops evaluated.
     broken_sets : tuple of str
-        For `worst` limits: plants whose set is not stable in the loop, by `worst_case`, with the reason.
+        For `worst` limits: plants whose set is not stable in the loop, by `worst_case`, with the
+        reason.
     system : tuple of control.StateSpace
         The fixed parts.
     plant : Plants
@@ -169,10 +183,14 @@ class TunedDesign:
         """Return the reason of the end, or the missed limits with their frequencies."""
         missed = [one for one in self.limits if one.hard and not one.met]
         if not self.limits:
-            return f"no stable loop was found, the slowest pole has a real part of {self.excess:.3g} rad/s"
+            return (
+                f"no stable loop was found, the slowest pole has a real part of {self.excess:.3g}"
+                " rad/s"
+            )
         if missed:
             entries = "; ".join(
-                f"{one.limit} is missed by a factor {one.ratio:.4g} at {format_hertz(one.omega)} on plant {one.plant}"
+                f"{one.limit} is missed by a factor {one.ratio:.4g} at {format_hertz(one.omega)} on"
+                f" plant {one.plant}"
                 for one in missed[:3]
             )
             return f"not met: {entries} ({self.ended.value})"
@@ -182,18 +200,25 @@ class TunedDesign:
             return "not met: a loop lies within rounding of the stability boundary. Require a decay"
         return self.ended.value
 
-    def controller(self, inputs: str | Sequence[str], outputs: str | Sequence[str]) -> control.StateSpace:
-        """Return all blocks and fixed parts between two signals as one controller: outputs = -K inputs.
+    def controller(
+        self, inputs: str | Sequence[str], outputs: str | Sequence[str]
+    ) -> control.StateSpace:
+        """Return all blocks and fixed parts between two signals as one controller: outputs = -K
+        inputs.
 
-        Use it for `check`, `controller_sections` and `pid_gains`: `controller("y", "u")` with the outputs and inputs of
-        the plant.
+        Use it for `check`, `controller_sections` and `pid_gains`: `controller("y", "u")` with the
+        outputs and inputs of the plant.
         """
         inputs, outputs = signal_names("inputs", inputs), signal_names("outputs", outputs)
         open_chain = self.joined((), inputs, outputs)
-        K = structurally_minimal((open_chain.A, open_chain.B, -open_chain.C, -open_chain.D), self.dt)
+        K = structurally_minimal(
+            (open_chain.A, open_chain.B, -open_chain.C, -open_chain.D), self.dt
+        )
         return with_names(K, inputs, outputs)
 
-    def loop(self, inputs: str | Sequence[str], outputs: str | Sequence[str], plant: int = 0) -> control.StateSpace:
+    def loop(
+        self, inputs: str | Sequence[str], outputs: str | Sequence[str], plant: int = 0
+    ) -> control.StateSpace:
         """Return the closed loop around one plant, between two signals, with all its states."""
         inputs, outputs = signal_names("inputs", inputs), signal_names("outputs", outputs)
         plant = require_integer("plant", plant, least=0)
@@ -202,8 +227,8 @@ class TunedDesign:
         seen = see_plants(self.plant, self.dt, delay=self.delay, worst=False)[plant]
         if isinstance(seen, MeasuredPlant):
             raise ValueError(
-                "plant must be the index of a system or a model, because a loop around an FRF is not one system, got "
-                "an FRF"
+                "plant must be the index of a system or a model, because a loop around an FRF is"
+                " not one system, got an FRF"
             )
         G = seen.system
         G = control.StateSpace(G.A, G.B, G.C, G.D, self.dt, remove_useless_states=False)
@@ -214,14 +239,17 @@ class TunedDesign:
     ) -> control.StateSpace:
         """Return fixed parts, blocks and further systems joined by name."""
         parts = [*self.system, *(block.system(self.dt) for block in self.blocks.values()), *more]
-        return with_names(join_by_name(parts, [], external=inputs, looked_at=outputs), inputs, outputs)
+        return with_names(
+            join_by_name(parts, [], external=inputs, looked_at=outputs), inputs, outputs
+        )
 
     def __str__(self) -> str:
         met = "met (on lines or as norms, see each limit)" if self.met else "NOT MET"
         rows = [f"tuned {format_small_count(len(self.blocks), 'block')}: {met}; {self.reason}"]
         for name, block in self.blocks.items():
             entries = [
-                f"{key} = {np.array2string(number, precision=6)}{f' {_UNITS[key]}' if key in _UNITS else ''}"
+                f"{key} ="
+                f" {np.array2string(number, precision=6)}{f' {_UNITS[key]}' if key in _UNITS else ''}"
                 for key, number in parameter_values(block).items()
             ]
             rows.append(f"  {name}: {', '.join(entries)}")

@@ -1,12 +1,15 @@
-"""A limit that keeps the proof of `prove_friction`: the mobility at a friction dissipates at every frequency.
+"""A limit that keeps the proof of `prove_friction`: the mobility at a friction dissipates at every
+frequency.
 
-With the friction f at its port, the mobility M = v/f of the closed loop there, and multipliers mu >= 0 of filters a,
+With the friction f at its port, the mobility M = v/f of the closed loop there, and multipliers mu
+>= 0 of filters a,
 
     q = Re(C M) - L < 0,   C = mu_0 + sum mu_j (1 - a_j/(rho (a_j - s))),   L = sum mu_j a_j w^2/(rho K0 (a_j^2 + w^2))
 
-at every frequency is the first test of the proof (`robust.friction.proof.multipliers`). The controller enters M only
-through the sensitivity S = 1/(1 + G_d K). With the displacements x at the port and y at the sensor, by the friction f
-and the force u, and with hold and delay e in front of the force,
+at every frequency is the first test of the proof (`robust.friction.proof.multipliers`). The
+controller enters M only through the sensitivity S = 1/(1 + G_d K). With the displacements x at the
+port and y at the sensor, by the friction f and the force u, and with hold and delay e in front of
+the force,
 
     M = -s ((x_f - p) + p S),      p = e x_u y_f/G_d,
 
@@ -14,8 +17,9 @@ where G_d is the sampled plant. The ratio of the limit is
 
     1 + q/(|C M| + L),
 
-between zero and two, and below one if q is negative. Like the scalings of a worst case, the multipliers are kept over a
-round of the search, and computed again by their linear program between the rounds.
+between zero and two, and below one if q is negative. Like the scalings of a worst case, the
+multipliers are kept over a round of the search, and computed again by their linear program between
+the rounds.
 """
 
 from __future__ import annotations
@@ -29,32 +33,38 @@ from nlfrf._base.arguments import require_real
 from nlfrf._base.values import value
 from robust.friction.classes.maxwell_slip import MaxwellSlip
 from robust.friction.plant import FrictionPlant
-from robust.friction.proof.multipliers import filter_rates, maxwell_slip_multipliers, multiplier_terms
+from robust.friction.proof.multipliers import (
+    filter_rates,
+    maxwell_slip_multipliers,
+    multiplier_terms,
+)
 from robust.friction.reading.assumed_class import MachineWithFriction, machines_of
 from robust.lti.lti import evaluate_transfer, response
 from robust.lti.sampling import hold_response
 
-#: Number of lines of the linear program, as in `prove_friction`; the lowest over the highest, and over the slowest pole
-#: or filter; the highest over Nyquist.
+# : Number of lines of the linear program, as in `prove_friction`; the lowest over the highest, and
+# over the slowest pole : or filter; the highest over Nyquist.
 _N_LINES, _LOWEST, _SLOWEST, _BELOW_NYQUIST = 450, 1e-5, 0.1, 0.999
 
 
 @value(kw_only=False)
 class FrictionLimit:
-    """Keep the loop provable for every friction of a class; use it in `hard`, and prove with `prove_friction`.
+    """Keep the loop provable for every friction of a class; use it in `hard`, and prove with
+    `prove_friction`.
 
-    Each machine is one more plant, without any other limit: its sliding loop has to be stable, and its mobility at the
-    friction has to dissipate at every frequency by the margin.
+    Each machine is one more plant, without any other limit: its sliding loop has to be stable, and
+    its mobility at the friction has to dissipate at every frequency by the margin.
 
     Fields
     ------
     machine : FrictionPlant or MachineWithFriction
-        The machine without its friction, from `friction_plant`, in place of the plant of the design; or a class
-        estimated from levels, which contains its machines and its friction.
+        The machine without its friction, from `friction_plant`, in place of the plant of the
+        design; or a class estimated from levels, which contains its machines and its friction.
     friction : MaxwellSlip, optional
         Left out with a MachineWithFriction.
     margin : float
-        Distance of the ratio below one. On a rig of 1 kg on 80 kN/m with a PID 0, 0.001 and 0.01 were all proved.
+        Distance of the ratio below one. On a rig of 1 kg on 80 kN/m with a PID 0, 0.001 and 0.01
+        were all proved.
 
     Raises
     ------
@@ -63,7 +73,8 @@ class FrictionLimit:
 
     References
     ----------
-    A. Rantzer, *Friction analysis based on integral quadratic constraints*, Int. J. Robust Nonlinear Control 11, 2001.
+    A. Rantzer, *Friction analysis based on integral quadratic constraints*, Int. J. Robust
+    Nonlinear Control 11, 2001.
 
     Examples
     --------
@@ -87,12 +98,19 @@ class FrictionLimit:
 
     def __str__(self) -> str:
         assert self.friction is not None
-        return f"comes to rest with friction up to {self.friction.K0 / 1e3:.4g} {self.friction.units.stiffness}"
+        return (
+            f"comes to rest with friction up to {self.friction.K0 / 1e3:.4g}"
+            f" {self.friction.units.stiffness}"
+        )
 
     @property
     def machines(self) -> tuple[FrictionPlant, ...]:
         """Return the machines of the limit."""
-        return self.machine.machines if isinstance(self.machine, MachineWithFriction) else (self.machine,)
+        return (
+            self.machine.machines
+            if isinstance(self.machine, MachineWithFriction)
+            else (self.machine,)
+        )
 
     def weighting(self, dt: float) -> None:
         """Return None: the ratio is not the gain of a system."""
@@ -104,9 +122,11 @@ class FrictionLimit:
 
 @value(copy=False)
 class Multipliers:
-    """Weights of the filters: rates a (J,) [rad/s] and mu (1 + J,), that of the friction itself first.
+    """Weights of the filters: rates a (J,) [rad/s] and mu (1 + J,), that of the friction itself
+    first.
 
-    lowest, highest : frequencies of the test [rad/s]; below them every term is proportional to the frequency squared.
+    lowest, highest : frequencies of the test [rad/s]; below them every term is proportional to the
+    frequency squared.
     """
 
     rates: np.ndarray
@@ -122,7 +142,9 @@ class FrictionChannel:
     limit: FrictionLimit
     index: int
     machine: FrictionPlant
-    place: tuple[int, int]  # row of the measured position and column of a disturbance of it, in the responses H
+    place: tuple[
+        int, int
+    ]  # row of the measured position and column of a disturbance of it, in the responses H
     plant: control.StateSpace  # G_d, from force to measured position
     # dt, delay: sampling time and delay of the whole loop [s]
     dt: float
@@ -140,21 +162,30 @@ class FrictionChannel:
         return np.array([self.place[1]])
 
     def lines(self, poles: np.ndarray) -> np.ndarray:
-        """Return (W,) true frequencies [rad/s] for the multipliers: logarithmic and linear, up to Nyquist.
+        """Return (W,) true frequencies [rad/s] for the multipliers: logarithmic and linear, up to
+        Nyquist.
 
-        They begin at a tenth of the slowest pole: below it the test has its limit, and rounding grows.
+        They begin at a tenth of the slowest pole: below it the test has its limit, and rounding
+        grows.
         """
         size = np.abs(poles)[np.abs(poles) > 0]
         top = _BELOW_NYQUIST * np.pi / self.dt if self.dt else 100 * size.max(initial=1.0)
         low = max(_LOWEST * top, _SLOWEST * size.min(initial=top))
-        return np.union1d(np.geomspace(low, top, _N_LINES), np.linspace(max(low, top / _N_LINES), top, _N_LINES // 2))
+        return np.union1d(
+            np.geomspace(low, top, _N_LINES),
+            np.linspace(max(low, top / _N_LINES), top, _N_LINES // 2),
+        )
 
     def mobility_terms(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return a and b (W,) of the mobility a + b S."""
         m, zero = self.machine, np.zeros((2, 2))
         into, out = np.column_stack([m.B_force, m.B_port]), np.vstack([m.C_measured, m.C_port])
-        (_, y_f), (x_u, x_f) = np.moveaxis(evaluate_transfer(m.A, into, out, zero, 1j * omega), 0, 2)
-        late = np.exp(-1j * omega * self.delay) * (hold_response(omega, self.dt) if self.dt else 1.0)
+        (_, y_f), (x_u, x_f) = np.moveaxis(
+            evaluate_transfer(m.A, into, out, zero, 1j * omega), 0, 2
+        )
+        late = np.exp(-1j * omega * self.delay) * (
+            hold_response(omega, self.dt) if self.dt else 1.0
+        )
         p = late * x_u * y_f / response(self.plant, omega)
         return -1j * omega * (x_f - p), -1j * omega * p
 
@@ -163,16 +194,23 @@ class FrictionChannel:
         a, b = self.mobility_terms(omega)
         return a + b * H[:, self.place[0], self.place[1]]
 
-    def test_terms(self, omega: np.ndarray, multipliers: Multipliers) -> tuple[np.ndarray, np.ndarray]:
+    def test_terms(
+        self, omega: np.ndarray, multipliers: Multipliers
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return C and L (W,) of the test."""
         assert self.limit.friction is not None
-        K0, rho, a, s = self.limit.friction.K0, self.limit.friction.stiction, multipliers.rates, 1j * omega[:, None]
+        K0 = self.limit.friction.K0
+        rho = self.limit.friction.stiction
+        a = multipliers.rates
+        s = 1j * omega[:, None]
         C = multipliers.mu[0] + (1 - a / (rho * (a - s))) @ multipliers.mu[1:]
         lost = a * omega[:, None] ** 2 / (rho * K0 * (a**2 + omega[:, None] ** 2))
         return C, lost @ multipliers.mu[1:]
 
     def levels(self, omega: np.ndarray, H: np.ndarray, multipliers: Multipliers) -> np.ndarray:
-        """Return (W,) the ratio over its bound; zero outside the lines, as at Nyquist, where G_d may be zero."""
+        """Return (W,) the ratio over its bound; zero outside the lines, as at Nyquist, where G_d
+        may be zero.
+        """
         low, high = multipliers.lowest, multipliers.highest
         at = np.clip(omega, low, high)
         z = self.mobility(at, H)
@@ -180,7 +218,9 @@ class FrictionChannel:
         ratio = 1 + ((C * z).real - lost) / (np.abs(C * z) + lost)
         return np.where((omega >= low) & (omega <= high), ratio, 0.0) * self.limit.factor(omega)
 
-    def slopes(self, omega: float, H: np.ndarray, multipliers: Multipliers) -> list[tuple[float, np.ndarray]]:
+    def slopes(
+        self, omega: float, H: np.ndarray, multipliers: Multipliers
+    ) -> list[tuple[float, np.ndarray]]:
         """Return the ratio at one frequency and its adjoint: d ratio = Re tr(Q* dH)."""
         at = np.array([omega])
         (_,), (b,) = self.mobility_terms(at)
@@ -193,7 +233,9 @@ class FrictionChannel:
         return [(float(1 + q / size), Q)]
 
     def best_multipliers(self, omega: np.ndarray, H: np.ndarray) -> Multipliers:
-        """Return the multipliers with the largest share dissipated at every frequency, among those tried."""
+        """Return the multipliers with the largest share dissipated at every frequency, among those
+        tried.
+        """
         assert self.limit.friction is not None
         friction, M = self.limit.friction, self.mobility(omega, H)
         best: tuple[float, Multipliers | None] = (-np.inf, None)
@@ -204,7 +246,13 @@ class FrictionChannel:
             if share > best[0] and (mu[1:] > 0).any():
                 used = rates[mu[1:] > 1e-9 * mu[1:].max()]
                 lowest = max(min(omega[0], _SLOWEST * used.min()), _LOWEST * omega[-1])
-                best = share, Multipliers(rates=rates, mu=mu, lowest=lowest, highest=float(omega[-1]))
+                best = (
+                    share,
+                    Multipliers(rates=rates, mu=mu, lowest=lowest, highest=float(omega[-1])),
+                )
         if best[1] is None:
-            raise ValueError("hard must hold a friction limit whose test can be computed, got a loop without mobility")
+            raise ValueError(
+                "hard must hold a friction limit whose test can be computed, got a loop without"
+                " mobility"
+            )
         return best[1]

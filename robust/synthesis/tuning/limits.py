@@ -30,30 +30,34 @@ from robust.synthesis.tuning.worst import (
     scaled_slopes,
 )
 
-#: A gain over frequency, as given or as stored: a number, a system, a function of omega (W,) [rad/s].
+# : A gain over frequency, as given or as stored: a number, a system, a function of omega (W,)
+# [rad/s].
 Magnitude: TypeAlias = "float | LinearSystem | Callable[[np.ndarray], ArrayLike]"
 Asked = TypeVar("Asked")
 
 
 @value(kw_only=False)
 class Limit:
-    """The largest gain allowed from some signals to others: weight(omega) sigma(omega) <= bound(omega).
+    """The largest gain allowed from some signals to others: weight(omega) sigma(omega) <=
+    bound(omega).
 
     Fields
     ------
     inputs, outputs : str or list of str
-        Signals. Inputs act where a system, plant or block reads a signal of that name; an output is the sum of all
-        systems that drive it. The gain is the largest singular value over all of them.
+        Signals. Inputs act where a system, plant or block reads a signal of that name; an output is
+        the sum of all systems that drive it. The gain is the largest singular value over all of
+        them.
     bound : float, control system or callable
-        Largest gain allowed [unit of outputs over inputs]: a number, |bound(j omega)|, or a function of omega (W,) in
-        rad/s. In `soft` it is the scale: the largest ratio of a gain to its bound is minimised.
+        Largest gain allowed [unit of outputs over inputs]: a number, |bound(j omega)|, or a
+        function of omega (W,) in rad/s. In `soft` it is the scale: the largest ratio of a gain to
+        its bound is minimised.
     band : (float, float), optional
         Lowest and highest frequency of the limit [rad/s]; all by default.
     weight : float, control system or callable
         Factor on the gain, of the same types as `bound`. A system must be stable.
     worst : bool
-        If True, the limit is for every plant of the set and not for the nominal one. Every plant has to be an
-        UncertaintyModel, or a Bla with one input and output.
+        If True, the limit is for every plant of the set and not for the nominal one. Every plant
+        has to be an UncertaintyModel, or a Bla with one input and output.
 
     Raises
     ------
@@ -86,10 +90,17 @@ class Limit:
             object.__setattr__(self, name, _magnitude(name, getattr(self, name)))
         if self.band is not None:
             if not isinstance(self.band, tuple | list) or len(self.band) != 2:
-                raise ValueError(f"band must be (lowest, highest) [rad/s], got {short_form(self.band)}")
-            low, high = (float(edge) for edge in require_real_array("band", np.array(self.band), ndim=1))
+                raise ValueError(
+                    f"band must be (lowest, highest) [rad/s], got {short_form(self.band)}"
+                )
+            low, high = (
+                float(edge) for edge in require_real_array("band", np.array(self.band), ndim=1)
+            )
             if not 0 <= low < high:
-                raise ValueError(f"band must run from zero or more up to a higher frequency, got {low:g} to {high:g}")
+                raise ValueError(
+                    f"band must run from zero or more up to a higher frequency, got {low:g} to"
+                    f" {high:g}"
+                )
             object.__setattr__(self, "band", (low, high))
 
     def __str__(self) -> str:
@@ -101,26 +112,38 @@ class Limit:
         return isinstance(self.bound, float) and isinstance(self.weight, float)
 
     def weighting(self, dt: float) -> control.StateSpace | None:
-        """Return the weight over the bound as a system on the time base of the loop; None if it is not one."""
+        """Return the weight over the bound as a system on the time base of the loop; None if it is
+        not one.
+        """
         found = []
         for part in (self.weight, self.bound):
             part = control.StateSpace([], [], [], [[part]], dt) if isinstance(part, float) else part
-            if not isinstance(part, control.StateSpace) or (timebase(part) != dt and not is_clockless(part)):
+            if not isinstance(part, control.StateSpace) or (
+                timebase(part) != dt and not is_clockless(part)
+            ):
                 return None
-            found.append(control.StateSpace(part.A, part.B, part.C, part.D, dt, remove_useless_states=False))
+            found.append(
+                control.StateSpace(part.A, part.B, part.C, part.D, dt, remove_useless_states=False)
+            )
         W, bound = found
         return in_series(W, biproper_inverse(bound)) if bound.D[0, 0] else None
 
     @property
     def systems(self) -> tuple[control.StateSpace, ...]:
-        """Return weight and bound if they are systems: their poles and zeros give frequencies for the grid."""
-        return tuple(part for part in (self.weight, self.bound) if isinstance(part, control.StateSpace))
+        """Return weight and bound if they are systems: their poles and zeros give frequencies for
+        the grid.
+        """
+        return tuple(
+            part for part in (self.weight, self.bound) if isinstance(part, control.StateSpace)
+        )
 
     def factor(self, omega: np.ndarray) -> np.ndarray:
         """Return (W,) weight over bound at true frequencies [rad/s]."""
         if self.is_constant:
             return np.full(np.size(omega), self.weight / self.bound)
-        return _evaluate_magnitude("weight", self.weight, omega) / _evaluate_magnitude("bound", self.bound, omega)
+        return _evaluate_magnitude("weight", self.weight, omega) / _evaluate_magnitude(
+            "bound", self.bound, omega
+        )
 
 
 def _magnitude(name: str, given: Magnitude) -> Magnitude:
@@ -139,13 +162,16 @@ def _evaluate_magnitude(name: str, given: Magnitude, omega: np.ndarray) -> np.nd
         return np.full(np.size(omega), given)
     if isinstance(given, control.StateSpace):
         step = timebase(given)
-        return np.abs(response(given, np.minimum(omega, np.pi / step) if step else np.minimum(omega, 1e12)))
+        return np.abs(
+            response(given, np.minimum(omega, np.pi / step) if step else np.minimum(omega, 1e12))
+        )
     found = np.broadcast_to(np.abs(np.asarray(given(omega))), np.shape(omega)).astype(float)
     bad = ~(np.isfinite(found) & (found > 0 if name == "bound" else found >= 0))
     if bad.any():
         k = int(np.argmax(bad))
         raise ValueError(
-            f"{name} must be positive and finite at every frequency, got {found[k]:g} at {omega[k]:g} rad/s"
+            f"{name} must be positive and finite at every frequency, got {found[k]:g} at"
+            f" {omega[k]:g} rad/s"
         )
     return found
 
@@ -154,7 +180,9 @@ def require_limits(name: str, given: Sequence[Asked], kinds: tuple[type, ...]) -
     """Return limits as a list; refuse others."""
     limits = [given] if isinstance(given, kinds) else given
     if not isinstance(limits, tuple | list) or not all(isinstance(one, kinds) for one in limits):
-        raise ValueError(f"{name} must hold robust.tuning.Limit values, as a list, got {short_form(given)}")
+        raise ValueError(
+            f"{name} must hold robust.tuning.Limit values, as a list, got {short_form(given)}"
+        )
     return list(limits)
 
 
@@ -171,15 +199,21 @@ class Channel:
     # rows, columns: (.,)
     rows: np.ndarray
     columns: np.ndarray
-    # (ndarray of int, ndarray of int) for a worst case: rows of the plant inputs, columns of disturbances at plant
-    # inputs and outputs
+    # (ndarray of int, ndarray of int) for a worst case: rows of the plant inputs, columns of
+    # disturbances at plant inputs and outputs
     perturbation: tuple[np.ndarray, np.ndarray] | None
     blocks: Blocks = ONE_DISC  # for a worst case: the blocks of Delta
 
     @property
     def is_scaled(self) -> bool:
-        """Return True if the worst case is a bound by scalings: in all cases but one scalar Delta, scalar channel."""
-        return self.perturbation is not None and (self.blocks, self.rows.size, self.columns.size) != (ONE_DISC, 1, 1)
+        """Return True if the worst case is a bound by scalings: in all cases but one scalar Delta,
+        scalar channel.
+        """
+        return self.perturbation is not None and (
+            self.blocks,
+            self.rows.size,
+            self.columns.size,
+        ) != (ONE_DISC, 1, 1)
 
     @property
     def places(self) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
@@ -187,8 +221,12 @@ class Channel:
         assert self.perturbation is not None
         return (self.perturbation[0], self.rows), (self.perturbation[1], self.columns)
 
-    def gain(self, H: np.ndarray, perturbation: Perturbation | None, d: np.ndarray | None) -> np.ndarray:
-        """Return the unweighted gain (W,) of the search: smooth, with scalings d (W, K) if the limit has them."""
+    def gain(
+        self, H: np.ndarray, perturbation: Perturbation | None, d: np.ndarray | None
+    ) -> np.ndarray:
+        """Return the unweighted gain (W,) of the search: smooth, with scalings d (W, K) if the
+        limit has them.
+        """
         if self.perturbation is None:
             return _largest_singular_values(H[:, self.rows[:, None], self.columns])
         assert perturbation is not None
@@ -196,7 +234,9 @@ class Channel:
         return disc_gain(N, smooth=True) if d is None else scaled_gain(N, self.blocks, d)
 
     def exact_gain(self, H: np.ndarray, perturbation: Perturbation | None) -> np.ndarray:
-        """Return the unweighted gain (W,) of the report, with the best scalings; inf if the set destabilises."""
+        """Return the unweighted gain (W,) of the report, with the best scalings; inf if the set
+        destabilises.
+        """
         if self.perturbation is None:
             return self.gain(H, None, None)
         assert perturbation is not None
@@ -206,7 +246,9 @@ class Channel:
     def slopes(
         self, H: np.ndarray, perturbation: Perturbation | None, d: np.ndarray | None
     ) -> list[tuple[float, np.ndarray]]:
-        """Return gains at one frequency and their adjoints Q, d gain = Re tr(Q* dH); two if they are close."""
+        """Return gains at one frequency and their adjoints Q, d gain = Re tr(Q* dH); two if they
+        are close.
+        """
         if self.perturbation is None:
             found = []
             for sigma, u, v in _leading_singular_vectors(H[self.rows[:, None], self.columns]):
@@ -223,7 +265,9 @@ class Channel:
         self, omega: np.ndarray, H: np.ndarray, perturbation: Perturbation, level: np.ndarray
     ) -> Scalings:
         """Return the scalings of least gain at increasing positive frequencies."""
-        return fit_scalings(omega, perturbation.pull_out(H, *self.places), blocks=self.blocks, level=level)
+        return fit_scalings(
+            omega, perturbation.pull_out(H, *self.places), blocks=self.blocks, level=level
+        )
 
 
 def _largest_singular_values(H: np.ndarray) -> np.ndarray:
@@ -237,5 +281,7 @@ def _leading_singular_vectors(H: np.ndarray) -> list[tuple[float, np.ndarray, np
     """Return the largest singular value with its vectors, and the second one if it is close."""
     U, sigma, V = np.linalg.svd(H, full_matrices=False)
     return [
-        (float(s), U[:, k], V[k].conj()) for k, s in enumerate(sigma[:2]) if k == 0 or s > SECOND_VALUE_RATIO * sigma[0]
+        (float(s), U[:, k], V[k].conj())
+        for k, s in enumerate(sigma[:2])
+        if k == 0 or s > SECOND_VALUE_RATIO * sigma[0]
     ]

@@ -1,4 +1,6 @@
-"""The loop around one plant with its fixed parts, and every limit on it: gains over frequency, peaks, slopes."""
+"""The loop around one plant with its fixed parts, and every limit on it: gains over frequency,
+peaks, slopes.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,13 @@ from robust.lti.lti import (
     to_s_plane,
     zeros,
 )
-from robust.lti.norms import continuous_matrices, crossings, discrete_matrices, largest_gain, well_conditioned
+from robust.lti.norms import (
+    continuous_matrices,
+    crossings,
+    discrete_matrices,
+    largest_gain,
+    well_conditioned,
+)
 from robust.lti.stability import count_half_turns, integrator_poles, unstable_poles, winding_number
 from robust.synthesis.tuning.closing import ClosedLoop, StatePlant
 from robust.synthesis.tuning.friction import FrictionChannel, Multipliers
@@ -30,17 +38,20 @@ from robust.synthesis.tuning.plants import MeasuredPlant, ModelledPlant, is_boun
 from robust.synthesis.tuning.worst import Perturbation, Scalings
 
 _N_LINES, _N_PEAKS, _N_ROUNDS = 70, 6, 4
-#: Frequencies of the final evaluation for a limit that is not a norm, and around each lightly damped pole.
+# : Frequencies of the final evaluation for a limit that is not a norm, and around each lightly
+# damped pole.
 _N_DENSE, _N_AROUND, _N_BAND = 1500, 41, 300
 #: Least height of a local maximum over the highest one.
 _NEAR_PEAK_RATIO = 0.7
 #: Relative excess of the exact norm over a value, above which a frequency is added.
 _NORM_TOLERANCE = 1e-8
-#: Steps above a value at which the exact norm is tried, the first ones for a value close to a singular value of D.
+# : Steps above a value at which the exact norm is tried, the first ones for a value close to a
+# singular value of D.
 _DIFFERENCE_STEPS = (1e-3, 1e-5, 1e-7)
 _MAX_KEPT = 24
 AnyChannel = Channel | FrictionChannel
-#: For the scalings of a worst case: rounds that insert lines, and the relative level above the best that causes one.
+# : For the scalings of a worst case: rounds that insert lines, and the relative level above the
+# best that causes one.
 _N_SCALING_ROUNDS, _SCALING_TOLERANCE = 3, 1e-3
 #: Number of frequencies whose best scalings are computed together.
 _N_TOGETHER = 60
@@ -75,7 +86,8 @@ class Peak:
 class CloseLook:
     """Final value of a limit on one plant, from its norm or from dense lines."""
 
-    # ratio, omega: largest gain times weight over bound, and its frequency in the plane of the bilinear map [rad/s]
+    # ratio, omega: largest gain times weight over bound, and its frequency in the plane of the
+    # bilinear map [rad/s]
     ratio: float
     omega: float
     n_lines: int  # number of frequencies; 0 if no frequency has a larger ratio
@@ -85,26 +97,51 @@ class ModelledLoop:
     """The loop of a plant that is known at every frequency."""
 
     def __init__(
-        self, index: int, fixed: StatePlant, plant: ModelledPlant, channels: Sequence[AnyChannel], dt: float
+        self,
+        index: int,
+        fixed: StatePlant,
+        plant: ModelledPlant,
+        channels: Sequence[AnyChannel],
+        dt: float,
     ) -> None:
-        self.index, self.fixed, self.plant, self.channels, self.dt = index, fixed, plant, channels, dt
-        #: Frequencies at which a limit exceeded its value on the grid, kept for the rest of the search, by limit.
+        self.index, self.fixed, self.plant, self.channels, self.dt = (
+            index,
+            fixed,
+            plant,
+            channels,
+            dt,
+        )
+        # : Frequencies at which a limit exceeded its value on the grid, kept for the rest of the
+        # search, by limit.
         self.added: dict[int, list[float]] = {channel.index: [] for channel in channels}
         #: Scalings of worst cases and multipliers of friction limits, by limit.
         self.scalings: dict[int, Scalings] = {}
         self.multipliers: dict[int, Multipliers] = {}
         self.has_friction = any(isinstance(channel, FrictionChannel) for channel in channels)
         lines = plant.lines[(plant.lines > 0)]
-        lines = np.concatenate([lines[lines * dt < np.pi] if dt else lines, self.lines_of_systems()])
+        lines = np.concatenate(
+            [lines[lines * dt < np.pi] if dt else lines, self.lines_of_systems()]
+        )
         self.lines = _bilinear_frequency(lines, dt)
 
     def lines_of_systems(self) -> np.ndarray:
-        """Return frequencies [rad/s] around the poles and zeros of weights, bounds and set, folded below Nyquist."""
+        """Return frequencies [rad/s] around the poles and zeros of weights, bounds and set, folded
+        below Nyquist.
+        """
         systems = [
             *self.plant.set_systems,
-            *(part for one in self.channels if isinstance(one, Channel) for part in one.limit.systems),
+            *(
+                part
+                for one in self.channels
+                if isinstance(one, Channel)
+                for part in one.limit.systems
+            ),
         ]
-        roots = [to_s_plane(np.append(poles(one), zeros(one)), timebase(one)) for one in systems if one.nstates]
+        roots = [
+            to_s_plane(np.append(poles(one), zeros(one)), timebase(one))
+            for one in systems
+            if one.nstates
+        ]
         s = np.concatenate([np.zeros(0, complex), *roots])
         found = np.concatenate([np.abs(s), mode_lines(s, (0.0, np.inf))])
         found = found[np.isfinite(found) & (found > 0)]
@@ -112,7 +149,9 @@ class ModelledLoop:
         return np.abs((found + top) % (2 * top) - top) if self.dt else found
 
     def close(self, M: np.ndarray) -> ClosedLoop | None:
-        """Return the loop with the blocks M; None if it has no solution, or one that is not finite."""
+        """Return the loop with the blocks M; None if it has no solution, or one that is not
+        finite.
+        """
         loop = self.fixed.close(M)
         return loop if loop is not None and np.isfinite(loop.A).all() else None
 
@@ -123,8 +162,12 @@ class ModelledLoop:
         low, high = _bilinear_frequency(np.array(channel.limit.band), self.dt)
         return float(low), float(high)
 
-    def levels(self, channel: AnyChannel, omega: np.ndarray, H: np.ndarray, *, exact: bool = False) -> np.ndarray:
-        """Return (W,) gain times weight over bound at frequencies of the plane, of the search or exact."""
+    def levels(
+        self, channel: AnyChannel, omega: np.ndarray, H: np.ndarray, *, exact: bool = False
+    ) -> np.ndarray:
+        """Return (W,) gain times weight over bound at frequencies of the plane, of the search or
+        exact.
+        """
         true = true_frequency(omega, self.dt)
         if isinstance(channel, FrictionChannel):
             return channel.levels(true, H, self.multipliers[channel.index])
@@ -133,7 +176,9 @@ class ModelledLoop:
             return channel.exact_gain(H, None) * factor
         perturbation = self.perturbation(true)
         known = is_bounded(perturbation)
-        perturbation = replace(perturbation, drives=np.where(known[:, None, None], perturbation.drives, 0))
+        perturbation = replace(
+            perturbation, drives=np.where(known[:, None, None], perturbation.drives, 0)
+        )
         gain = (
             channel.exact_gain(H, perturbation)
             if exact
@@ -151,7 +196,9 @@ class ModelledLoop:
         return self.scalings[channel.index].at(omega) if channel.is_scaled else None
 
     def refit_scalings(self, loop: ClosedLoop) -> None:
-        """Fit the scalings of the worst cases to a loop again, on more lines where these are too sparse."""
+        """Fit the scalings of the worst cases to a loop again, on more lines where these are too
+        sparse.
+        """
         for channel in self.channels:
             if isinstance(channel, FrictionChannel):
                 true = channel.lines(loop.poles)
@@ -166,7 +213,9 @@ class ModelledLoop:
                 true = true_frequency(omega, self.dt)
                 level = 1 / np.maximum(channel.limit.factor(true), 1e-300)
                 H = loop.responses_by_elimination(omega)
-                self.scalings[channel.index] = channel.best_scalings(omega, H, self.perturbation(true), level)
+                self.scalings[channel.index] = channel.best_scalings(
+                    omega, H, self.perturbation(true), level
+                )
                 level = self.levels(channel, omega, H)
                 tops, heights = self.refine_maxima(loop, channel, omega, level)
                 if not heights.max(initial=0.0) > level.max() * (1 + _SCALING_TOLERANCE):
@@ -174,22 +223,30 @@ class ModelledLoop:
                 omega = np.union1d(omega, tops)
 
     def respond(self, loop: ClosedLoop) -> Callable[[np.ndarray], np.ndarray]:
-        """Return the function for responses: from the modes, or without their rounding for a friction limit."""
+        """Return the function for responses: from the modes, or without their rounding for a
+        friction limit.
+        """
         return loop.responses_by_elimination if self.has_friction else loop.responses
 
     def grid(self, loop: ClosedLoop) -> np.ndarray:
-        """Return frequencies that resolve every mode of the loop [rad/s], with zero and infinity."""
+        """Return frequencies that resolve every mode of the loop [rad/s], with zero and
+        infinity.
+        """
         poles = loop.poles
         size = np.abs(poles)
         size = size[size > 1e-12 * size.max(initial=0.0)] if size.size else np.ones(1)
         wide = np.geomspace(0.05 * size.min(), 20 * size.max(), _N_LINES)
         kept = [frequency for frequencies in self.added.values() for frequency in frequencies]
         return np.unique(
-            np.concatenate([[0.0, 1e-4 * size.min(), np.inf], wide, size, np.abs(poles.imag), self.lines, kept])
+            np.concatenate(
+                [[0.0, 1e-4 * size.min(), np.inf], wide, size, np.abs(poles.imag), self.lines, kept]
+            )
         )
 
     def highest_maxima(self, loop: ClosedLoop) -> list[tuple[AnyChannel, np.ndarray, np.ndarray]]:
-        """Return for each limit the frequencies of its highest local maxima, and the levels there, highest first."""
+        """Return for each limit the frequencies of its highest local maxima, and the levels there,
+        highest first.
+        """
         omega = self.grid(loop)
         respond = self.respond(loop)
         H = respond(omega)
@@ -220,11 +277,14 @@ class ModelledLoop:
         rounds: int = _N_ROUNDS,
         exact: bool = False,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Refine local maxima: brackets shrink to a quarter in each of `rounds`; exact: as in the report."""
+        """Refine local maxima: brackets shrink to a quarter in each of `rounds`; exact: as in the
+        report.
+        """
         respond = loop.responses_by_elimination if exact else self.respond(loop)
         places = _highest_places(level)
         best, value_ = omega[places], level[places]
-        left, right = omega[np.maximum(places - 1, 0)], omega[np.minimum(places + 1, omega.size - 1)]
+        left = omega[np.maximum(places - 1, 0)]
+        right = omega[np.minimum(places + 1, omega.size - 1)]
         inner = np.isfinite(best) & np.isfinite(right) & (left < best) & (best < right)
         best, value_ = best.copy(), value_.copy()
         x, lo, hi = best[inner], left[inner], right[inner]
@@ -232,11 +292,15 @@ class ModelledLoop:
         if x.size:
             shares = np.array([0.25, 0.5, 0.75])
             for _ in range(rounds):
-                points = np.concatenate([lo + (x - lo) * shares[:, None], x + (hi - x) * shares[:, None]])
+                points = np.concatenate(
+                    [lo + (x - lo) * shares[:, None], x + (hi - x) * shares[:, None]]
+                )
                 values = self.levels(channel, points.ravel(), respond(points.ravel()), exact=exact)
                 values = values.reshape(points.shape)
                 every = np.concatenate([lo[None], points[:3], x[None], points[3:], hi[None]])
-                heights = np.concatenate([np.full((1, x.size), -np.inf), values[:3], y[None], values[3:]])
+                heights = np.concatenate(
+                    [np.full((1, x.size), -np.inf), values[:3], y[None], values[3:]]
+                )
                 k = heights.argmax(axis=0)
                 column = np.arange(x.size)
                 x, y = every[k, column], heights[k, column]
@@ -257,60 +321,96 @@ class ModelledLoop:
         return found
 
     def peaks_at(
-        self, channel: AnyChannel, omega: float, sides: tuple[np.ndarray, np.ndarray, np.ndarray], slopes: np.ndarray
+        self,
+        channel: AnyChannel,
+        omega: float,
+        sides: tuple[np.ndarray, np.ndarray, np.ndarray],
+        slopes: np.ndarray,
     ) -> list[Peak]:
-        """Return the level and the slope of a limit at one frequency, and those of a second singular value."""
+        """Return the level and the slope of a limit at one frequency, and those of a second
+        singular value.
+        """
         H, L, R = sides
         true = true_frequency(np.array([omega]), self.dt)
         factor = float(channel.limit.factor(np.minimum(true, 1e12))[0])
         if isinstance(channel, FrictionChannel):
             gains = channel.slopes(float(true[0]), H, self.multipliers[channel.index])
             return _peaks_of_gains(
-                channel, self.index, omega=omega, factor=factor, found=gains, sides=(L, R), slopes=slopes
+                channel,
+                self.index,
+                omega=omega,
+                factor=factor,
+                found=gains,
+                sides=(L, R),
+                slopes=slopes,
             )
         perturbation = self.perturbation(true) if channel.perturbation is not None else None
         d = self.scalings_at(channel, np.array([omega]))
         gains = channel.slopes(H, perturbation, None if d is None else d[0])
         return _peaks_of_gains(
-            channel, self.index, omega=omega, factor=factor, found=gains, sides=(L, R), slopes=slopes
+            channel,
+            self.index,
+            omega=omega,
+            factor=factor,
+            found=gains,
+            sides=(L, R),
+            slopes=slopes,
         )
 
     def raise_norms(self, loop: ClosedLoop) -> dict[int, tuple[float, float, bool]]:
-        """Find the largest level of each limit, its frequency, and if none is higher (Bruinsma & Steinbuch 1990).
+        """Find the largest level of each limit, its frequency, and if none is higher (Bruinsma &
+        Steinbuch 1990).
 
         Frequencies found above the grid are kept for the rest of the search.
         """
         found = {}
         for channel, omega, _ in self.highest_maxima(loop):
-            exact = self.levels(channel, omega, loop.responses_by_elimination(omega), exact=not channel.is_scaled)
+            exact = self.levels(
+                channel, omega, loop.responses_by_elimination(omega), exact=not channel.is_scaled
+            )
             k = int(np.argmax(exact))
             best, where = float(exact[k]), float(omega[k])
             certain = False
             weighting = channel.limit.weighting(self.dt) if channel.perturbation is None else None
             if weighting is not None and best > 0:
                 matrices = _weighted_channel(loop, channel, weighting=weighting, dt=self.dt)
-                best, where, certain = _norm_over_band(matrices, best, where=where, band=self.band(channel))
+                best, where, certain = _norm_over_band(
+                    matrices, best, where=where, band=self.band(channel)
+                )
             self.keep(channel.index, where)
             found[channel.index] = (best, where, certain)
         return found
 
     def look_closely(self, loop: ClosedLoop) -> dict[int, CloseLook]:
-        """Return every limit: as a norm if it is one, otherwise on lines much denser than those of the search."""
+        """Return every limit: as a norm if it is one, otherwise on lines much denser than those of
+        the search.
+        """
         norms, looks = self.raise_norms(loop), {}
         for channel in self.channels:
             level, omega, certain = norms[channel.index]
             norm = CloseLook(ratio=level, omega=omega, n_lines=0)
-            looks[channel.index] = norm if certain else self.look_densely(loop, channel, level, omega)
+            looks[channel.index] = (
+                norm if certain else self.look_densely(loop, channel, level, omega)
+            )
         return looks
 
-    def look_densely(self, loop: ClosedLoop, channel: AnyChannel, level: float, where: float) -> CloseLook:
-        """Return a limit that is not a norm, because of a weight over frequency or a set, on a dense grid."""
+    def look_densely(
+        self, loop: ClosedLoop, channel: AnyChannel, level: float, where: float
+    ) -> CloseLook:
+        """Return a limit that is not a norm, because of a weight over frequency or a set, on a
+        dense grid.
+        """
         poles, (low, high) = loop.poles, self.band(channel)
         size = np.abs(poles)[np.abs(poles) > 0] if poles.size else np.ones(1)
         light = poles[(poles.imag > 0) & (np.abs(poles.real) < 0.3 * poles.imag)]
         near = cluster_at_modes(light, _N_AROUND) if light.size else np.zeros(0)
         edges = np.array([edge for edge in (low, high) if np.isfinite(edge)])
-        omega = [np.geomspace(1e-3 * size.min(), 1e3 * size.max(), _N_DENSE), near[near > 0], self.grid(loop), edges]
+        omega = [
+            np.geomspace(1e-3 * size.min(), 1e3 * size.max(), _N_DENSE),
+            near[near > 0],
+            self.grid(loop),
+            edges,
+        ]
         if np.isfinite(high):
             omega.append(np.geomspace(max(low, 1e-3 * high), high, _N_BAND))
         at = np.unique(np.concatenate([*omega, [where]]))
@@ -321,17 +421,22 @@ class ModelledLoop:
             level, where = float(levels[k]), float(at[k])
         if levels[k] > level * (1 - 1e-3):  # the maximum between two lines of the grid
             peak = slice(max(k - 1, 0), k + 2)
-            tops, heights = self.refine_maxima(loop, channel, at[peak], levels[peak], rounds=3 * _N_ROUNDS, exact=True)
+            tops, heights = self.refine_maxima(
+                loop, channel, at[peak], levels[peak], rounds=3 * _N_ROUNDS, exact=True
+            )
             if heights[0] > level:
                 level, where = float(heights[0]), float(tops[0])
                 self.keep(channel.index, where)
         return CloseLook(ratio=level, omega=where, n_lines=int(at.size))
 
-    def highest_levels(self, loop: ClosedLoop, channel: AnyChannel, omega: np.ndarray) -> np.ndarray:
-        """Return (W,) exact levels; with scalings only where they may be the highest, zero elsewhere.
+    def highest_levels(
+        self, loop: ClosedLoop, channel: AnyChannel, omega: np.ndarray
+    ) -> np.ndarray:
+        """Return (W,) exact levels; with scalings only where they may be the highest, zero
+        elsewhere.
 
-        The scalings of the search prove a bound at every frequency: where it is below an exact level found, no exact
-        level is higher.
+        The scalings of the search prove a bound at every frequency: where it is below an exact
+        level found, no exact level is higher.
         """
         H = loop.responses_by_elimination(omega)
         if not channel.is_scaled:
@@ -350,7 +455,9 @@ class ModelledLoop:
         return self.levels(channel, omega, loop.responses_by_elimination(omega), exact=True)
 
     def frequencies(self, channel: AnyChannel, loop: ClosedLoop) -> np.ndarray:
-        """Return frequencies of the plane [rad/s] that show the curve of a limit, within its band."""
+        """Return frequencies of the plane [rad/s] that show the curve of a limit, within its
+        band.
+        """
         size = np.abs(loop.poles)[np.abs(loop.poles) > 0] if loop.poles.size else np.ones(1)
         low, high = self.band(channel)
         high = min(high, 20 * float(size.max()))
@@ -361,7 +468,11 @@ class ModelledLoop:
     def keep(self, limit: int, omega: float) -> None:
         """Keep a frequency; of many, the latest are kept."""
         kept = self.added[limit]
-        if np.isfinite(omega) and omega > 0 and not any(abs(omega - one) <= 1e-6 * omega for one in kept):
+        if (
+            np.isfinite(omega)
+            and omega > 0
+            and not any(abs(omega - one) <= 1e-6 * omega for one in kept)
+        ):
             kept.append(omega)
             del kept[:-_MAX_KEPT]
 
@@ -369,14 +480,23 @@ class ModelledLoop:
 def _highest_places(level: np.ndarray) -> np.ndarray:
     """Return the indices of the highest local maxima of a level (W,), the highest first."""
     padded = np.concatenate([[-np.inf], level, [-np.inf]])
-    top = (level >= padded[:-2]) & (level >= padded[2:]) & (level >= _NEAR_PEAK_RATIO * level.max(initial=0.0))
+    top = (
+        (level >= padded[:-2])
+        & (level >= padded[2:])
+        & (level >= _NEAR_PEAK_RATIO * level.max(initial=0.0))
+    )
     places = np.flatnonzero(top)
     return places[np.argsort(-level[places], kind="stable")][:_N_PEAKS]
 
 
-def _weighted_channel(loop: ClosedLoop, channel: AnyChannel, *, weighting: control.StateSpace, dt: float) -> Matrices:
+def _weighted_channel(
+    loop: ClosedLoop, channel: AnyChannel, *, weighting: control.StateSpace, dt: float
+) -> Matrices:
     """Return the matrices of a channel with its weight on each output."""
-    A, B, C, D = loop.A, loop.B[:, channel.columns], loop.C[channel.rows], loop.D[np.ix_(channel.rows, channel.columns)]
+    A = loop.A
+    B = loop.B[:, channel.columns]
+    C = loop.C[channel.rows]
+    D = loop.D[np.ix_(channel.rows, channel.columns)]
     Aw, Bw, Cw, Dw = continuous_matrices(weighting, dt)
     p = len(channel.rows)
     Aw, Bw, Cw, Dw = (np.kron(np.eye(p), part) for part in (Aw, Bw, Cw, Dw))
@@ -392,7 +512,9 @@ def _weighted_channel(loop: ClosedLoop, channel: AnyChannel, *, weighting: contr
 def _norm_over_band(
     matrices: Matrices, best: float, *, where: float, band: tuple[float, float]
 ) -> tuple[float, float, bool]:
-    """Return the norm over a band, its frequency, and True if the Hamiltonian has no crossing above it."""
+    """Return the norm over a band, its frequency, and True if the Hamiltonian has no crossing above
+    it.
+    """
     system, certain = well_conditioned(matrices), False
     for _ in range(20):
         raised = False
@@ -426,7 +548,9 @@ def _peaks_of_gains(
     sides: tuple[np.ndarray, np.ndarray],
     slopes: np.ndarray,
 ) -> list[Peak]:
-    """Return peaks from gains and their adjoints: gradient of log gain = Re tr(R Q* L dM_k)/gain."""
+    """Return peaks from gains and their adjoints: gradient of log gain = Re tr(R Q* L
+    dM_k)/gain.
+    """
     L, R = sides
     peaks = []
     for gain, Q in found:
@@ -449,7 +573,9 @@ def _peaks_of_gains(
 
 @value(copy=False)
 class _ClosedLines:
-    """A stable loop around an FRF: the matrix M of its blocks, and H (W, outputs, inputs) on the lines."""
+    """A stable loop around an FRF: the matrix M of its blocks, and H (W, outputs, inputs) on the
+    lines.
+    """
 
     M: np.ndarray
     H: np.ndarray
@@ -471,7 +597,9 @@ class MeasuredLoop:
         n_looked_at: int,
         sizes: tuple[int, int, int],
     ) -> None:
-        """fixed: from (inputs, plant outputs, block outputs) to (outputs of limits, plant inputs, block inputs)."""
+        """fixed: from (inputs, plant outputs, block outputs) to (outputs of limits, plant inputs,
+        block inputs).
+        """
         self.index, self.plant, self.channels, self.dt = index, plant, channels, dt
         self.n_states, self.n_in, self.n_out = sizes
         n_y, n_u = plant.G.shape[:2]
@@ -497,16 +625,26 @@ class MeasuredLoop:
         n = self.n_states
         A, B, C, D = M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]
         W = len(self.image)
-        Phi = np.linalg.inv(1j * self.image[:, None, None] * np.eye(n) - A) if n else np.zeros((W, 0, 0), complex)
-        left = np.concatenate([C @ Phi, np.broadcast_to(np.eye(self.n_out), (W, self.n_out, self.n_out))], axis=2)
-        right = np.concatenate([Phi @ B, np.broadcast_to(np.eye(self.n_in), (W, self.n_in, self.n_in))], axis=1)
+        Phi = (
+            np.linalg.inv(1j * self.image[:, None, None] * np.eye(n) - A)
+            if n
+            else np.zeros((W, 0, 0), complex)
+        )
+        left = np.concatenate(
+            [C @ Phi, np.broadcast_to(np.eye(self.n_out), (W, self.n_out, self.n_out))], axis=2
+        )
+        right = np.concatenate(
+            [Phi @ B, np.broadcast_to(np.eye(self.n_in), (W, self.n_in, self.n_in))], axis=1
+        )
         return D + C @ Phi @ B, left, right
 
     def responses(self, M: np.ndarray) -> np.ndarray | None:
         """Return (W, outputs, inputs) on the lines; None if the loop has no solution on one."""
         K, _, _ = self.blocks_at(M)
         try:
-            return self.P11 + self.P12 @ K @ np.linalg.solve(np.eye(self.n_in) - self.P22 @ K, self.P21)
+            return self.P11 + self.P12 @ K @ np.linalg.solve(
+                np.eye(self.n_in) - self.P22 @ K, self.P21
+            )
         except np.linalg.LinAlgError:
             return None
 
@@ -530,7 +668,9 @@ class MeasuredLoop:
         return np.exp(self.scalings[channel.index].log_d.T) if channel.is_scaled else None
 
     def close(self, M: np.ndarray) -> _ClosedLines | None:
-        """Return the loop with the blocks M; None if it has no solution, or the lines do not show that it is stable."""
+        """Return the loop with the blocks M; None if it has no solution, or the lines do not show
+        that it is stable.
+        """
         H = self.responses(M) if all(self.stability_by_winding(M)) else None
         return None if H is None else _ClosedLines(M=M, H=H)
 
@@ -540,13 +680,17 @@ class MeasuredLoop:
             if channel.is_scaled:
                 assert self.plant.perturbation is not None
                 level = 1 / np.maximum(channel.limit.factor(self.plant.omega), 1e-300)
-                found = channel.best_scalings(self.plant.omega, loop.H, self.plant.perturbation, level)
+                found = channel.best_scalings(
+                    self.plant.omega, loop.H, self.plant.perturbation, level
+                )
                 self.scalings[channel.index] = found
 
     def peaks(self, loop: _ClosedLines, slopes: np.ndarray) -> list[Peak]:
         """Return peaks on the lines with their gradients."""
         K, left, right = self.blocks_at(loop.M)
-        if any(channel.is_scaled and channel.index not in self.scalings for channel in self.channels):
+        if any(
+            channel.is_scaled and channel.index not in self.scalings for channel in self.channels
+        ):
             self.refit_scalings(loop)
         found = []
         for channel in self.channels:
@@ -560,7 +704,9 @@ class MeasuredLoop:
                 perturbation, d = self.plant.perturbation, self.scalings_on_lines(channel)
                 factor = float(channel.limit.factor(self.plant.omega[[k]])[0])
                 slope = channel.slopes(
-                    loop.H[k], None if perturbation is None else perturbation.at(k), None if d is None else d[k]
+                    loop.H[k],
+                    None if perturbation is None else perturbation.at(k),
+                    None if d is None else d[k],
                 )
                 found += _peaks_of_gains(
                     channel,
@@ -574,7 +720,9 @@ class MeasuredLoop:
         return found
 
     def raise_norms(self, loop: _ClosedLines) -> dict[int, tuple[float, float, bool]]:
-        """Return the largest level of each limit on the lines, and its frequency in the plane of the bilinear map."""
+        """Return the largest level of each limit on the lines, and its frequency in the plane of
+        the bilinear map.
+        """
         found = {}
         for channel in self.channels:
             level = self.levels(channel, loop.H, exact=True)
@@ -594,17 +742,27 @@ class MeasuredLoop:
         """Return every limit on the lines of its band."""
         return {
             channel.index: CloseLook(
-                ratio=level, omega=omega, n_lines=int((self.band(channel) & self.plant.on_lines).sum())
+                ratio=level,
+                omega=omega,
+                n_lines=int((self.band(channel) & self.plant.on_lines).sum()),
             )
-            for channel, (level, omega, _) in zip(self.channels, self.raise_norms(loop).values(), strict=True)
+            for channel, (level, omega, _) in zip(
+                self.channels, self.raise_norms(loop).values(), strict=True
+            )
         }
 
     def seen_by_plant(self, M: np.ndarray) -> control.StateSpace | None:
-        """Return the controller of fixed parts and blocks from plant outputs to inputs; None: no solution."""
+        """Return the controller of fixed parts and blocks from plant outputs to inputs; None: no
+        solution.
+        """
         (A, B, C, D), n_w, n_z = self.around
         n = self.n_states
-        fixed = control.StateSpace(A, B[:, n_w:], C[n_z:], D[n_z:, n_w:], remove_useless_states=False)
-        blocks = control.StateSpace(M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:], remove_useless_states=False)
+        fixed = control.StateSpace(
+            A, B[:, n_w:], C[n_z:], D[n_z:, n_w:], remove_useless_states=False
+        )
+        blocks = control.StateSpace(
+            M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:], remove_useless_states=False
+        )
         try:
             K = lower_lft(fixed, blocks)
             matrices = discrete_matrices((K.A, K.B, K.C, K.D), self.dt)
@@ -613,7 +771,9 @@ class MeasuredLoop:
         return control.StateSpace(*matrices, self.dt, remove_useless_states=False)
 
     def stability_by_winding(self, M: np.ndarray) -> tuple[bool, bool]:
-        """Return True if the loop is stable by its winding number, and True if the lines resolve that."""
+        """Return True if the loop is stable by its winding number, and True if the lines resolve
+        that.
+        """
         K = self.seen_by_plant(M)
         if K is None:
             return False, False

@@ -4,7 +4,8 @@
     improve       in turns until a round gains nothing: sequential quadratic programs for the minimax of all peaks
                   (after Curtis, Mitchell & Overton 2017), then BFGS on the exact penalty
 
-A quadratic program stalls if peaks come and go; BFGS is slow if they stay. Each continues from the other.
+A quadratic program stalls if peaks come and go; BFGS is slow if they stay. Each continues from the
+other.
 """
 
 from __future__ import annotations
@@ -20,17 +21,20 @@ from robust.synthesis.tuning.problem import HARD_LIMIT_MARGIN, Evaluation, Tunin
 
 #: Relative gain of a round below which the search ends.
 _ROUND_GAIN = 2e-5
-#: The same for points around a stalled design, which cost more: TMD of COMPleib goes from 2.561 to 2.528.
+# : The same for points around a stalled design, which cost more: TMD of COMPleib goes from 2.561 to
+# 2.528.
 _SAMPLED_GAIN = 2e-4
 _N_ROUNDS, _N_SQP, _N_BFGS = 20, 40, 200
 #: Weights of the hard limits; the next one is for limits that are still missed.
 _PENALTIES = (10.0, 100.0, 1000.0)
-#: Largest number of closer evaluations that restart the search, and the excess (log) that causes one.
+# : Largest number of closer evaluations that restart the search, and the excess (log) that causes
+# one.
 _N_LOOKS, _LOOK_TOLERANCE = 3, 2e-6
 #: Around a stalled design: distances in coordinates, and the largest number of points.
 _SAMPLING_RADII, _MAX_SAMPLES = (0.1, 0.03, 0.01, 3e-3, 1e-3, 1e-4), 20
-#: Largest number of rounds with new scalings, and the gain (log) that causes another. For a 2 by 2 plant with two PIDs
-#: the rounds gained 0.75, 0.037, 0.013, 0.003 and 0.0007, and eight more together 0.003.
+# : Largest number of rounds with new scalings, and the gain (log) that causes another. For a 2 by 2
+# plant with two PIDs : the rounds gained 0.75, 0.037, 0.013, 0.003 and 0.0007, and eight more
+# together 0.003.
 _N_SCALINGS, _SCALED_GAIN = 6, 1e-3
 #: Level (log) relative to the start at and below which a limit counts as zero.
 _MIN_LOG_GAIN = float(np.log(1e-10))
@@ -42,7 +46,9 @@ Found = TypeVar("Found")  # result of a function besides its value and slope
 
 
 def find_stable(problem: TuningProblem, x: np.ndarray, n_steps: int = 150) -> Evaluation:
-    """Search from coordinates for a design whose poles all decay as required; otherwise return the last one."""
+    """Search from coordinates for a design whose poles all decay as required; otherwise return the
+    last one.
+    """
     low, high = problem.controller.lower, problem.controller.upper
 
     def function(x: np.ndarray) -> tuple[float, np.ndarray, Evaluation]:
@@ -50,7 +56,11 @@ def find_stable(problem: TuningProblem, x: np.ndarray, n_steps: int = 150) -> Ev
         found = problem.evaluate(inside, peaks=False)
         slope = found.poles[0].gradient if found.poles else np.zeros(x.size)
         outside = x - inside
-        return found.excess + float(np.abs(outside).sum()), np.where(outside == 0, slope, np.sign(outside)), found
+        return (
+            found.excess + float(np.abs(outside).sum()),
+            np.where(outside == 0, slope, np.sign(outside)),
+            found,
+        )
 
     target = -1e-6 * max(1.0, problem.decay)
     return _bfgs(function, x, n_steps, enough=target)[1]
@@ -63,7 +73,9 @@ def _bfgs(
     *,
     enough: float = -np.inf,
 ) -> tuple[float, Found]:
-    """Minimise by BFGS with weak Wolfe steps by bisection, for functions that are smooth almost everywhere."""
+    """Minimise by BFGS with weak Wolfe steps by bisection, for functions that are smooth almost
+    everywhere.
+    """
     f, g, found = function(x)
     H: np.ndarray | None = None
     for _ in range(n_steps):
@@ -144,7 +156,10 @@ def _evaluate_closely(problem: TuningProblem, current: Evaluation) -> Evaluation
     known = _highest_levels(current)
     for k, looks in enumerate(problem.look_closely(current.x)):
         for limit, look in looks.items():
-            if look.ratio > 0 and float(np.log(look.ratio)) > known.get((limit, k), -np.inf) + _LOOK_TOLERANCE:
+            if (
+                look.ratio > 0
+                and float(np.log(look.ratio)) > known.get((limit, k), -np.inf) + _LOOK_TOLERANCE
+            ):
                 return problem.evaluate(current.x)
     return current
 
@@ -180,7 +195,9 @@ def _minimise(problem: TuningProblem, current: Evaluation, start: Evaluation) ->
 
 
 def _is_done(current: Evaluation, start: Evaluation) -> bool:
-    """Return True if nothing is left to minimise: hard limits alone are met, or soft ones are zero."""
+    """Return True if nothing is left to minimise: hard limits alone are met, or soft ones are
+    zero.
+    """
     has_soft = any(not peak.hard for peak in current.peaks)
     if current.hard > 0:
         return False
@@ -217,16 +234,22 @@ def _descend_on_penalty(problem: TuningProblem, current: Evaluation, rho: float)
             problem.report(found)
         outside = x - inside
         slope = found.merit_slope(rho) if found.stable else np.zeros(x.size)
-        return merit + float(np.abs(outside).sum()), np.where(outside == 0, slope, np.sign(outside)), found
+        return (
+            merit + float(np.abs(outside).sum()),
+            np.where(outside == 0, slope, np.sign(outside)),
+            found,
+        )
 
     _bfgs(function, current.x, _N_BFGS)
     return best
 
 
 def _sampled_steps(problem: TuningProblem, current: Evaluation, rho: float) -> Evaluation:
-    """Step by gradient sampling: on the peaks of nearby points, if neither programs nor BFGS improve.
+    """Step by gradient sampling: on the peaks of nearby points, if neither programs nor BFGS
+    improve.
 
-    Near a kink the peaks of one point do not show a common direction of descent (Burke, Lewis & Overton 2005).
+    Near a kink the peaks of one point do not show a common direction of descent (Burke, Lewis &
+    Overton 2005).
     """
     rng, n = np.random.default_rng(0), current.x.size
     low, high = problem.controller.lower, problem.controller.upper
@@ -239,19 +262,25 @@ def _sampled_steps(problem: TuningProblem, current: Evaluation, rho: float) -> E
                 cuts += _cuts_of_trial(current, tried, near - current.x)
         if not current.poles:
             current = problem.evaluate(current.x)
-        solved = _quadratic_program(problem, current, cuts=cuts, H=1e-3 * np.eye(n), rho=rho, box=10 * radius)
+        solved = _quadratic_program(
+            problem, current, cuts=cuts, H=1e-3 * np.eye(n), rho=rho, box=10 * radius
+        )
         if solved is None:
             continue
         for shorter in (1.0, 0.5, 0.25, 0.1, 0.03):
             tried = problem.evaluate(np.clip(current.x + shorter * solved[0], low, high))
             if tried.merit(rho) < current.merit(rho):
-                current, _ = _lengthen_step(problem, current, tried=tried, d=shorter * solved[0], rho=rho)
+                current, _ = _lengthen_step(
+                    problem, current, tried=tried, d=shorter * solved[0], rho=rho
+                )
                 break
     return current
 
 
 def _sequential_programs(problem: TuningProblem, current: Evaluation, rho: float) -> Evaluation:
-    """Step by quadratic programs on the peaks while they improve the merit; rho weighs its hard limits."""
+    """Step by quadratic programs on the peaks while they improve the merit; rho weighs its hard
+    limits.
+    """
     n = current.x.size
     if not current.poles:
         current = problem.evaluate(current.x)
@@ -265,9 +294,14 @@ def _sequential_programs(problem: TuningProblem, current: Evaluation, rho: float
             if solved is None:
                 break
             d, predicted, multipliers = solved
-            if predicted < 1e-7 * max(1.0, abs(current.merit(rho)) * 1e-3) or float(np.abs(d).max()) < 1e-10:
+            if (
+                predicted < 1e-7 * max(1.0, abs(current.merit(rho)) * 1e-3)
+                or float(np.abs(d).max()) < 1e-10
+            ):
                 break
-            tried = problem.evaluate(np.clip(current.x + d, problem.controller.lower, problem.controller.upper))
+            tried = problem.evaluate(
+                np.clip(current.x + d, problem.controller.lower, problem.controller.upper)
+            )
             if tried.merit(rho) <= current.merit(rho) - 0.1 * predicted:
                 accepted = (d, tried, multipliers, predicted)
                 break
@@ -300,19 +334,27 @@ def _lengthen_step(
 ) -> tuple[Evaluation, np.ndarray]:
     """Return the step, doubled as long as the merit falls nearly as steeply."""
     for _ in range(5):
-        longer = problem.evaluate(np.clip(current.x + 2 * d, problem.controller.lower, problem.controller.upper))
+        longer = problem.evaluate(
+            np.clip(current.x + 2 * d, problem.controller.lower, problem.controller.upper)
+        )
         if not longer.merit(rho) < tried.merit(rho) - 0.7 * (current.merit(rho) - tried.merit(rho)):
             break
         tried, d = longer, 2 * d
     return tried, d
 
 
-def _cuts_of_trial(current: Evaluation, tried: Evaluation, d: np.ndarray) -> list[tuple[Peak, np.ndarray]]:
-    """Return peaks of a failed trial as rows of the next program, lowered so that they hold at its start."""
+def _cuts_of_trial(
+    current: Evaluation, tried: Evaluation, d: np.ndarray
+) -> list[tuple[Peak, np.ndarray]]:
+    """Return peaks of a failed trial as rows of the next program, lowered so that they hold at its
+    start.
+    """
     highest, rows = _highest_levels(current), []
     for peak in tried.peaks:
         if np.isfinite(peak.gradient).all():
-            level = min(peak.level - float(peak.gradient @ d), highest.get((peak.limit, peak.plant), np.inf))
+            level = min(
+                peak.level - float(peak.gradient @ d), highest.get((peak.limit, peak.plant), np.inf)
+            )
             rows.append((peak, np.array([level])))
     return rows
 
@@ -326,14 +368,21 @@ def _quadratic_program(
     rho: float,
     box: float,
 ) -> tuple[np.ndarray, float, list[tuple[Peak, float]]] | None:
-    """Return the step d of min d'Hd/2 + t + rho sum e, its predicted gain, and the multipliers of the peaks.
+    """Return the step d of min d'Hd/2 + t + rho sum e, its predicted gain, and the multipliers of
+    the peaks.
 
-    Soft peaks lie below t, hard ones below the e of their limit and plant, at least zero; poles may lose nine tenths
-    of their distance to the limit.
+    Soft peaks lie below t, hard ones below the e of their limit and plant, at least zero; poles may
+    lose nine tenths of their distance to the limit.
     """
     n = current.x.size
-    peaks = [(peak, peak.level) for peak in current.peaks] + [(peak, float(level[0])) for peak, level in cuts]
-    peaks = [(peak, level) for peak, level in peaks if np.isfinite(peak.gradient).all() and np.isfinite(level)]
+    peaks = [(peak, peak.level) for peak in current.peaks] + [
+        (peak, float(level[0])) for peak, level in cuts
+    ]
+    peaks = [
+        (peak, level)
+        for peak, level in peaks
+        if np.isfinite(peak.gradient).all() and np.isfinite(level)
+    ]
     groups = sorted({(peak.limit, peak.plant) for peak, _ in peaks if peak.hard})
     low = np.maximum(problem.controller.lower - current.x, -box)
     high = np.minimum(problem.controller.upper - current.x, box)
@@ -343,20 +392,30 @@ def _quadratic_program(
     P[:n, :n] = (H + H.T) / 2
     q = np.concatenate([np.zeros(n), [1.0], np.full(len(groups), rho)])
     x, z, failed = solve_conic(
-        P, q, A=np.vstack([A, edges]), b=np.concatenate([b, high, -low]), positive=len(b) + 2 * len(high)
+        P,
+        q,
+        A=np.vstack([A, edges]),
+        b=np.concatenate([b, high, -low]),
+        positive=len(b) + 2 * len(high),
     )
     if failed:
         return None
     d = np.clip(x[:n], low, high)
     after = _model_merit(peaks, d, groups=groups, rho=rho)
     predicted = _model_merit(peaks, np.zeros(n), groups=groups, rho=rho) - after
-    return d, float(predicted), [(peak, float(z[k])) for k, (peak, _) in enumerate(peaks) if z[k] > 1e-9]
+    return (
+        d,
+        float(predicted),
+        [(peak, float(z[k])) for k, (peak, _) in enumerate(peaks) if z[k] > 1e-9],
+    )
 
 
 def _linear_constraints(
     current: Evaluation, peaks: list[tuple[Peak, float]], groups: list[tuple[int, int]]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return A, b of A (d, t, e) <= b: the peaks in their order, t if no peak bounds it, e, and the poles."""
+    """Return A, b of A (d, t, e) <= b: the peaks in their order, t if no peak bounds it, e, and the
+    poles.
+    """
     n = current.x.size
 
     def row(gradient: np.ndarray | float, below: int | None) -> np.ndarray:
@@ -367,9 +426,14 @@ def _linear_constraints(
         return found
 
     rows = [
-        (row(peak.gradient, 1 + groups.index((peak.limit, peak.plant))), -level - HARD_LIMIT_MARGIN)
-        if peak.hard
-        else (row(peak.gradient, 0), -level)
+        (
+            (
+                row(peak.gradient, 1 + groups.index((peak.limit, peak.plant))),
+                -level - HARD_LIMIT_MARGIN,
+            )
+            if peak.hard
+            else (row(peak.gradient, 0), -level)
+        )
         for peak, level in peaks
     ]
     bounded = any(not peak.hard for peak, _ in peaks)
@@ -381,8 +445,11 @@ def _linear_constraints(
     return np.array([one for one, _ in rows]), np.array([right for _, right in rows])
 
 
-def _model_merit(peaks: list[tuple[Peak, float]], d: np.ndarray, *, groups: list[tuple[int, int]], rho: float) -> float:
-    """Return the exact-penalty merit of the linearised peaks after a step d: largest soft peak plus rho violations.
+def _model_merit(
+    peaks: list[tuple[Peak, float]], d: np.ndarray, *, groups: list[tuple[int, int]], rho: float
+) -> float:
+    """Return the exact-penalty merit of the linearised peaks after a step d: largest soft peak plus
+    rho violations.
 
     peaks : peaks with their levels; groups : (limit, plant) of the hard limits.
     """
@@ -398,8 +465,12 @@ def _model_merit(peaks: list[tuple[Peak, float]], d: np.ndarray, *, groups: list
     return total
 
 
-def _lagrangian_change(current: Evaluation, tried: Evaluation, multipliers: list[tuple[Peak, float]]) -> np.ndarray:
-    """Return the change of the Lagrangian's slope over a step; each peak is matched to the nearest of its limit."""
+def _lagrangian_change(
+    current: Evaluation, tried: Evaluation, multipliers: list[tuple[Peak, float]]
+) -> np.ndarray:
+    """Return the change of the Lagrangian's slope over a step; each peak is matched to the nearest
+    of its limit.
+    """
     change = np.zeros(current.x.size)
     for peak, weight in multipliers:
         same = [one for one in tried.peaks if (one.limit, one.plant) == (peak.limit, peak.plant)]

@@ -1,4 +1,5 @@
-"""All blocks side by side as one static matrix M(x) = [[A, B], [C, D]] of the coordinates of the search, and dM/dx.
+"""All blocks side by side as one static matrix M(x) = [[A, B], [C, D]] of the coordinates of the
+search, and dM/dx.
 
 The derivatives are complex steps (Squire & Trapp 1998), block by block: exact to rounding.
 """
@@ -21,7 +22,8 @@ class Controller:
 
     blocks: dict[str, TunableBlock]
     parameters: tuple[tuple[str, Parameter], ...]  # name of the block, and the parameter
-    # n_states, n_in, n_out: sums over all blocks: M has n_states + n_out rows and n_states + n_in columns
+    # n_states, n_in, n_out: sums over all blocks: M has n_states + n_out rows and n_states + n_in
+    # columns
     n_states: int
     n_in: int
     n_out: int
@@ -38,7 +40,9 @@ class Controller:
 
     def numbers(self, x: np.ndarray) -> np.ndarray:
         """Return (p,) numbers of the blocks at the coordinates x."""
-        return np.array([p.from_coordinate(float(one)) for (_, p), one in zip(self.parameters, x, strict=True)])
+        return np.array(
+            [p.from_coordinate(float(one)) for (_, p), one in zip(self.parameters, x, strict=True)]
+        )
 
     def matrix(self, x: np.ndarray) -> np.ndarray:
         """Return M at the coordinates x."""
@@ -51,7 +55,9 @@ class Controller:
         )
 
     def assemble(self, x: np.ndarray, along: int | None) -> np.ndarray:
-        """Return M, or its derivative by one coordinate, from the block of that coordinate alone."""
+        """Return M, or its derivative by one coordinate, from the block of that coordinate
+        alone.
+        """
         M = np.zeros((self.n_states + self.n_out, self.n_states + self.n_in))
         state, row, column, k = 0, self.n_states, self.n_states, 0
         for name, block in self.blocks.items():
@@ -63,10 +69,17 @@ class Controller:
                     numbers = {key: array.astype(complex) for key, array in numbers.items()}
                 for i, parameter in enumerate(own):
                     step = 1j * _COMPLEX_STEP if along == k + i else 0.0
-                    numbers[parameter.name][parameter.index] = parameter.from_coordinate(x[k + i] + step)
-                numbers = {key: array if array.ndim else array[()] for key, array in numbers.items()}
+                    numbers[parameter.name][parameter.index] = parameter.from_coordinate(
+                        x[k + i] + step
+                    )
+                numbers = {
+                    key: array if array.ndim else array[()] for key, array in numbers.items()
+                }
                 parts = block.state_space(numbers, self.dt)
-                A, B, C, D = (np.asarray(part) if along is None else np.imag(part) / _COMPLEX_STEP for part in parts)
+                A, B, C, D = (
+                    np.asarray(part) if along is None else np.imag(part) / _COMPLEX_STEP
+                    for part in parts
+                )
                 s, o, i_ = slice(state, state + n), slice(row, row + p), slice(column, column + m)
                 M[s, s], M[s, i_], M[o, s], M[o, i_] = A, B, C, D
             state, row, column, k = state + n, row + p, column + m, k + len(own)

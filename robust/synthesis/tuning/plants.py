@@ -1,4 +1,6 @@
-"""Plants in front of the blocks: systems with hold and delay, or FRFs on their lines, each with the discs around it."""
+"""Plants in front of the blocks: systems with hold and delay, or FRFs on their lines, each with the
+discs around it.
+"""
 
 from __future__ import annotations
 
@@ -36,12 +38,14 @@ _UNBOUNDED_GAIN = 1e30
 
 @value(kw_only=False)
 class Plants:
-    """The plant of a design, or several plants that each have to meet every limit: levels, positions, loads.
+    """The plant of a design, or several plants that each have to meet every limit: levels,
+    positions, loads.
 
     Fields
     ------
     models : control system, UncertaintyModel, nlfrf.Bla, FrequencyResponseData, or a list of them
-        An FRF is known on its lines only. For a model the nominal is tuned, and its set if a limit is `worst`.
+        An FRF is known on its lines only. For a model the nominal is tuned, and its set if a limit
+        is `worst`.
     inputs, outputs : str or list of str
         Signals, in the order of the channels.
     n_unstable : int
@@ -50,12 +54,13 @@ class Plants:
     Raises
     ------
     ValueError
-        A value that is not a plant, signals that do not fit its channels, an FRF that is not finite.
+        A value that is not a plant, signals that do not fit its channels, an FRF that is not
+        finite.
 
     References
     ----------
-    Apkarian, Gahinet & Buhr, *Multi-model, multi-objective tuning of fixed-structure controllers*, European Control
-    Conference 2014.
+    Apkarian, Gahinet & Buhr, *Multi-model, multi-objective tuning of fixed-structure controllers*,
+    European Control Conference 2014.
 
     Examples
     --------
@@ -72,7 +77,9 @@ class Plants:
     def __post_init__(self) -> None:
         for name in ("inputs", "outputs"):
             object.__setattr__(self, name, signal_names(name, getattr(self, name)))
-        object.__setattr__(self, "n_unstable", require_integer("n_unstable", self.n_unstable, least=0))
+        object.__setattr__(
+            self, "n_unstable", require_integer("n_unstable", self.n_unstable, least=0)
+        )
         models = tuple(self.models) if isinstance(self.models, list | tuple) else (self.models,)
         if not models:
             raise ValueError("models must hold at least one plant, got an empty list")
@@ -87,16 +94,21 @@ class Plants:
         elif isinstance(model, control.FrequencyResponseData):
             shape = (model.noutputs, model.ninputs)
             if not np.isfinite(model.frdata).all():
-                raise ValueError(f"{name} must be finite on every line, got nan or infinite numbers. Leave them out")
+                raise ValueError(
+                    f"{name} must be finite on every line, got nan or infinite numbers. Leave"
+                    " them out"
+                )
         elif _is_single_set(model):
             shape = (1, 1)
         else:
-            system = multivariable(name, model.nominal if isinstance(model, UncertaintyModel) else model)
+            system = multivariable(
+                name, model.nominal if isinstance(model, UncertaintyModel) else model
+            )
             shape = (system.noutputs, system.ninputs)
         if shape != (len(self.outputs), len(self.inputs)):
             raise ValueError(
-                f"{name} must have the {len(self.outputs)} outputs and {len(self.inputs)} inputs that are named, "
-                f"got {shape[0]} and {shape[1]}"
+                f"{name} must have the {len(self.outputs)} outputs and {len(self.inputs)} inputs"
+                f" that are named, got {shape[0]} and {shape[1]}"
             )
 
 
@@ -120,7 +132,8 @@ class MeasuredPlant:
     Fields
     ------
     omega : (W,) ndarray
-        Lines [rad/s]; for one channel also frequencies below the first, with its likeliest continuation.
+        Lines [rad/s]; for one channel also frequencies below the first, with its likeliest
+        continuation.
     G : (n_y, n_u, W) complex ndarray
         FRF, hold and delay included.
     perturbation : Perturbation or None
@@ -146,7 +159,9 @@ class MeasuredPlant:
         return np.asarray(self.omega >= self.first)
 
 
-def see_plants(plants: Plants, dt: float, *, delay: float, worst: bool) -> list[ModelledPlant | MeasuredPlant]:
+def see_plants(
+    plants: Plants, dt: float, *, delay: float, worst: bool
+) -> list[ModelledPlant | MeasuredPlant]:
     """Return every plant behind hold and delay, with its set if a limit needs it."""
     return [
         _see_plant(f"models[{k}]", model, plants=plants, dt=dt, delay=delay, worst=worst)
@@ -161,14 +176,17 @@ def _see_plant(
     if worst:
         _require_set(name, model)
     if is_known_on_lines(model):
-        return _see_measured(name, model, n_unstable=plants.n_unstable, dt=dt, delay=delay, worst=worst)
+        return _see_measured(
+            name, model, n_unstable=plants.n_unstable, dt=dt, delay=delay, worst=worst
+        )
     if _is_single_set(model):
         return _see_single_set(name, model, dt=dt, delay=delay, worst=worst)
     if isinstance(model, UncertaintyModel) and worst and dt and not timebase(model.nominal):
         warn_of_unknown_hold(model, dt)
         model, delay = sampled_set(model, dt, delay).model, 0.0
     G = multivariable(name, model.nominal if isinstance(model, UncertaintyModel) else model)
-    G, lines = _behind_hold_and_delay(name, G, dt=dt, delay=delay), np.asarray(getattr(model, "omega", np.zeros(0)))
+    G = _behind_hold_and_delay(name, G, dt=dt, delay=delay)
+    lines = np.asarray(getattr(model, "omega", np.zeros(0)))
     if isinstance(model, UncertaintyModel) and worst:
         return ModelledPlant(
             system=G,
@@ -180,48 +198,67 @@ def _see_plant(
     return ModelledPlant(system=G, lines=lines)
 
 
-def _see_single_set(name: str, model: UncertaintyModel, *, dt: float, delay: float, worst: bool) -> ModelledPlant:
+def _see_single_set(
+    name: str, model: UncertaintyModel, *, dt: float, delay: float, worst: bool
+) -> ModelledPlant:
     """Return a set for one channel behind hold and delay."""
     loop = assemble_loop(model, control.StateSpace([], [], [], [[0.0]], dt), w_P=None, delay=delay)
     if loop.dt:
         warn_of_unknown_hold(model, loop.dt)
     if loop.aliases is not None and loop.aliases.inverse and worst:
         raise ValueError(
-            f"{name} must have a sampled nominal for worst=True in the {model.form} form in a sampled loop, got a "
-            "continuous one. Use sampled(nominal, dt), or another form"
+            f"{name} must have a sampled nominal for worst=True in the {model.form} form in a"
+            " sampled loop, got a continuous one. Use sampled(nominal, dt), or another form"
         )
     perturbation = _perturbation_of_disc(loop) if worst else None
-    if perturbation is not None and not is_bounded(perturbation(np.array([0.1 / dt if dt else 1.0])))[0]:
+    if (
+        perturbation is not None
+        and not is_bounded(perturbation(np.array([0.1 / dt if dt else 1.0])))[0]
+    ):
         raise ValueError(
-            f"{name} must have a weight that falls with frequency for worst=True in a sampled loop, got a set with an "
-            "unbounded sum of aliases. Use sampled(nominal, dt) as the nominal, or a weight with a roll-off"
+            f"{name} must have a weight that falls with frequency for worst=True in a sampled loop,"
+            " got a set with an unbounded sum of aliases. Use sampled(nominal, dt) as the nominal,"
+            " or a weight with a roll-off"
         )
     systems = (loop.weight, loop.shaping, model.nominal) if worst else ()
-    return ModelledPlant(system=loop.G, lines=model.omega, perturbation=perturbation, set_systems=systems)
+    return ModelledPlant(
+        system=loop.G, lines=model.omega, perturbation=perturbation, set_systems=systems
+    )
 
 
-def _behind_hold_and_delay(name: str, G: control.StateSpace, *, dt: float, delay: float) -> control.StateSpace:
+def _behind_hold_and_delay(
+    name: str, G: control.StateSpace, *, dt: float, delay: float
+) -> control.StateSpace:
     """Return a system on the time base of the design."""
     step = timebase(G)
     if step and dt and abs(step / dt - 1) > 1e-9:
         raise ValueError(f"dt must be the sampling time of {name}, {step:g} s, got {dt:g} s")
     if step and not dt:
-        raise ValueError(f"dt must be given for {name}, which is sampled at {step:g} s, got a continuous design")
+        raise ValueError(
+            f"dt must be given for {name}, which is sampled at {step:g} s, got a continuous design"
+        )
     if step:
         return delayed(G, delay_samples("delay", delay, step) * step)
     return sampled(G, dt, delay) if dt else delayed(G, delay)
 
 
-def see_machine(machine: FrictionPlant, plants: Plants, *, dt: float, delay: float) -> ModelledPlant:
-    """Return the machine of a friction limit behind hold and delay, from force to measured position."""
+def see_machine(
+    machine: FrictionPlant, plants: Plants, *, dt: float, delay: float
+) -> ModelledPlant:
+    """Return the machine of a friction limit behind hold and delay, from force to measured
+    position.
+    """
     if (len(plants.inputs), len(plants.outputs)) != (1, 1):
         raise ValueError(
-            "hard must hold friction limits for a plant with one input and one output only, got one with "
-            f"{len(plants.inputs)} and {len(plants.outputs)}"
+            "hard must hold friction limits for a plant with one input and one output only, got"
+            f" one with {len(plants.inputs)} and {len(plants.outputs)}"
         )
     delay += machine.delay
     if delay and not dt:
-        raise ValueError(f"dt must be given for a friction limit with a delay, got a delay of {delay:g} s without dt")
+        raise ValueError(
+            f"dt must be given for a friction limit with a delay, got a delay of {delay:g} s"
+            " without dt"
+        )
     G = control.StateSpace(machine.A, machine.B_force[:, None], machine.C_measured[None], 0)
     return ModelledPlant(system=sampled(G, dt, delay) if dt else G, lines=np.zeros(0))
 
@@ -236,25 +273,35 @@ def _require_set(name: str, model: object) -> None:
     if isinstance(model, UncertaintyModel) or is_single(model):
         return
     raise ValueError(
-        f"worst must be False unless every plant is an UncertaintyModel, or a Bla with one input and output, got "
-        f"{name} = {short_form(model)}. Make a set of it by uncertainty()"
+        "worst must be False unless every plant is an UncertaintyModel, or a Bla with one input"
+        f" and output, got {name} = {short_form(model)}. Make a set of it by uncertainty()"
     )
 
 
 def _perturbation_of_disc(loop: Loop) -> Callable[[np.ndarray], Perturbation]:
-    """Return the set for one channel as in `check`: a sampled loop with a continuous set includes all aliases."""
+    """Return the set for one channel as in `check`: a sampled loop with a continuous set includes
+    all aliases.
+    """
     row = FORMS[loop.form]
 
     def at(omega: np.ndarray) -> Perturbation:
-        omega = np.minimum(np.asarray(omega, dtype=float), loop.omega_max * (1 - 1e-12) if loop.dt else 1e12)
+        omega = np.minimum(
+            np.asarray(omega, dtype=float), loop.omega_max * (1 - 1e-12) if loop.dt else 1e12
+        )
         G = loop.plant_response(omega)
         if loop.aliases is not None:
-            radius = loop.aliases.sampled_radius(np.maximum(omega, 1e-9 / loop.dt), G)  # at zero hold and alias are 0/0
-            return _disc_around(np.zeros(omega.size), np.where(np.isfinite(radius), radius, _UNBOUNDED_GAIN))
+            radius = loop.aliases.sampled_radius(
+                np.maximum(omega, 1e-9 / loop.dt), G
+            )  # at zero hold and alias are 0/0
+            return _disc_around(
+                np.zeros(omega.size), np.where(np.isfinite(radius), radius, _UNBOUNDED_GAIN)
+            )
         W = np.ones(omega.size, complex)
         if row.depends_on_units:
             W = response(loop.shaping, omega) * np.exp(1j * omega * loop.plant_delay)
-        return _disc_of_form(loop.form, response(loop.weight, omega), G=np.where(np.isfinite(G), G, 1e140), W=W)
+        return _disc_of_form(
+            loop.form, response(loop.weight, omega), G=np.where(np.isfinite(G), G, 1e140), W=W
+        )
 
     return at
 
@@ -263,46 +310,69 @@ def _disc_of_form(form: str, w: np.ndarray, *, G: np.ndarray, W: np.ndarray) -> 
     """Return the disc (G + g Delta)/(1 + a Delta) of a form with weight w."""
     row, one = FORMS[form], np.ones_like(G)
     scaled = W * G if row.depends_on_units else G
-    return _disc_around(np.asarray(row.a(w, scaled, one, one)), np.asarray(plant_numerator(form, w, G=G, W=W)))
+    return _disc_around(
+        np.asarray(row.a(w, scaled, one, one)), np.asarray(plant_numerator(form, w, G=G, W=W))
+    )
 
 
 def _disc_around(a: np.ndarray, g: np.ndarray) -> Perturbation:
-    """Return the perturbation of (G + g Delta)/(1 + a Delta): it adds -a Delta u to the plant input, g Delta u to y."""
+    """Return the perturbation of (G + g Delta)/(1 + a Delta): it adds -a Delta u to the plant
+    input, g Delta u to y.
+    """
     return Perturbation(
-        reads=np.ones((a.size, 1, 1), complex), drives=np.stack([-a, g], axis=1)[:, :, None].astype(complex)
+        reads=np.ones((a.size, 1, 1), complex),
+        drives=np.stack([-a, g], axis=1)[:, :, None].astype(complex),
     )
 
 
 def is_bounded(perturbation: Perturbation) -> np.ndarray:
-    """Return (W,) True where the set is bounded; at a pole on the axis its neighbours count instead."""
+    """Return (W,) True where the set is bounded; at a pole on the axis its neighbours count
+    instead.
+    """
     return np.abs(perturbation.drives).max(axis=(1, 2)) < _UNBOUNDED_GAIN
 
 
 def _perturbation_of_matrices(model: UncertaintyModel) -> Callable[[np.ndarray], Perturbation]:
     """Return the set of a model with several channels, in its own form."""
-    require_record_form(model, "to tune a controller for its perturbations (dk_iteration takes every form)")
+    require_record_form(
+        model, "to tune a controller for its perturbations (dk_iteration takes every form)"
+    )
     n_y, n_u, dt = model.n_outputs, model.n_inputs, timebase(model.nominal)
-    elements = model.form == ELEMENTS  # column after column of G, as in `UncertaintyModel.open_loop`
+    elements = (
+        model.form == ELEMENTS
+    )  # column after column of G, as in `UncertaintyModel.open_loop`
     reads = np.repeat(np.eye(n_u), n_y, axis=0) if elements else np.eye(n_u)
     acts = np.tile(np.eye(n_y), n_u) if elements else np.eye(len(model.left))
-    left, right = _stacked(model.left or (control.StateSpace([], [], [], [[1.0]], dt),), dt), _stacked(model.right, dt)
+    left = _stacked(model.left or (control.StateSpace([], [], [], [[1.0]], dt),), dt)
+    right = _stacked(model.right, dt)
     at_input = model.form == INPUT
-    acts = np.vstack([acts, np.zeros((n_y, n_u))] if at_input else [np.zeros((n_u, acts.shape[1])), acts])
+    acts = np.vstack(
+        [acts, np.zeros((n_y, n_u))] if at_input else [np.zeros((n_u, acts.shape[1])), acts]
+    )
 
     def at(omega: np.ndarray) -> Perturbation:
         omega = np.minimum(np.asarray(omega, dtype=float), np.pi / dt * (1 - 1e-12) if dt else 1e12)
         w_l, w_r = (response_by_channel(weights, omega)[:, 0].T for weights in (left, right))
-        return Perturbation(reads=w_r[:, :, None] * reads, drives=w_l[:, None] * acts, reads_before=at_input)
+        return Perturbation(
+            reads=w_r[:, :, None] * reads, drives=w_l[:, None] * acts, reads_before=at_input
+        )
 
     return at
 
 
 def _stacked(weights: Sequence[control.StateSpace], dt: float) -> control.StateSpace:
-    """Return weights stacked behind one input: evaluated together they cost little more than one."""
+    """Return weights stacked behind one input: evaluated together they cost little more than
+    one.
+    """
     together = block_diagonal(list(weights), dt)
     ones = np.ones((len(weights), 1))
     return control.StateSpace(
-        together.A, together.B @ ones, together.C, together.D @ ones, dt, remove_useless_states=False
+        together.A,
+        together.B @ ones,
+        together.C,
+        together.D @ ones,
+        dt,
+        remove_useless_states=False,
     )
 
 
@@ -319,17 +389,30 @@ def _see_measured(
         omega, g, form, w, _, W = parts_on_lines(model)
         G, w = g[None, None], np.nan_to_num(w)  # nan: no set
     if not np.isfinite(G).all():
-        raise ValueError(f"{name} must be finite on every line, got nan or infinite numbers. Leave them out")
+        raise ValueError(
+            f"{name} must be finite on every line, got nan or infinite numbers. Leave them out"
+        )
     order = np.argsort(omega)
     if dt and omega[order][-1] * dt >= np.pi:
-        raise ValueError(f"dt must put Nyquist above the lines, up to {format_hertz(omega.max())}, got {dt:g} s")
+        raise ValueError(
+            f"dt must put Nyquist above the lines, up to {format_hertz(omega.max())}, got {dt:g} s"
+        )
     omega, G = omega[order], G[:, :, order]
     seen = G * hold_and_delay_factor(model, omega, dt=dt, delay=delay)
     if G.shape[:2] != (1, 1):
         square = G.shape[0] == G.shape[1]
-        readings = read_below(omega, np.linalg.det(np.moveaxis(seen, 2, 0)), n_unstable=n_unstable) if square else ()
+        readings = (
+            read_below(omega, np.linalg.det(np.moveaxis(seen, 2, 0)), n_unstable=n_unstable)
+            if square
+            else ()
+        )
         return MeasuredPlant(
-            omega=omega, G=seen, perturbation=None, n_unstable=n_unstable, readings=readings, first=float(omega[0])
+            omega=omega,
+            G=seen,
+            perturbation=None,
+            n_unstable=n_unstable,
+            readings=readings,
+            first=float(omega[0]),
         )
     ours, measured = seen[0, 0], G[0, 0]
     w, W = w[order], np.asarray(W)[order]
@@ -337,7 +420,9 @@ def _see_measured(
     readings = read_below(omega, ours, radius, n_unstable=n_unstable)
     low, n = readings[0], readings[0].omega.size
     ours = np.concatenate([low.G, ours])
-    measured, W = (np.concatenate([np.full(n, part[0]), part]) for part in (measured / seen[0, 0], W))
+    measured, W = (
+        np.concatenate([np.full(n, part[0]), part]) for part in (measured / seen[0, 0], W)
+    )
     size = np.ones(ours.size) if FORMS[form].vanishes_with_plant else np.abs(ours)
     w = np.concatenate([radius_below(omega, np.abs(w) / size[n:]) * size[:n], w])
     perturbation = _disc_of_form(form, w, G=ours, W=np.asarray(W * measured)) if worst else None
@@ -355,4 +440,6 @@ def stated_sampling_time(plants: Sequence[PlantModel]) -> float:
     """Return the sampling time [s] of the plants; 0 if none has one."""
     sources = [getattr(model, "nominal", model) for model in plants]
     known_on_lines = (Bla, control.FrequencyResponseData)
-    return one_sampling_time(multivariable("plant", one).dt for one in sources if not isinstance(one, known_on_lines))
+    return one_sampling_time(
+        multivariable("plant", one).dt for one in sources if not isinstance(one, known_on_lines)
+    )

@@ -1,4 +1,6 @@
-"""The objective of the search: poles, peaks of every limit on every plant, and their gradients, at coordinates x."""
+"""The objective of the search: poles, peaks of every limit on every plant, and their gradients, at
+coordinates x.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ class OutOfTime(Exception):
 
 @value(copy=False)
 class _PoleRow:
-    """Real part of a pole in s plus the required decay [rad/s], and its slope by the coordinates."""
+    """Real part of a pole in s plus the required decay [rad/s], and its slope by the
+    coordinates.
+    """
 
     excess: float
     gradient: np.ndarray
@@ -38,8 +42,8 @@ class Evaluation:
     """A design at some coordinates."""
 
     x: np.ndarray  # (p,) coordinates
-    # largest real part of a pole plus the required decay [rad/s]; inf if a loop has no solution, or an FRF has another
-    # winding number
+    # largest real part of a pole plus the required decay [rad/s]; inf if a loop has no solution, or
+    # an FRF has another winding number
     excess: float
     poles: list[_PoleRow]
     peaks: list[Peak]  # peaks of a stable loop
@@ -106,7 +110,9 @@ class TuningProblem:
 
     # ---- Evaluation.
 
-    def evaluate(self, x: np.ndarray, *, peaks: bool = True, pole_slopes: bool = True) -> Evaluation:
+    def evaluate(
+        self, x: np.ndarray, *, peaks: bool = True, pole_slopes: bool = True
+    ) -> Evaluation:
         """Return poles, and peaks if every loop is stable."""
         if time.monotonic() > self.deadline:
             raise OutOfTime
@@ -123,12 +129,17 @@ class TuningProblem:
         rows: list[tuple[float, int, int]] = []
         for k, loop in enumerate(loops):
             excesses = self.real_parts(loop.poles) + self.decay
-            rows += [(float(excesses[place]), k, int(place)) for place in self.movable_poles(k, loop.poles)]
+            rows += [
+                (float(excesses[place]), k, int(place))
+                for place in self.movable_poles(k, loop.poles)
+            ]
         rows.sort(reverse=True)
         excess = rows[0][0] if rows else -np.inf
         slopes = self.controller.slopes(x)
         seen = rows[:_N_POLES] if pole_slopes else []
-        pole_rows = [self.pole_gradient(loops[k], place, value_, slopes) for value_, k, place in seen]
+        pole_rows = [
+            self.pole_gradient(loops[k], place, value_, slopes) for value_, k, place in seen
+        ]
         if not peaks or not excess < 0:
             return Evaluation(x=x, excess=excess, poles=pole_rows, peaks=[])
         found: list[Peak] = []
@@ -137,7 +148,9 @@ class TuningProblem:
         return Evaluation(x=x, excess=excess, poles=pole_rows, peaks=found)
 
     def close_loops(self, M: np.ndarray) -> list[Any] | None:
-        """Return the loop of each scene; None if one has no solution, or an unstable winding number."""
+        """Return the loop of each scene; None if one has no solution, or an unstable winding
+        number.
+        """
         if not np.isfinite(M).all():
             return None
         loops = [scene.close(M) for scene in self.scenes]
@@ -168,7 +181,9 @@ class TuningProblem:
                 left[k] = False
         return np.flatnonzero(left)
 
-    def pole_gradient(self, loop: ClosedLoop, place: int, excess: float, slopes: np.ndarray) -> _PoleRow:
+    def pole_gradient(
+        self, loop: ClosedLoop, place: int, excess: float, slopes: np.ndarray
+    ) -> _PoleRow:
         """Return the slope of a pole: d pole = l dM r, converted to s."""
         right, left = loop.pole_sensitivity_factors(place)
         slope = slopes.reshape(len(slopes), -1) @ (right @ left).T.ravel()
@@ -179,7 +194,9 @@ class TuningProblem:
     # ---- Properties for all coordinates.
 
     def find_fixed_modes(self, rng: np.random.Generator) -> None:
-        """Find the poles of the plants that no block moves: those in common for two different controllers."""
+        """Find the poles of the plants that no block moves: those in common for two different
+        controllers.
+        """
         low, high = self.controller.lower, self.controller.upper
         tried = []
         for _ in range(2):
@@ -189,16 +206,22 @@ class TuningProblem:
             if isinstance(scene, MeasuredLoop):
                 continue
             loops = [scene.close(M) for M in tried]
-            open_poles = np.linalg.eigvals(scene.fixed.A) if len(scene.fixed.A) else np.zeros(0, complex)
+            open_poles = (
+                np.linalg.eigvals(scene.fixed.A) if len(scene.fixed.A) else np.zeros(0, complex)
+            )
             if any(loop is None for loop in loops):
                 continue
             near = np.ones(open_poles.size, bool)
             for loop in loops:
                 assert loop is not None
-                distance = np.abs(open_poles[:, None] - loop.poles[None]).min(axis=1, initial=np.inf)
+                distance = np.abs(open_poles[:, None] - loop.poles[None]).min(
+                    axis=1, initial=np.inf
+                )
                 near &= distance <= _FIXED_MODE_TOLERANCE / 10 * (1 + np.abs(open_poles))
             n_own = self.controller.n_states  # their rows in A are zero before the loop is closed
-            own = np.argsort(np.abs(open_poles), kind="stable")[:n_own] if n_own else np.zeros(0, int)
+            own = (
+                np.argsort(np.abs(open_poles), kind="stable")[:n_own] if n_own else np.zeros(0, int)
+            )
             near[[place for place in own if abs(open_poles[place]) == 0]] = False
             self.fixed_modes[k] = open_poles[near]
         self.refuse_fixed_unstable()
@@ -213,23 +236,29 @@ class TuningProblem:
                 worst = modes[int(np.argmax(modes.real))]
                 if worst.real >= -_STABILITY_TOLERANCE * size * 1e-3:
                     s = (
-                        complex(np.log((1 + worst * self.dt / 2) / (1 - worst * self.dt / 2)) / self.dt)
+                        complex(
+                            np.log((1 + worst * self.dt / 2) / (1 - worst * self.dt / 2)) / self.dt
+                        )
                         if self.dt
                         else worst
                     )
                     raise ValueError(
-                        "system must have no pole outside the stability region that no block moves, got one at s = "
-                        f"{complex(s):.4g} rad/s with plant {k}. Leave the integrator or weight out, or let a block "
-                        "read it"
+                        "system must have no pole outside the stability region that no block"
+                        f" moves, got one at s = {complex(s):.4g} rad/s with plant {k}. Leave the"
+                        " integrator or weight out, or let a block read it"
                     )
 
     def norms(self, x: np.ndarray) -> list[dict[int, tuple[float, float, bool]]]:
-        """Return for each plant the largest level of each limit, its frequency, and True if no frequency has more."""
+        """Return for each plant the largest level of each limit, its frequency, and True if no
+        frequency has more.
+        """
         return [scene.raise_norms(loop) for scene, loop in self.loops_at(x)]
 
     @property
     def has_scalings(self) -> bool:
-        """Return True if a worst case is a bound by scalings, which are fitted between the rounds of the search."""
+        """Return True if a worst case is a bound by scalings, which are fitted between the rounds
+        of the search.
+        """
         return any(channel.is_scaled for scene in self.scenes for channel in scene.channels)
 
     def refit_scalings(self, x: np.ndarray) -> None:
@@ -251,13 +280,17 @@ class TuningProblem:
 
 
 def worst_ratio(evaluation: Evaluation) -> float:
-    """Return the ratio for display: that of the worst hard limit while one is missed, otherwise of the soft ones."""
+    """Return the ratio for display: that of the worst hard limit while one is missed, otherwise of
+    the soft ones.
+    """
     hard = max((peak.level for peak in evaluation.excesses.values()), default=-np.inf)
     has_soft = any(not peak.hard for peak in evaluation.peaks)
     return float(np.exp(hard if hard > 0 or not has_soft else evaluation.soft))
 
 
 def is_better(one: Evaluation, other: Evaluation) -> bool:
-    """Return True if a design is better: hard limits first; a violation within the margin counts as met."""
+    """Return True if a design is better: hard limits first; a violation within the margin counts as
+    met.
+    """
     first, second = (0.0 if e.hard < 2 * HARD_LIMIT_MARGIN else e.hard for e in (one, other))
     return (first, one.soft) < (second, other.soft)

@@ -1,4 +1,6 @@
-"""`tune`: join fixed parts, plants, blocks and limits, search from several starts, and evaluate the result."""
+"""`tune`: join fixed parts, plants, blocks and limits, search from several starts, and evaluate the
+result.
+"""
 
 from __future__ import annotations
 
@@ -43,10 +45,18 @@ from robust.synthesis.tuning.plants import (
     see_plants,
     stated_sampling_time,
 )
-from robust.synthesis.tuning.problem import Evaluation, OutOfTime, TuningProblem, is_better, worst_ratio
+from robust.synthesis.tuning.problem import (
+    Evaluation,
+    OutOfTime,
+    TuningProblem,
+    is_better,
+    worst_ratio,
+)
 
 #: Signals of the perturbation, with names that no user takes.
-_AT_INPUT, _AT_OUTPUT, _PLANT_INPUT = "perturbation at plant input ", "perturbation at plant output ", "plant input "
+_AT_INPUT = "perturbation at plant input "
+_AT_OUTPUT = "perturbation at plant output "
+_PLANT_INPUT = "plant input "
 _ZERO_GAIN = 1e-13
 #: Limits with True for hard ones, hard ones first.
 Limits = list[tuple[Limit | FrictionLimit, bool]]
@@ -70,22 +80,23 @@ def tune(
 ) -> TunedDesign:
     """Tune blocks of fixed structure, anywhere in any loops, for every plant at once.
 
-    Use this for several loops at once, for limits on any signals, or for a structure that `design_frf` does not have.
+    Use this for several loops at once, for limits on any signals, or for a structure that
+    `design_frf` does not have.
 
-    The largest ratio of a soft limit to its bound is minimised while every hard limit is met. The search is local and
-    proves nothing; give the resulting controller to `check`.
+    The largest ratio of a soft limit to its bound is minimised while every hard limit is met. The
+    search is local and proves nothing; give the resulting controller to `check`.
 
     Parameters
     ----------
     system : list of control systems
-        All fixed parts, with named inputs and outputs (`control.summing_junction`, filters, weights). An input is the
-        sum of all outputs of its name, as in `interconnection`.
+        All fixed parts, with named inputs and outputs (`control.summing_junction`, filters,
+        weights). An input is the sum of all outputs of its name, as in `interconnection`.
     plant : Plants
-        One plant, or several that each have to meet every limit. If dt is given, hold and delay are added to continuous
-        ones.
+        One plant, or several that each have to meet every limit. If dt is given, hold and delay are
+        added to continuous ones.
     blocks : dict of str to block
-        `robust.tuning.Pid`, `Gain`, `Notch`, `Lead`, `Lag`, `LowPass`, `Biquad` or `StateSpace`, by name; their
-        numbers are the first start. A sampled block is its own Tustin image.
+        `robust.tuning.Pid`, `Gain`, `Notch`, `Lead`, `Lag`, `LowPass`, `Biquad` or `StateSpace`, by
+        name; their numbers are the first start. A sampled block is its own Tustin image.
     hard, soft : list of Limit
         Limits to be met, and limits to be minimised. A `FrictionLimit` is hard.
     decay : float
@@ -93,9 +104,11 @@ def tune(
     dt : float
         Sampling time of blocks and system [s]; 0 for continuous ones, or that of a sampled plant.
     delay : float
-        Computation delay [s] at the plant inputs. In continuous time it is a Padé approximation of order 8.
+        Computation delay [s] at the plant inputs. In continuous time it is a Padé approximation of
+        order 8.
     n_starts : int
-        Number of starts: the given blocks, and random ones around them. Local optima are common: take three or more.
+        Number of starts: the given blocks, and random ones around them. Local optima are common:
+        take three or more.
     time_cap : float
         Time for all starts together [s].
     rng : numpy Generator or int, optional
@@ -111,19 +124,21 @@ def tune(
     Raises
     ------
     ValueError
-        Parts that do not fit each other; no free parameter; a limit on a channel that is zero, or missed for all
-        numbers of the blocks; an unstable part that no block reaches; a plant known on lines that the start does not
-        stabilise.
+        Parts that do not fit each other; no free parameter; a limit on a channel that is zero, or
+        missed for all numbers of the blocks; an unstable part that no block reaches; a plant known
+        on lines that the start does not stabilise.
 
     References
     ----------
-    Apkarian & Noll, *Nonsmooth H-infinity synthesis*, IEEE Trans. Automatic Control 51 (2006); Burke, Henrion, Lewis &
-    Overton, *HIFOO*, IFAC ROCOND 2006; Curtis, Mitchell & Overton, *A BFGS-SQP method for nonsmooth, nonconvex,
-    constrained optimization*, Optimization Methods and Software 32 (2017).
+    Apkarian & Noll, *Nonsmooth H-infinity synthesis*, IEEE Trans. Automatic Control 51 (2006);
+    Burke, Henrion, Lewis & Overton, *HIFOO*, IFAC ROCOND 2006; Curtis, Mitchell & Overton, *A
+    BFGS-SQP method for nonsmooth, nonconvex, constrained optimization*, Optimization Methods and
+    Software 32 (2017).
 
     Examples
     --------
-    Position P over velocity PI on a mass, both at once: stiff against a force d, with |S| at the actuator below 1.6.
+    Position P over velocity PI on a mass, both at once: stiff against a force d, with |S| at the
+    actuator below 1.6.
 
     >>> import robust
     >>> mass = control.ss([[0, 1], [0, 0]], [[0], [1]], np.eye(2), np.zeros((2, 1)))
@@ -148,30 +163,40 @@ def tune(
     """
     require_kind("plant", plant, Plants)
     blocks = require_blocks(blocks)
-    limits: Limits = [(limit, True) for limit in require_limits("hard", hard, (Limit, FrictionLimit))]
+    limits: Limits = [
+        (limit, True) for limit in require_limits("hard", hard, (Limit, FrictionLimit))
+    ]
     limits += [(limit, False) for limit in require_limits("soft", soft, (Limit,))]
     if not limits:
         raise ValueError("soft or hard must hold a limit, got none: the design has no demand")
     decay, delay = require_nonnegative("decay", decay), require_nonnegative("delay", delay)
     dt = require_nonnegative("dt", dt) or stated_sampling_time(plant.models)
-    n_starts, time_cap, rng = (
-        require_integer("n_starts", n_starts, least=1),
-        require_positive("time_cap", time_cap),
-        random_generator("rng", rng),
-    )
+    n_starts = require_integer("n_starts", n_starts, least=1)
+    time_cap = require_positive("time_cap", time_cap)
+    rng = random_generator("rng", rng)
     if progress is not None and not callable(progress):
         raise ValueError(f"progress must be callable, got {short_form(progress)}")
     parts = fixed_parts(system, dt)
     controller = controller_of_blocks(blocks, dt)
     scenes = make_loops(parts, plant, controller=controller, limits=limits, dt=dt, delay=delay)
     began = time.monotonic()
-    problem = TuningProblem(controller, scenes, decay=decay, dt=dt, deadline=began + time_cap, progress=progress)
+    problem = TuningProblem(
+        controller, scenes, decay=decay, dt=dt, deadline=began + time_cap, progress=progress
+    )
     problem.find_fixed_modes(np.random.default_rng(0))
     _require_paths(problem, limits)
     found, spread, ended = _search(problem, n_starts, began + time_cap, rng)
     problem.deadline = np.inf
     return _make_design(
-        problem, found, spread=spread, ended=ended, limits=limits, parts=parts, plants=plant, dt=dt, delay=delay
+        problem,
+        found,
+        spread=spread,
+        ended=ended,
+        limits=limits,
+        parts=parts,
+        plants=plant,
+        dt=dt,
+        delay=delay,
     )
 
 
@@ -185,7 +210,9 @@ def fixed_parts(system: object, dt: float) -> list[control.StateSpace]:
     for k, part in enumerate(system):
         part = multivariable(f"system[{k}]", part)
         require_sampling_time(f"system[{k}]", part, reference="the design", wanted=dt)
-        on_clock = control.StateSpace(part.A, part.B, part.C, part.D, dt, remove_useless_states=False)
+        on_clock = control.StateSpace(
+            part.A, part.B, part.C, part.D, dt, remove_useless_states=False
+        )
         parts.append(with_names(on_clock, part.input_labels, part.output_labels))
     return parts
 
@@ -204,7 +231,10 @@ def make_loops(
     worst = any(limit.worst for limit in gains)
     external = list(dict.fromkeys(label for limit in gains for label in limit.inputs))
     looked_at = list(dict.fromkeys(label for limit in gains for label in limit.outputs))
-    ports = [Port(reads=tuple(block.reads), drives=tuple(block.drives)) for block in controller.blocks.values()]
+    ports = [
+        Port(reads=tuple(block.reads), drives=tuple(block.drives))
+        for block in controller.blocks.values()
+    ]
     sizes = (controller.n_states, controller.n_in, controller.n_out)
     n_u, n_y = len(plants.inputs), len(plants.outputs)
     scenes: list[ModelledLoop | MeasuredLoop] = []
@@ -212,14 +242,20 @@ def make_loops(
         if isinstance(seen, ModelledPlant):
             G = _with_perturbation(seen.system, plants, dt)
             into, out = _perturbation_names(n_u, n_y) if worst else ([], [])
-            joined = join_by_name([*parts, G], ports, external=external + into, looked_at=looked_at + out)
+            joined = join_by_name(
+                [*parts, G], ports, external=external + into, looked_at=looked_at + out
+            )
             fixed = state_plant(joined, *sizes, dt)
-            channels = _channels_of(limits, external, looked_at=looked_at, plant=seen, sizes=(n_u, n_y))
+            channels = _channels_of(
+                limits, external, looked_at=looked_at, plant=seen, sizes=(n_u, n_y)
+            )
             scenes.append(ModelledLoop(k, fixed, seen, channels, dt))
         else:
             port = Port(reads=tuple(plants.inputs), drives=tuple(plants.outputs))
             joined = join_by_name(parts, [port, *ports], external=external, looked_at=looked_at)
-            channels = _channels_of(limits, external, looked_at=looked_at, plant=seen, sizes=(n_u, n_y))
+            channels = _channels_of(
+                limits, external, looked_at=looked_at, plant=seen, sizes=(n_u, n_y)
+            )
             scenes.append(
                 MeasuredLoop(
                     k,
@@ -240,7 +276,10 @@ def make_loops(
             G = _with_perturbation(seen.system, plants, dt)
             into, _ = _perturbation_names(1, 1)
             joined = join_by_name(
-                [*parts, G], ports, external=external + into, looked_at=looked_at + list(plants.outputs)
+                [*parts, G],
+                ports,
+                external=external + into,
+                looked_at=looked_at + list(plants.outputs),
             )
             channel = FrictionChannel(
                 limit=limit,
@@ -263,7 +302,9 @@ def _perturbation_names(n_u: int, n_y: int) -> tuple[list[str], list[str]]:
 
 
 def _with_perturbation(G: control.StateSpace, plants: Plants, dt: float) -> control.StateSpace:
-    """Return the plant with disturbances at inputs and outputs, and its input as an output, for a perturbation."""
+    """Return the plant with disturbances at inputs and outputs, and its input as an output, for a
+    perturbation.
+    """
     n_u, n_y = G.ninputs, G.noutputs
     into, out = _perturbation_names(n_u, n_y)
     one, zero = np.eye(n_u), np.zeros((n_u, n_y))
@@ -287,7 +328,9 @@ def _channels_of(
     plant: ModelledPlant | MeasuredPlant,
     sizes: tuple[int, int],
 ) -> list[Channel]:
-    """Return the rows and columns of the loop for each limit, for a plant with n_u inputs and n_y outputs."""
+    """Return the rows and columns of the loop for each limit, for a plant with n_u inputs and n_y
+    outputs.
+    """
     perturbation = len(looked_at) + np.arange(sizes[0]), len(external) + np.arange(sum(sizes))
     return [
         Channel(
@@ -310,13 +353,17 @@ def _limit_name(k: int, limits: Limits) -> str:
 
 
 def _require_paths(problem: TuningProblem, limits: Limits) -> None:
-    """Refuse a limit on a channel that is zero for all numbers of the blocks, and a bound without a value somewhere."""
+    """Refuse a limit on a channel that is zero for all numbers of the blocks, and a bound without a
+    value somewhere.
+    """
     controller = problem.controller
     rng = np.random.default_rng(1)
     tried = [
         controller.matrix(
             np.clip(
-                controller.start + rng.uniform(-0.5, 0.5, controller.start.size), controller.lower, controller.upper
+                controller.start + rng.uniform(-0.5, 0.5, controller.start.size),
+                controller.lower,
+                controller.upper,
             )
         )
         for _ in range(2)
@@ -331,15 +378,21 @@ def _require_paths(problem: TuningProblem, limits: Limits) -> None:
                 omega = (
                     np.array([0.37, 1.9, 11.0])
                     if loop is None or not loop.poles.size
-                    else (np.geomspace(0.1, 10, 5)[:, None] * np.maximum(np.abs(loop.poles), 1e-6)).ravel()
+                    else (
+                        np.geomspace(0.1, 10, 5)[:, None] * np.maximum(np.abs(loop.poles), 1e-6)
+                    ).ravel()
                 )
                 responses.append(None if loop is None else loop.responses_by_elimination(omega))
         for channel in scene.channels:
-            size = [np.abs(H[:, channel.rows[:, None], channel.columns]).max() for H in responses if H is not None]
+            size = [
+                np.abs(H[:, channel.rows[:, None], channel.columns]).max()
+                for H in responses
+                if H is not None
+            ]
             if size and max(size) <= _ZERO_GAIN:
                 raise ValueError(
-                    f"{_limit_name(channel.index, limits)} must be on a channel with a path, got {channel.limit}, "
-                    "whose transfer function is zero for all blocks"
+                    f"{_limit_name(channel.index, limits)} must be on a channel with a path, got"
+                    f" {channel.limit}, whose transfer function is zero for all blocks"
                 )
             channel.limit.factor(np.array([1e-3, 1.0, 1e3]))
             if (
@@ -348,8 +401,9 @@ def _require_paths(problem: TuningProblem, limits: Limits) -> None:
                 and not any(scene.band(channel) & scene.plant.on_lines)
             ):
                 raise ValueError(
-                    f"{_limit_name(channel.index, limits)} must have lines of plant {scene.index} in its band, got "
-                    f"none from {' to '.join(f'{edge:g}' for edge in channel.limit.band or ())} rad/s"
+                    f"{_limit_name(channel.index, limits)} must have lines of plant {scene.index}"
+                    " in its band, got none from"
+                    f" {' to '.join(f'{edge:g}' for edge in channel.limit.band or ())} rad/s"
                 )
 
 
@@ -403,7 +457,9 @@ def _search(
 
 
 def _starting_point(problem: TuningProblem, k: int, rng: np.random.Generator) -> np.ndarray | None:
-    """Return coordinates of a start: the user's, then random ones; for an FRF one that stabilises it, or None."""
+    """Return coordinates of a start: the user's, then random ones; for an FRF one that stabilises
+    it, or None.
+    """
     controller = problem.controller
     measured = [scene for scene in problem.scenes if isinstance(scene, MeasuredLoop)]
     if k == 0:
@@ -411,14 +467,16 @@ def _starting_point(problem: TuningProblem, k: int, rng: np.random.Generator) ->
             stable, clear = scene.stability_by_winding(controller.matrix(controller.start))
             if not clear:
                 raise ValueError(
-                    f"plant must have lines close enough for the winding number of its loop, got an FRF (plant "
-                    f"{scene.index}) whose lines do not resolve it at the start of the blocks. Measure more finely "
-                    "around its modes, or at lower frequency, fit a model, or start with smaller gains"
+                    "plant must have lines close enough for the winding number of its loop, got an"
+                    f" FRF (plant {scene.index}) whose lines do not resolve it at the start of the"
+                    " blocks. Measure more finely around its modes, or at lower frequency, fit a"
+                    " model, or start with smaller gains"
                 )
             if not stable:
                 raise ValueError(
-                    f"blocks must start with gains that stabilise an FRF, got a start that does not for plant "
-                    f"{scene.index}. Design it with design_frf, or start with smaller gains"
+                    "blocks must start with gains that stabilise an FRF, got a start that does not"
+                    f" for plant {scene.index}. Design it with design_frf, or start with smaller"
+                    " gains"
                 )
         return controller.start
     signs = np.array([parameter.sign for _, parameter in controller.parameters])
@@ -436,16 +494,18 @@ def _require_movable_limits(problem: TuningProblem, current: Evaluation) -> None
     """Refuse hard limits that are missed and that no block changes."""
     for peak in current.excesses.values():
         if peak.level > 1e-6 and float(np.abs(peak.gradient).max()) < _UNMOVED_TOLERANCE:
-            limit = next(c.limit for c in problem.scenes[peak.plant].channels if c.index == peak.limit)
+            limit = next(
+                c.limit for c in problem.scenes[peak.plant].channels if c.index == peak.limit
+            )
             elsewhere = np.clip(current.x + 0.1, problem.controller.lower, problem.controller.upper)
             other = problem.evaluate(elsewhere)
             again = other.excesses.get((peak.limit, peak.plant))
             if again is None or abs(again.level - peak.level) < 1e-9:
                 where = format_hertz(float(true_frequency(np.array([peak.omega]), problem.dt)[0]))
                 raise ValueError(
-                    f"hard[{peak.limit}] must be a limit that the blocks can change, got {limit}, which is missed by a "
-                    f"factor {np.exp(peak.level):.4g} at {where} for all blocks. Raise its bound there, or give it a "
-                    "band"
+                    f"hard[{peak.limit}] must be a limit that the blocks can change, got {limit},"
+                    f" which is missed by a factor {np.exp(peak.level):.4g} at {where} for all"
+                    " blocks. Raise its bound there, or give it a band"
                 )
 
 
@@ -467,7 +527,9 @@ def _make_design(
     """Return the result, with every number computed again from the design itself."""
     x = problem.controller.start if found is None else found.x
     values = []
-    for k, by_limit in enumerate(problem.look_closely(x) if found is not None and found.stable else []):
+    for k, by_limit in enumerate(
+        problem.look_closely(x) if found is not None and found.stable else []
+    ):
         for index, look in by_limit.items():
             limit, is_hard = limits[index]
             omega = float(true_frequency(np.array([look.omega]), dt)[0])
@@ -514,14 +576,19 @@ def _find_broken_sets(design: TunedDesign) -> tuple[str, ...]:
         if not isinstance(model, UncertaintyModel) or model.measured_only:
             continue
         try:
-            stable, why = worst_case(model, K, delay=design.delay).stable, "a plant of its set makes the loop unstable"
-        except ValueError as error:  # the nominal loop is not distinguishable from one on the boundary
+            stable = worst_case(model, K, delay=design.delay).stable
+            why = "a plant of its set makes the loop unstable"
+        except (
+            ValueError
+        ) as error:  # the nominal loop is not distinguishable from one on the boundary
             stable, why = False, str(error)
         found += [] if stable else [f"plant {k}: {why}"]
     return tuple(found)
 
 
-def _limit_curves(problem: TuningProblem, plant: int, *, limit: int, x: np.ndarray) -> dict[str, np.ndarray]:
+def _limit_curves(
+    problem: TuningProblem, plant: int, *, limit: int, x: np.ndarray
+) -> dict[str, np.ndarray]:
     """Return the ratio of a limit over frequency, for the design and for the given blocks."""
     scene: Any = problem.scenes[plant]
     channel = next(channel for channel in scene.channels if channel.index == limit)
@@ -546,7 +613,9 @@ def _is_surely_stable(problem: TuningProblem, x: np.ndarray) -> bool:
             return False
         if not isinstance(loop, ClosedLoop):  # on lines: by its winding number
             continue
-        matrices = discrete_matrices(loop.matrices, problem.dt)  # back from the plane of the bilinear map
+        matrices = discrete_matrices(
+            loop.matrices, problem.dt
+        )  # back from the plane of the bilinear map
         closed = control.StateSpace(*matrices, problem.dt, remove_useless_states=False)
         if not assess_stability(closed).stable:
             return False
@@ -574,16 +643,25 @@ def _parameters_at_bounds(controller: Controller, x: np.ndarray) -> list[str]:
 def _describe_unlimited(controller: Controller, limits: Limits, plants: Plants) -> list[str]:
     """Describe the properties that no limit protects."""
     found = []
-    integral = [name for name, block in controller.blocks.items() if isinstance(block, Pid) and block.ki is not None]
+    integral = [
+        name
+        for name, block in controller.blocks.items()
+        if isinstance(block, Pid) and block.ki is not None
+    ]
     free = [name for name in integral if "ki" not in controller.blocks[name].fixed]
     gains = [limit for limit, _ in limits if isinstance(limit, Limit)]
-    shaped = any((limit.band is not None and np.isfinite(limit.band[1])) or not limit.is_constant for limit in gains)
+    shaped = any(
+        (limit.band is not None and np.isfinite(limit.band[1])) or not limit.is_constant
+        for limit in gains
+    )
     if free and not shaped:
         found.append(
-            f"low frequencies, where {join_names(free)} {'has' if len(free) == 1 else 'have'} an integrator: give a "
-            "limit a band or a weight there"
+            f"low frequencies, where {join_names(free)} {'has' if len(free) == 1 else 'have'} an"
+            " integrator: give a limit a band or a weight there"
         )
-    if any(isinstance(model, UncertaintyModel) for model in plants.models) and not any(limit.worst for limit in gains):
+    if any(isinstance(model, UncertaintyModel) for model in plants.models) and not any(
+        limit.worst for limit in gains
+    ):
         found.append("the sets around the plants: give a limit worst=True")
     if not any(not is_hard for _, is_hard in limits):
         found.append("more than the hard limits: whatever meets them is taken")

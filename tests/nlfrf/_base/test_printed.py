@@ -1,4 +1,6 @@
-"""What is printed: names of files, channels and units never command the terminal, whatever way they take there."""
+"""What is printed: names of files, channels and units never command the terminal, whatever way they
+take there.
+"""
 
 import sys
 import warnings
@@ -39,8 +41,11 @@ def hostile_record(path, **more):
 def test_every_character_that_commands_is_written_out_and_no_other():
     for code in range(0x3000):
         character = chr(code)
-        assert (printable(character) == character) == (not COMMANDS.search(character) or character in "\n\t") or (
-            code in (0x200B, 0x200C, 0x200D, *range(0x2060, 0x2070))  # of no width: a name within a name
+        assert (printable(character) == character) == (
+            not COMMANDS.search(character) or character in "\n\t"
+        ) or (
+            code
+            in (0x200B, 0x200C, 0x200D, *range(0x2060, 0x2070))  # of no width: a name within a name
         )
     assert printable("Weg [µm] \u65b9\U0001f600\n\t°") == "Weg [µm] \u65b9\U0001f600\n\t°"
     assert printable("\udce9\U000e0041") == "\\udce9\\udb40\\udc41"
@@ -76,10 +81,20 @@ def test_a_stored_record_and_its_labels(command, tmp_path):
     ms = nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=30, rng=1)
     u = np.repeat(ms.u[:, None], 2, axis=1)
     record = nlfrf.Record(
-        u=u, y=2 * u, fs=100, lines=ms.lines, u_name=HOSTILE, y_name="y\nall is well", u_unit="\x1b[N"
+        u=u,
+        y=2 * u,
+        fs=100,
+        lines=ms.lines,
+        u_name=HOSTILE,
+        y_name="y\nall is well",
+        u_unit="\x1b[N",
     )
     nlfrf.save(record, tmp_path / "run.npz")
-    for arguments in (("inspect", "run.npz"), ("identify", "run.npz", "-o", "bla.npz"), ("inspect", "bla.npz")):
+    for arguments in (
+        ("inspect", "run.npz"),
+        ("identify", "run.npz", "-o", "bla.npz"),
+        ("inspect", "bla.npz"),
+    ):
         code, out, err = command(*arguments)
         assert code == 0
         assert not COMMANDS.search(out.replace("\n", "") + err.replace("\n", ""))
@@ -87,7 +102,9 @@ def test_a_stored_record_and_its_labels(command, tmp_path):
 
 
 def test_whatever_is_printed_passes_one_place(capsys, monkeypatch):
-    """Warnings of the library and of others, errors, what a command prints or writes, each by its own way."""
+    """Warnings of the library and of others, errors, what a command prints or writes, each by its
+    own way.
+    """
     app = typer.Typer(rich_markup_mode=None)
 
     @app.command()

@@ -1,4 +1,6 @@
-"""Bars: where somebody looks they show what is done, elsewhere nothing; an interrupted command says what it keeps."""
+"""Bars: where somebody looks they show what is done, elsewhere nothing; an interrupted command says
+what it keeps.
+"""
 
 import io
 import re
@@ -31,7 +33,10 @@ def open_screen(monkeypatch):
 def rows(shown):
     """What stood on the row of the bar, one after the other, without colours."""
     plain = re.sub(r"\x1b\[[0-9;]*[mK]", "", shown.getvalue())
-    return [" ".join(row.replace("━", "").replace("╸", "").replace("╺", "").split()) for row in plain.split("\r")[1:]]
+    return [
+        " ".join(row.replace("━", "").replace("╸", "").replace("╺", "").split())
+        for row in plain.split("\r")[1:]
+    ]
 
 
 def test_a_terminal_shows_what_is_done_and_not_more_often_than_is_seen(monkeypatch):
@@ -40,9 +45,13 @@ def test_a_terminal_shows_what_is_done_and_not_more_often_than_is_seen(monkeypat
     for done, now in ((0, 0.0), (1, 0.05), (2, 1.0), (4, 1.01)):
         clock[0] = now
         show(done, 4)
-    assert [row[: len("simulating 0 of 4")] for row in rows(shown)] == [f"simulating {k} of 4" for k in (0, 2, 4)]
+    assert [row[: len("simulating 0 of 4")] for row in rows(shown)] == [
+        f"simulating {k} of 4" for k in (0, 2, 4)
+    ]
     assert shown.getvalue().endswith("\n")  # what is printed next stands below
-    assert "\x1b[?25l" not in shown.getvalue()  # the cursor is never hidden: an interrupt would leave it so
+    assert (
+        "\x1b[?25l" not in shown.getvalue()
+    )  # the cursor is never hidden: an interrupt would leave it so
 
 
 def test_a_search_with_a_limit_of_time_shows_its_best(monkeypatch):
@@ -66,7 +75,8 @@ def test_nothing_is_written_to_a_file(monkeypatch):
 
 
 def test_an_interrupted_command_leaves_the_file_that_is_there(nlfrf_command, monkeypatch, tmp_path):  # noqa: F811
-    design, simulate = "design --fs 512 --period 512 --f-min 2 --f-max 100 -o ms.npz", "simulate ms.npz -o run.npz"
+    design = "design --fs 512 --period 512 --f-min 2 --f-max 100 -o ms.npz"
+    simulate = "simulate ms.npz -o run.npz"
     assert [nlfrf_command(*words.split())[0] for words in (design, simulate)] == [0, 0]
     before = (tmp_path / "run.npz").read_bytes()
 

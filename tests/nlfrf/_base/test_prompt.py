@@ -10,7 +10,15 @@ import nlfrf
 import robust
 from tests.support.measurement_files import FS, MS, N, P, U, Y
 
-HELD = [np.linspace(-1, 1, 100_000).reshape(2, -1), 3.5, "a word <&>", None, ("a", "b"), {"a": np.ones(3)}, [1] * 50]
+HELD = [
+    np.linspace(-1, 1, 100_000).reshape(2, -1),
+    3.5,
+    "a word <&>",
+    None,
+    ("a", "b"),
+    {"a": np.ones(3)},
+    [1] * 50,
+]
 
 
 def public_values():
@@ -51,11 +59,17 @@ def test_a_report_is_no_wall_of_numbers_any_more():
     import control
 
     model = robust.UncertaintyModel(
-        control.tf([1], [1, 1]), control.tf([0.2], [1]), "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2])
+        control.tf([1], [1, 1]),
+        control.tf([0.2], [1]),
+        "multiplicative",
+        np.array([1.0, 2.0]),
+        np.array([0.1, 0.2]),
     )
     report = robust.check(model, 2.0)
     assert len(repr(report).splitlines()) == 1
 
 
 def test_a_value_inside_a_value_is_named_only(record):
-    assert "lines=LineGrid(...)" in repr(nlfrf.Record(u=record.u, y=record.y, fs=FS, lines=MS.lines))
+    assert "lines=LineGrid(...)" in repr(
+        nlfrf.Record(u=record.u, y=record.y, fs=FS, lines=MS.lines)
+    )

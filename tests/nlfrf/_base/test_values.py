@@ -72,7 +72,9 @@ def test_what_a_value_prints_fits_a_screen_and_loses_no_word():
     rows = text.split("\n")
     assert rows[0] == "short"
     assert [row for row in rows if len(row) > 100 and "x" * 120 not in row] == []
-    assert all(row.startswith("    ") for row in rows[2:])  # what continues a line stands further in than the line
+    assert all(
+        row.startswith("    ") for row in rows[2:]
+    )  # what continues a line stands further in than the line
     assert text.split() == f"short {words}".split()
 
 

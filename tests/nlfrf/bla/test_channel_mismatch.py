@@ -1,4 +1,6 @@
-"""A channel that has another gain, or comes later, in one experiment of a set: told by name, number and size."""
+"""A channel that has another gain, or comes later, in one experiment of a set: told by name, number
+and size.
+"""
 
 import re
 import warnings
@@ -9,9 +11,13 @@ import pytest
 import nlfrf
 
 FS = 256
-GAIN = r"(\w+|all of y1, y2) stands about ([\d.]+) % (higher|lower) in experiment (\d) of (\d) than in the others"
+GAIN = (
+    r"(\w+|all of y1, y2) stands about ([\d.]+) % (higher|lower) in experiment (\d) of (\d) than in"
+    r" the others"
+)
 DELAY = (
-    r"(\w+|all of y1, y2) comes about ([\d.]+) samples (later|earlier) in experiment (\d) of (\d) than in the others"
+    r"(\w+|all of y1, y2) comes about ([\d.]+) samples (later|earlier) in experiment (\d) of (\d)"
+    r" than in the others"
 )
 
 
@@ -20,16 +26,22 @@ def stage(f, modes=(12.0, 31.0), damping=0.05):
     shapes = np.array([[1.0, 0.7], [-0.4, 1.0]])
     s = 2j * np.pi * f
     return sum(
-        np.einsum("j,i,k->jik", shapes[m], [1.0, 0.5 - m], w * w / (s * s + 2 * damping * w * s + w * w))
+        np.einsum(
+            "j,i,k->jik", shapes[m], [1.0, 0.5 - m], w * w / (s * s + 2 * damping * w * s + w * w)
+        )
         for m, w in enumerate(2 * np.pi * np.array(modes))
     )
 
 
 def played(seed, *, n_sets=1, n=512, noise=1e-3, cubic=0.0, damping=0.05):
-    """Signals of a special-odd or random-odd design through the stage, its lines, and the true matrix there."""
+    """Signals of a special-odd or random-odd design through the stage, its lines, and the true
+    matrix there.
+    """
     rng = np.random.default_rng(seed)
     kind = ("special-odd", "random-odd")[seed % 2]
-    ms = nlfrf.multisine(kind, fs=FS, n_samples=n, f_min=1, f_max=80, n_inputs=2, n_realizations=n_sets, rng=rng)
+    ms = nlfrf.multisine(
+        kind, fs=FS, n_samples=n, f_min=1, f_max=80, n_inputs=2, n_realizations=n_sets, rng=rng
+    )
     G = stage(np.arange(n // 2 + 1) * FS / n, damping=damping)
     y = np.fft.irfft(np.einsum("jik,imk->jmk", G, np.fft.rfft(ms.u)), n)
     y /= y.std(axis=(1, 2), keepdims=True)
@@ -61,7 +73,9 @@ def test_a_gain_of_one_experiment_is_told(by, side, n_sets):
         name, size, way, number, _ = found[0].groups()
         if n_sets == 1:  # between sets the scatter shows it, and the bound is wide enough
             assert np.mean(np.abs(frm.G - sound.G) < frm.bound()) < 0.75
-        assert f"{side}{channel + 1} " in told[0].split(", according to")[0]  # where y2 is of u1 alone the two are one
+        assert (
+            f"{side}{channel + 1} " in told[0].split(", according to")[0]
+        )  # where y2 is of u1 alone the two are one
         assert abs(float(size) / abs(100 * by) - 1) < 0.55
         if name[0] != side:
             continue
@@ -87,13 +101,20 @@ def test_a_delay_of_one_experiment_is_told(n_sets):
 
 
 def test_sound_records_are_not_warned_of():
-    """Resonances as narrow as the lines are apart, much noise, and distortion of each machine: one of 80 had jumps."""
+    """Resonances as narrow as the lines are apart, much noise, and distortion of each machine: one
+    of 80 had jumps.
+    """
     warned = 0
     for seed in range(80):
         n = (192, 256, 384, 512)[seed // 2 % 4]
         noise, cubic = (1e-4, 1e-2, 0.1)[seed % 3], (0.0, 0.01, 0.05)[seed // 3 % 3]
         u, y, lines = played(
-            seed, n_sets=1 + seed // 8 % 2, n=n, noise=noise, cubic=cubic, damping=(0.05, 0.01)[seed % 2]
+            seed,
+            n_sets=1 + seed // 8 % 2,
+            n=n,
+            noise=noise,
+            cubic=cubic,
+            damping=(0.05, 0.01)[seed % 2],
         )
         warned += any("in the others" in text or "jumps" in text for text in said(u, y, lines)[1])
     assert warned <= 1
@@ -107,8 +128,12 @@ def test_what_all_experiments_have_in_common_is_not_seen():
 
 
 def test_inputs_played_one_after_the_other_differ_from_nothing():
-    """Each channel in the one experiment in which it was played; nothing is divided by the silence of the others."""
-    ms = nlfrf.multisine("random-odd", fs=FS, n_samples=512, f_min=1, f_max=80, n_realizations=2, rng=1)
+    """Each channel in the one experiment in which it was played; nothing is divided by the silence
+    of the others.
+    """
+    ms = nlfrf.multisine(
+        "random-odd", fs=FS, n_samples=512, f_min=1, f_max=80, n_realizations=2, rng=1
+    )
     u = np.repeat((np.eye(2)[:, :, None] * ms.u)[:, :, None], 2, axis=2)
     y = np.einsum("ji,i...->j...", np.array([[1.0, 0.0], [0.5, 2.0]]), u + 0.01 * u**3)
     y += 1e-3 * np.random.default_rng(0).standard_normal(y.shape)

@@ -1,4 +1,6 @@
-"""The model of the distortion variance: its statistics, against draws, closed forms and brute force."""
+"""The model of the distortion variance: its statistics, against draws, closed forms and brute
+force.
+"""
 
 import numpy as np
 import pytest
@@ -34,7 +36,9 @@ def mixture_survival(x, level, dof, weight):
 
 
 def test_a_mixture_has_its_own_quantiles():
-    """The scaled F(2, 2 nu) that stands for it is exact at 95 and 99.9 %, and near between and beyond them."""
+    """The scaled F(2, 2 nu) that stands for it is exact at 95 and 99.9 %, and near between and
+    beyond them.
+    """
     rng = np.random.default_rng(0)
     level, dof = np.exp(rng.normal(0, 0.5, (12, 400))), rng.uniform(4, 20, (12, 400))
     weight = rng.dirichlet(np.ones(12), 400).T
@@ -77,7 +81,9 @@ def test_widened_degrees_of_freedom_have_the_variance_that_was_added():
 @pytest.mark.parametrize("slope", [0.0, 1.0])
 @pytest.mark.parametrize("M", [1, 4])
 def test_the_level_of_exponential_powers_is_found_with_its_degrees_of_freedom(M, slope):
-    """Over many draws: no bias but that of the prior, and the variance of the log that the windows say."""
+    """Over many draws: no bias but that of the prior, and the variance of the log that the windows
+    say.
+    """
     rng, windows = np.random.default_rng(1), window_coordinates(index_lines(GRID), M)
     n, F = windows.x.shape
     found = []
@@ -86,10 +92,12 @@ def test_the_level_of_exponential_powers_is_found_with_its_degrees_of_freedom(M,
         found.append(fit_log_level(y, np.zeros(y.shape), windows=windows, M=M)[0][0])
     found = np.array(found)
     inside = slice(6, -6)
-    # log of a mean of n M exponentials: -1/(2 n M), and as much for the slope; the prior draws a slope towards zero
+    # log of a mean of n M exponentials: -1/(2 n M), and as much for the slope; the prior draws a
+    # slope towards zero
     assert -1.5 / (n * M) < np.mean(found[:, inside]) < 0
     assert np.mean(found[:, inside].var(axis=0)) == pytest.approx(1 / (n * M), rel=0.25)
-    # with a calibration in doubt there are fewer degrees of freedom than lines, and fewer still at the ends
+    # with a calibration in doubt there are fewer degrees of freedom than lines, and fewer still at
+    # the ends
     assert np.all(windows.dof < n * M)
     assert windows.dof[0] < windows.dof[F // 2]
 
@@ -120,12 +128,16 @@ def test_distance_grows_with_lines_and_with_the_logarithm_of_frequency():
 
 
 def test_noise_that_is_known_is_not_distortion():
-    """Many draws of distortion before a resonance under white noise: the total at each line is found."""
+    """Many draws of distortion before a resonance under white noise: the total at each line is
+    found.
+    """
     rng, n, F = np.random.default_rng(2), 200, 3
     shape = np.exp(rng.normal(0, 1, (1, n, F)))
     factors, noise = np.array([[2.0, 1.0, 0.5]]), np.full((n, F), 0.7)
     power = (1.5 * shape[0] + noise) * rng.exponential(1.0, (n, F))
-    relative, total = expected_total(power, noise, shape=shape, factors=factors, noise_here=np.full(F, 0.7))
+    relative, total = expected_total(
+        power, noise, shape=shape, factors=factors, noise_here=np.full(F, 0.7)
+    )
     np.testing.assert_allclose(total[0], 1.5 * factors[0] + 0.7, rtol=0.25)
     np.testing.assert_allclose(relative * total[:, None], 1.5 * shape + 0.7, rtol=0.4)
 
@@ -147,7 +159,9 @@ def test_scatter_that_agrees_is_pooled_and_scatter_that_does_not_stands_alone():
 
 def test_counts_of_a_flat_spectrum_on_the_special_odd_grid_are_the_known_ones():
     """In a narrow band a cubic makes three times as much of excited lines as of detection lines."""
-    narrow = index_lines(multisine("special-odd", fs=65536, n_samples=65536, f_min=15000, f_max=15400, rng=0).lines)
+    narrow = index_lines(
+        multisine("special-odd", fs=65536, n_samples=65536, f_min=15000, f_max=15400, rng=0).lines
+    )
     relative, factor = cubic_count_ratios(np.ones(narrow.excited.size), narrow, 4.0)
     assert np.median(factor) == pytest.approx(3.0, rel=0.05)
     np.testing.assert_allclose(relative.mean(axis=0), 1.0, rtol=0.05)
@@ -156,7 +170,8 @@ def test_counts_of_a_flat_spectrum_on_the_special_odd_grid_are_the_known_ones():
 
 @pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")
 @pytest.mark.parametrize(
-    ("plant", "highest"), [("Hammerstein", 1.02), ("Wiener", 1.2), ("sensor", 1.75), ("jump", 1.14), ("before", 1.25)]
+    ("plant", "highest"),
+    [("Hammerstein", 1.02), ("Wiener", 1.2), ("sensor", 1.75), ("jump", 1.14), ("before", 1.25)],
 )
 def test_the_loss_of_a_bound_is_near_that_of_the_best_radius(plant, highest):
     """Version 0.1 lost 1.06, 1.14, 1.57, 1.23, 1.43."""
@@ -165,14 +180,19 @@ def test_the_loss_of_a_bound_is_near_that_of_the_best_radius(plant, highest):
     u, y = played(ms, PLANTS[plant], 900, rng)
     each = frfs(u, y, ms.lines.excited)
     truth = each.mean(axis=0)
-    blas = [identify(Record(u=u[i][None, None], y=y[i][None, None], fs=1024, lines=ms.lines)) for i in range(300)]
+    blas = [
+        identify(Record(u=u[i][None, None], y=y[i][None, None], fs=1024, lines=ms.lines))
+        for i in range(300)
+    ]
     loss = relative_loss(np.abs(each[:300] - truth), np.array([bla.bound() for bla in blas]))
     assert loss < highest
 
 
 @pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")
 def test_four_sets_of_low_crest_on_a_full_grid_hold_and_are_not_too_wide():
-    """They distort less than random phases, and by a gain in common: the error is 0.44 of one realisation's scatter."""
+    """They distort less than random phases, and by a gain in common: the error is 0.44 of one
+    realisation's scatter.
+    """
     rng, design = np.random.default_rng(5), dict(fs=1024, n_samples=1024, f_min=1, f_max=150)
     ms = multisine("full", **design, rng=rng)
     each = frfs(*played(ms, PLANTS["cubic"], 600, rng), ms.lines.excited)
@@ -180,7 +200,11 @@ def test_four_sets_of_low_crest_on_a_full_grid_hold_and_are_not_too_wide():
     inside, widths = [], []
     for i in range(12):
         low = reduce_crest(multisine("full", **design, n_realizations=4, rng=i), rng=i)
-        bla = identify(Record(u=low.u[:, None], y=PLANTS["cubic"](low.u, 1024)[:, None], fs=1024, lines=low.lines))
+        bla = identify(
+            Record(
+                u=low.u[:, None], y=PLANTS["cubic"](low.u, 1024)[:, None], fs=1024, lines=low.lines
+            )
+        )
         error = np.abs(bla.G - truth)
         inside.append(error < bla.bound())
         widths.append(np.median(bla.bound()) / np.sqrt(np.mean(error**2)) / 1.731)
@@ -190,7 +214,9 @@ def test_four_sets_of_low_crest_on_a_full_grid_hold_and_are_not_too_wide():
 
 @pytest.mark.parametrize("plant", ["jump", "Hammerstein", "Wiener", "Duffing"])
 def test_the_bound_is_continuous_in_the_noise(plant):
-    """On 15 lines noise of 1e-9 moved single bounds by up to 44 %: it let estimated levels weigh the roughness."""
+    """On 15 lines noise of 1e-9 moved single bounds by up to 44 %: it let estimated levels weigh
+    the roughness.
+    """
     rng = np.random.default_rng(5)
     ms = multisine("special-odd", fs=1024, n_samples=1024, f_min=3, f_max=60, rng=rng)
     u, y = (np.repeat(one[:, None, None], 2, axis=2) for one in played(ms, PLANTS[plant], 10, rng))

@@ -1,4 +1,6 @@
-"""Exact cases: what static nonlinearities of two and three inputs send where, by following every phase."""
+"""Exact cases: what static nonlinearities of two and three inputs send where, by following every
+phase.
+"""
 
 from collections import defaultdict
 from itertools import product
@@ -16,7 +18,8 @@ EXCITED = (1, 3, 9, 11, 17, 19)
 
 
 def followed(powers, line, n_u=2, psi=True):
-    """E|.|^2 of the FRF's error per column (or of the output amplitude), by summing terms of the same random phases.
+    """E|.|^2 of the FRF's error per column (or of the output amplitude), by summing terms of the
+    same random phases.
 
     `powers`: which input each factor is, as (0, 0, 1) for u1^2 u2. Amplitudes one.
     """
@@ -70,10 +73,11 @@ def test_the_cross_term_of_two_inputs():
 
 
 def cross_variance(a, excited, lines):
-    """Variance of y = u_1^2 u_2 over random phases of flat or shaped inputs, by plain sums; a (F,) amplitudes of both.
+    """Variance of y = u_1^2 u_2 over random phases of flat or shaped inputs, by plain sums; a (F,)
+    amplitudes of both.
 
-    E|Y(k)|^2 = 4 [2 (p*p*p)(k) - sum_{2j+m=k} p(j)^2 p(m)], p = a^2 / 4; at an excited line without the triples
-    (j, -j, k) that make up the BLA, sigma_1^2 in column 2.
+    E|Y(k)|^2 = 4 [2 (p*p*p)(k) - sum_{2j+m=k} p(j)^2 p(m)], p = a^2 / 4; at an excited line without
+    the triples (j, -j, k) that make up the BLA, sigma_1^2 in column 2.
     """
     last = int(lines.max() + 2 * excited.max())
     p, doubled = np.zeros(2 * last + 1), np.zeros(2 * last + 1)
@@ -91,15 +95,21 @@ def test_the_counts_are_those_of_the_terms():
     detection = np.array([5, 7, 13, 15])
     counted = cross_variance(np.ones(6), excited, np.concatenate([excited, detection]))
     np.testing.assert_allclose(counted[6:], [5.75, 6.1875, 4.6875, 4.25], atol=1e-9)
-    np.testing.assert_allclose(counted[6:], [followed((0, 0, 1), k)[2] for k in detection], atol=1e-9)
+    np.testing.assert_allclose(
+        counted[6:], [followed((0, 0, 1), k)[2] for k in detection], atol=1e-9
+    )
     # over a set the two columns share the variance of an experiment
-    np.testing.assert_allclose(counted[:6], [followed((0, 0, 1), k)[1].sum() for k in excited], atol=1e-9)
+    np.testing.assert_allclose(
+        counted[:6], [followed((0, 0, 1), k)[1].sum() for k in excited], atol=1e-9
+    )
 
 
 @pytest.mark.parametrize(("f_min", "f_max"), [(800, 1000), (1, 400), (100, 900)])
 @pytest.mark.parametrize("kind", ["special-odd", "random-odd"])
 def test_a_product_of_inputs_stands_over_its_detection_lines_as_a_cube_does(kind, f_min, f_max):
-    """So the hypotheses of a cubic hold for products of inputs, within what a calibration is uncertain by."""
+    """So the hypotheses of a cubic hold for products of inputs, within what a calibration is
+    uncertain by.
+    """
     ms = nlfrf.multisine(kind, fs=4096, n_samples=4096, f_min=f_min, f_max=f_max, rng=1)
     where, excited = index_lines(ms.lines), ms.lines.excited
     relative, cube = cubic_count_ratios(ms.amplitude, where, 3.0)
@@ -125,10 +135,16 @@ def test_the_product_of_two_inputs_answers_on_even_lines_alone():
 
 
 def test_a_static_nonlinearity_over_many_sets_is_its_mean_gradient():
-    """E[grad f]: 3 sigma^2 for u1^3 and sigma^2 for u1^2 u2, but for what the line itself takes out."""
-    ms = nlfrf.multisine("odd", fs=512, n_samples=512, f_min=1, f_max=200, n_inputs=2, n_realizations=40, rng=1)
+    """E[grad f]: 3 sigma^2 for u1^3 and sigma^2 for u1^2 u2, but for what the line itself takes
+    out.
+    """
+    ms = nlfrf.multisine(
+        "odd", fs=512, n_samples=512, f_min=1, f_max=200, n_inputs=2, n_realizations=40, rng=1
+    )
     u = np.repeat(ms.u[:, :, None], 2, axis=2)
-    frm = identify(nlfrf.Record(u=u, y=np.stack([u[0] ** 3, u[0] ** 2 * u[1]]), fs=512, lines=ms.lines))
+    frm = identify(
+        nlfrf.Record(u=u, y=np.stack([u[0] ** 3, u[0] ** 2 * u[1]]), fs=512, lines=ms.lines)
+    )
     A2 = ms.amplitude[0] ** 2
     expected = np.zeros_like(frm.G)
     expected[0, 0], expected[1, 1] = 3 - 0.75 * A2, 1.0
@@ -137,7 +153,9 @@ def test_a_static_nonlinearity_over_many_sets_is_its_mean_gradient():
 
 
 def test_one_phase_for_all_inputs_reads_the_cross_term_three_times_too_high():
-    ms = nlfrf.multisine("odd", fs=512, n_samples=512, f_min=1, f_max=200, n_inputs=2, n_realizations=40, rng=1)
+    ms = nlfrf.multisine(
+        "odd", fs=512, n_samples=512, f_min=1, f_max=200, n_inputs=2, n_realizations=40, rng=1
+    )
     psi = np.random.default_rng(0).uniform(0, 2 * np.pi, (1, 80, ms.f.size))
     T = np.angle(dft_matrix(2))
     copied = nlfrf.Multisine(
@@ -150,7 +168,11 @@ def test_one_phase_for_all_inputs_reads_the_cross_term_three_times_too_high():
         phase=psi + np.tile(T, 40)[:, :, None],
     )
     u = np.repeat(copied.u[:, :, None], 2, axis=2)
-    with pytest.warns(nlfrf.DataWarning, match=r"inputs of an experiment have the same phases \(phi\)"):
-        frm = identify(nlfrf.Record(u=u, y=np.stack([u[0] ** 2 * u[1], u[0]]), fs=512, lines=ms.lines))
+    with pytest.warns(
+        nlfrf.DataWarning, match=r"inputs of an experiment have the same phases \(phi\)"
+    ):
+        frm = identify(
+            nlfrf.Record(u=u, y=np.stack([u[0] ** 2 * u[1], u[0]]), fs=512, lines=ms.lines)
+        )
     # copies but for signs: u1^2 u2 = +-u1^3, whose BLA is 3 sigma^2
     assert np.median(frm.G[0, 1].real) == pytest.approx(3, rel=0.1)

@@ -1,4 +1,6 @@
-"""FRFs from elsewhere: what their bounds hold, by standard deviation and by coherence, and what is refused."""
+"""FRFs from elsewhere: what their bounds hold, by standard deviation and by coherence, and what is
+refused.
+"""
 
 import numpy as np
 import pytest
@@ -58,7 +60,9 @@ def test_a_coherence_holds_what_it_says(n, rms_noise):
     """Exactly, from two averages on: F(2, 2 n - 2)."""
     rng = np.random.default_rng([n, int(10 * rms_noise)])
     measured, coherence = averaged_frf(rng, n, rms_noise)
-    bla = nlfrf.bla_from_frf(np.arange(1.0, RECORDS + 1), measured, coherence=coherence, n_averages=n)
+    bla = nlfrf.bla_from_frf(
+        np.arange(1.0, RECORDS + 1), measured, coherence=coherence, n_averages=n
+    )
     assert abs(in_sigmas(np.abs(bla.G - 2) < bla.bound())) < 4
 
 
@@ -72,7 +76,9 @@ def test_the_bound_of_welch_and_its_coherence_holds_the_truth():
         S_yu = signal.csd(u, y, 1.0, nperseg=400, detrend=False)[1]
         coherence = signal.coherence(u, y, 1.0, nperseg=400, detrend=False)[1]
         some = slice(20, 180)
-        bla = nlfrf.bla_from_frf(f[some], (S_yu / S_uu)[some], coherence=coherence[some], n_averages=0.947 * 199)
+        bla = nlfrf.bla_from_frf(
+            f[some], (S_yu / S_uu)[some], coherence=coherence[some], n_averages=0.947 * 199
+        )
         true = signal.freqz([0.5, 0.3], [1, -0.2], 2 * np.pi * bla.f)[1]
         inside.append(np.mean(np.abs(bla.G - true) < bla.bound()))
     assert np.mean(inside) == pytest.approx(0.95, abs=0.015)
@@ -94,7 +100,10 @@ def test_several_channels_hold_every_entry_and_the_whole_matrix():
 
 def test_deviations_that_are_no_product_are_raised_and_said():
     std = np.array([[1.0, 0.1], [0.2, 2.0]])[:, :, None] * np.ones(5)
-    with pytest.warns(nlfrf.DataWarning, match=r"std of output \d by input \d counts up to .* times as large as given"):
+    with pytest.warns(
+        nlfrf.DataWarning,
+        match=r"std of output \d by input \d counts up to .* times as large as given",
+    ):
         frm = nlfrf.bla_from_frf(np.arange(1.0, 6), np.ones((2, 2, 5), complex), std=std)
     assert np.all(np.sqrt(frm.var_total) >= std * (1 - 1e-9))
     assert np.min(np.sqrt(frm.var_total) / std, axis=(0, 1)) == pytest.approx(np.ones(5))
@@ -122,20 +131,31 @@ def test_it_is_stored_drawn_and_told(ending, tmp_path, ax):
 
 
 def test_a_known_variance_has_the_law_of_a_chi_square():
-    assert nlfrf.bla_from_frf(F, G, std=1.0).bound() == pytest.approx(np.full(F.size, np.sqrt(-np.log(0.05))), rel=3e-6)
+    assert nlfrf.bla_from_frf(F, G, std=1.0).bound() == pytest.approx(
+        np.full(F.size, np.sqrt(-np.log(0.05))), rel=3e-6
+    )
     assert nlfrf.bla_from_frf(F, G, std=1.0).dof[0] == KNOWN_DOF
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({}, r"std or coherence must be given, got neither: without a variance the bound has no probability"),
+        (
+            {},
+            (
+                r"std or coherence must be given, got neither: without a variance the bound has no"
+                r" probability"
+            ),
+        ),
         (dict(std=1.0, coherence=0.9), r"std or coherence must be given, got both"),
         (dict(coherence=0.9), r"n_averages must be given with coherence"),
         (dict(coherence=0.9, n_averages=1), r"n_averages must be at least 2, got 1"),
         (dict(coherence=1.1, n_averages=9), r"coherence must be above 0 and at most 1, got 1\.1"),
         (dict(std=0.0), r"std must be positive on every line, got 0"),
-        (dict(std=np.ones(4)), r"std must be one number or have the shape of G, \(30,\), got \(4,\)"),
+        (
+            dict(std=np.ones(4)),
+            r"std must be one number or have the shape of G, \(30,\), got \(4,\)",
+        ),
         (dict(std=1.0, f=F[::-1]), r"f must be positive and increasing"),
         (dict(std=1.0, G=G[:4]), r"G must have the shape \(30,\) or \(n_y, n_u, 30\)"),
         (dict(std=1.0, G=np.where(F > 3, G, np.nan)), r"G must hold finite complex numbers"),
@@ -143,9 +163,18 @@ def test_a_known_variance_has_the_law_of_a_chi_square():
             dict(std=1.0, G=20 * np.log10(abs(G))),
             r"G must be complex, got real numbers from -20.* to -0\.04.*np\.radians",
         ),
-        (dict(std=1.0, G=np.abs(G)), r"G must be complex, .* which have no phase: .*magnitude \* np\.exp\(1j\*phase\)"),
-        (dict(std=1.0, G=np.full(F.size, 2)), r"G must be complex, .*G \+ 0j for a gain without phase"),
-        (dict(coherence=1.0, n_averages=9), r"coherence must be below 1 on some lines, .*single average.*give std"),
+        (
+            dict(std=1.0, G=np.abs(G)),
+            r"G must be complex, .* which have no phase: .*magnitude \* np\.exp\(1j\*phase\)",
+        ),
+        (
+            dict(std=1.0, G=np.full(F.size, 2)),
+            r"G must be complex, .*G \+ 0j for a gain without phase",
+        ),
+        (
+            dict(coherence=1.0, n_averages=9),
+            r"coherence must be below 1 on some lines, .*single average.*give std",
+        ),
         (dict(std=1.0, hold="zoh"), r"fs must be given if hold is .zoh."),
         (dict(std=object()), r"std must hold real numbers"),
         (dict(std=1.0, outputs=["y", "z"]), r"outputs must be one name, got "),
@@ -164,20 +193,26 @@ def test_the_cures_of_real_numbers_give_the_frf():
 
 
 def test_a_complex_type_without_phases_is_warned_of():
-    with pytest.warns(nlfrf.DataWarning, match="G is real on every line and varies, as if its phase were missing"):
+    with pytest.warns(
+        nlfrf.DataWarning, match="G is real on every line and varies, as if its phase were missing"
+    ):
         nlfrf.bla_from_frf(F, 20 * np.log10(np.abs(G)) + 0j, std=1.0)
 
 
 def test_a_coherence_that_was_rounded_to_one_leaves_a_variance():
     coherence = np.where(F > 30, 0.9, np.where(F > 10, 0.999, 1.0))
-    with pytest.warns(nlfrf.DataWarning, match=r"coherence of 1 on some lines is rounded.*0\.999 is used"):
+    with pytest.warns(
+        nlfrf.DataWarning, match=r"coherence of 1 on some lines is rounded.*0\.999 is used"
+    ):
         bla = nlfrf.bla_from_frf(F, G, coherence=coherence, n_averages=11)
     np.testing.assert_allclose(bla.var_total[0], 0.001 / 0.999 * np.abs(G[0]) ** 2 / 10)
 
 
 def test_a_factor_asks_for_the_unit_that_it_makes():
     bla = nlfrf.bla_from_frf(F, G, std=0.01, input_units=["N"], output_units=["m/s2"])
-    with pytest.raises(ValueError, match=r"output_unit must be given, .*unit of m/s2: output_unit=.m. if"):
+    with pytest.raises(
+        ValueError, match=r"output_unit must be given, .*unit of m/s2: output_unit=.m. if"
+    ):
         bla.times(-1 / bla.omega**2)
     moved = bla.times(-1 / bla.omega**2, output_unit="m")
     assert moved.unit == "m/N"
@@ -194,7 +229,8 @@ def test_a_sweep_is_refused_at_the_ends_of_its_band():
     u = signal.chirp(t, 0.01, t.size, 0.2)
     y = signal.lfilter(*signal.butter(2, 0.1), u)
     with pytest.raises(
-        ValueError, match=r"u must have power of its own on every line, got \d+ lines of 177 without.*Hz"
+        ValueError,
+        match=r"u must have power of its own on every line, got \d+ lines of 177 without.*Hz",
     ):
         nlfrf.identify_noise(u, y, fs=1.0, n_samples=400, f_min=0.01, f_max=0.45)
     bla = nlfrf.identify_noise(u, y, fs=1.0, n_samples=400, f_min=0.02, f_max=0.18)

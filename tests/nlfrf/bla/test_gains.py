@@ -1,4 +1,6 @@
-"""Singular values and relative gains: published numbers, their laws, bounds attacked from inside the set."""
+"""Singular values and relative gains: published numbers, their laws, bounds attacked from inside
+the set.
+"""
 
 from collections import namedtuple
 
@@ -8,7 +10,8 @@ import pytest
 import nlfrf
 from robust.reports.data import describe_directions
 
-#: Distillation column of Skogestad & Postlethwaite at steady state: gains, singular values, relative gain.
+# : Distillation column of Skogestad & Postlethwaite at steady state: gains, singular values,
+# relative gain.
 COLUMN = np.array([[87.8, -86.4], [108.2, -109.6]])
 BAND = {"fs": 256, "n_samples": 512, "f_min": 1, "f_max": 100}
 
@@ -35,7 +38,9 @@ def test_the_laws_of_relative_gains():
     for axis in (0, 1):
         np.testing.assert_allclose(gains.sum(axis=axis), 1)
     D1, D2 = np.diag([2.0, 0.1, 30.0]), np.diag([5.0, 1.0, 0.3])
-    np.testing.assert_allclose(nlfrf.bla.rga(np.einsum("ij,jkf,kl->ilf", D1, G, D2)), gains)  # no units
+    np.testing.assert_allclose(
+        nlfrf.bla.rga(np.einsum("ij,jkf,kl->ilf", D1, G, D2)), gains
+    )  # no units
     np.testing.assert_allclose(
         nlfrf.bla.rga(np.tril(np.ones((3, 3)))), np.eye(3), atol=1e-12
     )  # triangular: one way only
@@ -46,7 +51,8 @@ def test_the_laws_of_relative_gains():
     at[j, i] *= 1 - 1 / gains[j, i, 0]
     assert abs(np.linalg.det(at)) < 1e-12
     with pytest.raises(
-        ValueError, match=r"G must be finite, of axes \(n_y, n_u\) or \(n_y, n_u, F\), got shape \(3,\)"
+        ValueError,
+        match=r"G must be finite, of axes \(n_y, n_u\) or \(n_y, n_u, F\), got shape \(3,\)",
     ):
         nlfrf.bla.rga(np.ones(3))
     with pytest.raises(ValueError, match=r"got shape \(1, 1\) of <U1"):
@@ -66,33 +72,51 @@ def test_no_plant_of_the_set_has_singular_values_outside(shape):
     for n in range(150):
         Delta = rng.standard_normal((len(G), *shape)) + 1j * rng.standard_normal((len(G), *shape))
         if n < 4:  # along one direction of the matrix, up and down
-            Delta = (1 - 2 * (n % 2)) * np.linalg.inv(left) @ U[:, :, [n // 2]] @ Vh[:, [n // 2]] @ np.linalg.inv(right)
+            Delta = (
+                (1 - 2 * (n % 2))
+                * np.linalg.inv(left)
+                @ U[:, :, [n // 2]]
+                @ Vh[:, [n // 2]]
+                @ np.linalg.inv(right)
+            )
         X, _, Yh = np.linalg.svd(Delta, full_matrices=False)
         Delta = X @ Yh if n % 2 else X[:, :, :1] @ Yh[:, :1]
         sigma = np.linalg.svd(G + left @ Delta @ right, compute_uv=False).T
         assert np.all(sigma >= found.low * (1 - 1e-9))
         assert np.all(sigma <= found.high * (1 + 1e-9))
-        used = (found.sigma - sigma) / (found.sigma - found.low), (sigma - found.sigma) / (found.high - found.sigma)
+        used = (
+            (found.sigma - sigma) / (found.sigma - found.low),
+            (sigma - found.sigma) / (found.high - found.sigma),
+        )
         closest = np.maximum(closest, used)
     assert closest.mean(axis=2).min() > 0.5  # and they are no wider than twice what is needed
 
 
-@pytest.mark.parametrize(("n", "off"), [(15, 0.05), pytest.param(60, 0.025, marks=pytest.mark.attack)])
+@pytest.mark.parametrize(
+    ("n", "off"), [(15, 0.05), pytest.param(60, 0.025, marks=pytest.mark.attack)]
+)
 def test_bounds_hold_the_truth_as_often_as_they_say(n, off):
-    sigma, gains = np.linalg.svd(COLUMN, compute_uv=False)[:, None], nlfrf.bla.rga(COLUMN)[:, :, None]
+    sigma = np.linalg.svd(COLUMN, compute_uv=False)[:, None]
+    gains = nlfrf.bla.rga(COLUMN)[:, :, None]
     of_gains, of_sigma = [], []
     for e in range(n):
         frm = measured(COLUMN, noise=0.03, rng=e)
         _, low, high = nlfrf.bla.singular_values(frm)
         of_sigma.append(np.mean(np.all((low < sigma) & (sigma < high), axis=0)))
-        of_gains.append(np.mean(np.abs(nlfrf.bla.rga(frm.matrix) - gains) < nlfrf.bla.rga_radius(frm), axis=2))
+        of_gains.append(
+            np.mean(np.abs(nlfrf.bla.rga(frm.matrix) - gains) < nlfrf.bla.rga_radius(frm), axis=2)
+        )
     assert np.mean(of_sigma) > 0.93  # a set that holds the matrix holds them
     assert np.all(np.abs(np.mean(of_gains, axis=0) - 0.95) < off)
 
 
-@pytest.mark.parametrize("gains", [[[3, 1], [1, -1], [1, 0.5]], [[3, 1, 0.4], [1, -1, 2]], [[1], [0.3]]])
+@pytest.mark.parametrize(
+    "gains", [[[3, 1], [1, -1], [1, 0.5]], [[3, 1, 0.4], [1, -1, 2]], [[1], [0.3]]]
+)
 def test_bounds_hold_relative_gains_of_matrices_that_are_not_square(gains):
-    """The inverse then moves with the conjugate of the error too, and of one input the element is a real number."""
+    """The inverse then moves with the conjugate of the error too, and of one input the element is a
+    real number.
+    """
     gains, held = np.array(gains, float), []
     for e in range(25):
         frm = measured(gains, noise=0.03, rng=e)
@@ -107,4 +131,6 @@ def test_a_weak_direction_that_was_not_measured_has_no_lower_bound():
     frm = measured(np.array([[1.0, 1.0], [1.0, 1.0]]), noise=0.05, rng=2)
     assert np.mean(nlfrf.bla.singular_values(frm)[1][1] == 0) > 0.9
     text = describe_directions(frm)
-    assert "the set may contain a matrix of lower rank: the weakest direction is not measured" in text
+    assert (
+        "the set may contain a matrix of lower rank: the weakest direction is not measured" in text
+    )

@@ -1,4 +1,6 @@
-"""Hum of the mains in one set of experiments with several inputs: named with its output, and held."""
+"""Hum of the mains in one set of experiments with several inputs: named with its output, and
+held.
+"""
 
 import warnings
 
@@ -19,7 +21,9 @@ def test_it_is_named_and_held(n_inputs):
             warnings.simplefilter("always", DataWarning)
             after = identify(record)
         k = int(np.argmin(np.abs(ms.f - 50)))
-        if not any("G of y2 stands out of its neighbours at 50" in str(one.message) for one in said):
+        if not any(
+            "G of y2 stands out of its neighbours at 50" in str(one.message) for one in said
+        ):
             continue
         told += 1
         off = np.abs(after.G - before.G)[1, :, k]

@@ -14,10 +14,29 @@ from tests.support.printed import unwrapped
 FS = N = 1024
 
 
-def record_of(system, kind="special-odd", *, n_periods=1, noise=0.0, f_max=300, rms=1.0, n_realizations=1, seed=0):
+def record_of(
+    system,
+    kind="special-odd",
+    *,
+    n_periods=1,
+    noise=0.0,
+    f_max=300,
+    rms=1.0,
+    n_realizations=1,
+    seed=0,
+):
     """A record of a static system, with white noise on the output."""
     rng = np.random.default_rng(seed)
-    ms = multisine(kind, fs=FS, n_samples=N, f_min=1, f_max=f_max, rms=rms, n_realizations=n_realizations, rng=rng)
+    ms = multisine(
+        kind,
+        fs=FS,
+        n_samples=N,
+        f_min=1,
+        f_max=f_max,
+        rms=rms,
+        n_realizations=n_realizations,
+        rng=rng,
+    )
     u = np.repeat(ms.u[:, None, :], n_periods, axis=1)
     return Record(u=u, y=system(u) + noise * rng.standard_normal(u.shape), fs=FS, lines=ms.lines)
 
@@ -54,19 +73,25 @@ def test_even_and_odd_powers_fall_on_their_lines_only(power, lit, dark):
 
 
 def test_an_even_system_has_no_bla_and_all_its_output_is_even_distortion():
-    """Of y = u^2 the excited lines hold nothing, not even rounding: no level may be lost in 0 / 0."""
+    """Of y = u^2 the excited lines hold nothing, not even rounding: no level may be lost in 0
+    / 0.
+    """
     blas = [identify(record_of(lambda u: u**2, n_periods=2, seed=seed)) for seed in range(20)]
     for bla in blas:
         np.testing.assert_array_equal(bla.G, 0.0)
         assert bla.var_total.max() < 1e-60
         assert bla.bound().max() < 1e-30
-        assert str(bla).endswith("G is zero on every line: no part of the output is linear in the input")
+        assert str(bla).endswith(
+            "G is zero on every line: no part of the output is linear in the input"
+        )
     U = record_of(lambda u: u).u[0, 0]
     U = 2 / N * np.abs(np.fft.rfft(U))[blas[0].lines.excited[0]]  # the same for all
     told = np.mean([bla.var_even * U**2 for bla in blas], axis=0)
     on_lines = np.mean([np.abs(bla.levels.even[0]) ** 2 for bla in blas], axis=0)
     assert abs(np.mean(told) / np.mean(on_lines) - 1) < 0.02
-    assert "within 6 dB of each other at every line" in unwrapped(second_opinion(record_of(lambda u: u**2)))
+    assert "within 6 dB of each other at every line" in unwrapped(
+        second_opinion(record_of(lambda u: u**2))
+    )
 
 
 def test_energy_on_detection_lines_of_the_input_is_no_distortion():
@@ -85,7 +110,15 @@ def test_energy_on_detection_lines_of_the_input_is_no_distortion():
 def test_cubic_on_six_lines_is_the_exact_table():
     n_realizations = 20_000
     # 128 samples: the highest combination, line 57, does not alias
-    ms = multisine(fs=128, n_samples=128, f_min=1, f_max=19, rms=np.sqrt(3), n_realizations=n_realizations, rng=1)
+    ms = multisine(
+        fs=128,
+        n_samples=128,
+        f_min=1,
+        f_max=19,
+        rms=np.sqrt(3),
+        n_realizations=n_realizations,
+        rng=1,
+    )
     u = ms.u[:, None, :]
     bla = identify(Record(u=u, y=u**3, fs=128, lines=ms.lines))
     variance = np.array([12.9375, 10.1875, 14.125, 12.375, 8.4375, 8.4375])
@@ -93,7 +126,9 @@ def test_cubic_on_six_lines_is_the_exact_table():
     assert np.all(np.abs(bla.G - 8.25) < 4 * sigma)
     np.testing.assert_allclose(bla.var_distortion, variance, rtol=5 * 1.5 / np.sqrt(n_realizations))
     detected = np.mean(np.abs(bla.levels.odd) ** 2, axis=0)
-    np.testing.assert_allclose(detected, [15.75, 17.4375, 12.9375, 11.25], rtol=5 * 1.5 / np.sqrt(n_realizations))
+    np.testing.assert_allclose(
+        detected, [15.75, 17.4375, 12.9375, 11.25], rtol=5 * 1.5 / np.sqrt(n_realizations)
+    )
 
 
 @pytest.mark.parametrize(
@@ -140,7 +175,9 @@ def test_noise_of_the_input_counts_where_the_output_repeats_exactly():
     u = clean.u + sigma * np.random.default_rng(4).standard_normal(clean.u.shape)
     bla = identify(Record(u=u, y=clean.y, fs=FS, lines=clean.lines), transient="none")
     amplitude = np.abs(np.fft.rfft(clean.u[0, 0])[clean.lines.excited]) * 2 / N
-    expected = 4 * (4 * sigma**2 / N) / 4 / 50 / amplitude**2  # |G|^2 of the variance at the input, P = 4, M = 50
+    expected = (
+        4 * (4 * sigma**2 / N) / 4 / 50 / amplitude**2
+    )  # |G|^2 of the variance at the input, P = 4, M = 50
     n = 50 * 3 * amplitude.size  # complex degrees of freedom
     assert abs(np.mean(bla.var_noise / expected) - 1) < 4 / np.sqrt(n)
 
@@ -176,20 +213,28 @@ def test_robust_method_equals_formulas_written_independently():
         vU = sum(abs(U[p] - Um) ** 2 for p in range(P)) / (P - 1) / P
         vY = sum(abs(Y[p] - Ym) ** 2 for p in range(P)) / (P - 1) / P
         cYU = sum((Y[p] - Ym) * (U[p] - Um).conj() for p in range(P)) / (P - 1) / P
-        noise += abs(G) ** 2 * (vY / abs(Ym) ** 2 + vU / abs(Um) ** 2 - 2 * (cYU / (Ym * Um.conj())).real)
+        noise += abs(G) ** 2 * (
+            vY / abs(Ym) ** 2 + vU / abs(Um) ** 2 - 2 * (cYU / (Ym * Um.conj())).real
+        )
     G = sum(each) / M
     total = sum(abs(g - G) ** 2 for g in each) / (M * (M - 1))
     np.testing.assert_allclose(bla.G, G, rtol=1e-12)
     np.testing.assert_allclose(bla.var_noise, noise / M**2, rtol=1e-10)
     np.testing.assert_allclose(bla.var_total, total, rtol=1e-12)
-    np.testing.assert_allclose(bla.var_distortion, M * np.maximum(total - noise / M**2, 0), rtol=1e-10)
+    np.testing.assert_allclose(
+        bla.var_distortion, M * np.maximum(total - noise / M**2, 0), rtol=1e-10
+    )
 
 
 def test_robust_method_equals_the_package_best_linear_approximation():
-    package = pytest.importorskip("best_linear_approximation", reason="needs best-linear-approximation (Python 3.12)")
+    package = pytest.importorskip(
+        "best_linear_approximation", reason="needs best-linear-approximation (Python 3.12)"
+    )
     ms, u, y, bla = seven_noisy_realisations()
     columns = [np.moveaxis(x, 2, 0)[:, None] for x in (u, y)]  # samples, channels, M, P
-    theirs = package.robust.noisy_input(*columns, fs=FS, excited_bins=ms.lines.excited, show_warnings=False).G
+    theirs = package.robust.noisy_input(
+        *columns, fs=FS, excited_bins=ms.lines.excited, show_warnings=False
+    ).G
     np.testing.assert_allclose(bla.G, theirs.value.squeeze(), rtol=1e-12)
     np.testing.assert_allclose(bla.var_noise, theirs.noise.var.squeeze(), rtol=1e-12)
     np.testing.assert_allclose(bla.var_total, theirs.total.var.squeeze(), rtol=1e-12)
@@ -209,11 +254,17 @@ def test_a_reference_removes_the_bias_of_a_noisy_input():
 
 
 def test_the_systematic_part_of_a_cubic_is_told_within_its_order_of_magnitude():
-    """For y = u^3 on a special-odd grid exactly 6.0 to 9.0 dB over the detection level, 7.7 on average; told as 8."""
+    """For y = u^3 on a special-odd grid exactly 6.0 to 9.0 dB over the detection level, 7.7 on
+    average; told as 8.
+    """
     ms = multisine(fs=FS, n_samples=N, f_min=1, f_max=300, n_realizations=60, rng=7)
-    blas = [identify(Record(u=u[None, None], y=u[None, None] ** 3, fs=FS, lines=ms.lines)) for u in ms.u]
+    blas = [
+        identify(Record(u=u[None, None], y=u[None, None] ** 3, fs=FS, lines=ms.lines)) for u in ms.u
+    ]
     told = np.sqrt(np.mean([bla.systematic() ** 2 for bla in blas], axis=0))
-    true = 3 * np.sum(ms.amplitude**2) / 2 - 0.75 * ms.amplitude**2  # the linear part of u^3 is nothing
+    true = (
+        3 * np.sum(ms.amplitude**2) / 2 - 0.75 * ms.amplitude**2
+    )  # the linear part of u^3 is nothing
     wrong = 20 * np.log10(true / told)
     assert abs(np.mean(wrong) - (7.7 - 8)) < 0.5
     assert -2.0 - 0.8 < wrong.min() < wrong.max() < 1.0 + 0.8
@@ -230,7 +281,12 @@ def test_scaling_the_input_scales_the_frf_and_a_shift_changes_no_variance():
     np.testing.assert_allclose(scaled.G, bla.G / 4, rtol=1e-12)
     np.testing.assert_allclose(scaled.bound(), bla.bound() / 4, rtol=1e-9)
     shifted = identify(
-        Record(u=np.roll(record.u, 100, axis=2), y=np.roll(record.y, 100, axis=2), fs=FS, lines=record.lines)
+        Record(
+            u=np.roll(record.u, 100, axis=2),
+            y=np.roll(record.y, 100, axis=2),
+            fs=FS,
+            lines=record.lines,
+        )
     )
     np.testing.assert_allclose(shifted.bound(), bla.bound(), rtol=1e-6)
     np.testing.assert_allclose(shifted.var_noise, bla.var_noise, rtol=1e-6)
@@ -280,11 +336,18 @@ def test_a_transient_that_dies_within_a_period_is_discarded():
 
 @pytest.mark.parametrize("n_periods", [2, 5])
 def test_local_fits_read_white_noise_as_it_is(n_periods):
-    """A denominator that is fitted to noise halves what is left: it is only let in where it does far better."""
+    """A denominator that is fitted to noise halves what is left: it is only let in where it does
+    far better.
+    """
     sigma, n = 0.05, 40
-    bla = identify(record_of(lambda u: 2 * u, n_periods=n_periods, noise=sigma, n_realizations=n), transient="local")
+    bla = identify(
+        record_of(lambda u: 2 * u, n_periods=n_periods, noise=sigma, n_realizations=n),
+        transient="local",
+    )
     amplitude = np.abs(bla.levels.excited[0]) / 2
-    at_least = 4 * sigma**2 / N / n_periods / n / amplitude**2  # the transient that is taken off adds its own
+    at_least = (
+        4 * sigma**2 / N / n_periods / n / amplitude**2
+    )  # the transient that is taken off adds its own
     added = np.mean(bla.var_noise / at_least)
     assert 0.97 < added < 1.7
     true = bla.var_total  # scatter of the same FRF over the realisations, with no distortion in it
@@ -301,7 +364,9 @@ def test_local_fits_on_the_shortest_periods(n):
 
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_a_drift_is_seen_though_its_periods_agree_and_is_taken_off(noise):
-    """A ramp leaks onto the lines of every period alike: only the means of the periods tell of it."""
+    """A ramp leaks onto the lines of every period alike: only the means of the periods tell
+    of it.
+    """
     record = record_of(lambda u: 2 * u, n_periods=3, noise=noise)
     ramp = 10 * np.arange(record.u.size).reshape(record.u.shape) / N
     drifting = Record(u=record.u, y=record.y + ramp, fs=FS, lines=record.lines)
@@ -315,7 +380,12 @@ def test_a_drift_is_seen_though_its_periods_agree_and_is_taken_off(noise):
 
 def test_steady_records_are_left_alone():
     for seed in range(20):
-        assert identify(record_of(lambda u: u, n_periods=2, noise=0.01, seed=seed)).experiment.transient == "none"
+        assert (
+            identify(
+                record_of(lambda u: u, n_periods=2, noise=0.01, seed=seed)
+            ).experiment.transient
+            == "none"
+        )
 
 
 # Grids without usable detection lines
@@ -336,7 +406,8 @@ def test_any_grid_yields_a_labelled_bound(kind):
 
 @pytest.mark.parametrize("kind", ["odd-odd", "full"])
 def test_roughness_knows_noise_that_does_not_follow_a_resonance(kind):
-    # a linear plant: all the roughness is white output noise, whose share of G differs widely across the peak
+    # a linear plant: all the roughness is white output noise, whose share of G differs widely
+    # across the peak
     inside, widths = [], []
     for seed in range(40):
         record, G = resonant(0.02, 50.3, 1, kind)
@@ -347,7 +418,11 @@ def test_roughness_knows_noise_that_does_not_follow_a_resonance(kind):
         sigma = 0.1 * np.std(y)
         noisy = y + sigma * rng.standard_normal((1, 2, N))
         u = np.repeat(record.u, 2, axis=1)
-        bla = identify(Record(u=u, y=noisy, fs=FS, lines=record.lines), level_from="roughness", transient="none")
+        bla = identify(
+            Record(u=u, y=noisy, fs=FS, lines=record.lines),
+            level_from="roughness",
+            transient="none",
+        )
         near = np.abs(bla.f - 50.3) < 6
         inside.append(np.mean((np.abs(bla.G - G) < bla.bound())[near]))
         true = 1.731 * sigma * np.sqrt(4 / N / 2) / (np.abs(bla.levels.excited[0]) / np.abs(bla.G))
@@ -357,10 +432,15 @@ def test_roughness_knows_noise_that_does_not_follow_a_resonance(kind):
 
 
 def test_roughness_reads_no_less_at_the_ends_of_the_band():
-    """There the windows are one-sided: a denominator fitted to them follows the scatter it is to measure."""
+    """There the windows are one-sided: a denominator fitted to them follows the scatter it is to
+    measure.
+    """
     errors, told, inside = [], [], []
     for seed in range(150):
-        bla = identify(record_of(lambda u: u + 0.1 * u**3, "full", f_max=100, seed=seed), level_from="roughness")
+        bla = identify(
+            record_of(lambda u: u + 0.1 * u**3, "full", f_max=100, seed=seed),
+            level_from="roughness",
+        )
         ends = [0, 1, 2, -3, -2, -1]
         true = 1 + 0.1 * (3 - 0.75 * 2 / 100)  # rms 1 on 100 lines
         errors.append(np.abs(bla.G - true)[ends] ** 2)
@@ -374,8 +454,12 @@ def test_roughness_follows_a_resonance_a_few_lines_wide():
     # one mode and no distortion: all the roughness there is comes from the bend of the FRF
     record, G = resonant(0.01, 50.3, 1, "full")
     n = record.n_samples
-    y = np.fft.irfft(np.fft.rfft(record.u[0, 0]) * np.interp(np.arange(n // 2 + 1), record.lines.excited, G), n)
-    bla = identify(Record(u=record.u, y=y.reshape(1, 1, n), fs=FS, lines=record.lines), level_from="roughness")
+    y = np.fft.irfft(
+        np.fft.rfft(record.u[0, 0]) * np.interp(np.arange(n // 2 + 1), record.lines.excited, G), n
+    )
+    bla = identify(
+        Record(u=record.u, y=y.reshape(1, 1, n), fs=FS, lines=record.lines), level_from="roughness"
+    )
     assert np.max(bla.bound() / np.abs(bla.G)) < 0.05
 
 
@@ -396,12 +480,27 @@ def test_detection_lines_may_lie_beyond_the_excited_band():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (dict(transient="maybe"), r"transient must be one of 'auto', 'none', 'discard', 'local', got 'maybe'"),
-        (dict(level_from="even"), r"level_from must be one of 'auto', 'detection', 'roughness', got 'even'"),
+        (
+            dict(transient="maybe"),
+            r"transient must be one of 'auto', 'none', 'discard', 'local', got 'maybe'",
+        ),
+        (
+            dict(level_from="even"),
+            r"level_from must be one of 'auto', 'detection', 'roughness', got 'even'",
+        ),
         (dict(n_detection=2), r"n_detection must be a whole number of at least 3, got 2"),
-        (dict(n_detection=1000), r"lines must hold at least n_detection = 1000 odd detection lines .* got 74"),
-        (dict(transient="local"), r"transient=\"local\" must have at least 2 periods to work on, got 1"),
-        (dict(transient="discard"), r"transient=\"discard\" must have at least 2 periods to work on, got 1"),
+        (
+            dict(n_detection=1000),
+            r"lines must hold at least n_detection = 1000 odd detection lines .* got 74",
+        ),
+        (
+            dict(transient="local"),
+            r"transient=\"local\" must have at least 2 periods to work on, got 1",
+        ),
+        (
+            dict(transient="discard"),
+            r"transient=\"discard\" must have at least 2 periods to work on, got 1",
+        ),
     ],
 )
 def test_refusals(arguments, message):
@@ -412,7 +511,9 @@ def test_refusals(arguments, message):
 
 
 def test_no_detection_lines_to_read_from():
-    with pytest.raises(ValueError, match=r"at least n_detection = 6 odd detection lines .* got 0 on this odd grid"):
+    with pytest.raises(
+        ValueError, match=r"at least n_detection = 6 odd detection lines .* got 0 on this odd grid"
+    ):
         identify(record_of(lambda u: u**3, "odd"), level_from="detection")
 
 
@@ -427,7 +528,9 @@ def test_a_grid_too_narrow_for_any_level():
 def test_lines_without_input_are_refused():
     record = record_of(lambda u: u)
     grid = multisine(fs=FS, n_samples=N, f_min=1, f_max=400, rng=0).lines
-    with pytest.raises(ValueError, match="lines must be excited by the input, got line 305 with no input on it"):
+    with pytest.raises(
+        ValueError, match="lines must be excited by the input, got line 305 with no input on it"
+    ):
         identify(Record(u=record.u, y=record.y, fs=FS, lines=grid))
 
 
@@ -436,7 +539,10 @@ def test_lines_without_reference_are_refused():
     R = np.fft.rfft(record.u)
     R[..., 11] = 0.0
     without = Record(u=record.u, y=record.y, r=np.fft.irfft(R, N), fs=FS, lines=record.lines)
-    with pytest.raises(ValueError, match="lines must be excited by the reference, got line 11 with no reference on it"):
+    with pytest.raises(
+        ValueError,
+        match="lines must be excited by the reference, got line 11 with no reference on it",
+    ):
         identify(without)
 
 
@@ -454,7 +560,8 @@ def test_realisations_of_another_level_are_refused():
     u = record.u.copy()
     u[2] *= 2
     with pytest.raises(
-        ValueError, match=r"same amplitude spectrum in every realisation, got realisation 2 up to 6.0 dB"
+        ValueError,
+        match=r"same amplitude spectrum in every realisation, got realisation 2 up to 6.0 dB",
     ):
         identify(Record(u=u, y=record.y, fs=FS, lines=record.lines))
 
@@ -532,7 +639,9 @@ def test_uniform_noise_gives_another_bla():
 def test_noise_records_are_refused_by_name():
     u = np.random.default_rng(0).standard_normal(1000)
     good = dict(fs=1.0, n_samples=100, f_min=0.05, f_max=0.4)
-    with pytest.raises(ValueError, match="u must hold at least 1200 samples, twice n_samples, got 1000"):
+    with pytest.raises(
+        ValueError, match="u must hold at least 1200 samples, twice n_samples, got 1000"
+    ):
         identify_noise(u, u, **good | {"n_samples": 600})
     with pytest.raises(ValueError, match="y must be as long as u, 1000 samples, got 999"):
         identify_noise(u, u[1:], **good)
@@ -546,10 +655,14 @@ def test_noise_records_are_refused_by_name():
 @pytest.mark.parametrize("n_lines", [5, 6, 7, 8, 9, 10, 11])
 @pytest.mark.parametrize("step", [1, 2, 4])
 def test_any_number_of_lines_that_a_roughness_needs(n_lines, step):
-    """Exactly eight once ended in an IndexError: their windows are all the same, and none is centred."""
+    """Exactly eight once ended in an IndexError: their windows are all the same, and none is
+    centred.
+    """
     excited = 1 + step * np.arange(n_lines)
     ms = multisine("custom", fs=FS, n_samples=N, f_min=1, f_max=300, lines=excited, rng=0)
     u = ms.u[None]
     bla = identify(Record(u=u, y=u + 0.1 * u**3, fs=FS, lines=ms.lines), level_from="roughness")
     assert np.all(np.isfinite(bla.bound()))
-    assert np.all(np.isfinite(second_opinion(Record(u=u, y=u + 0.1 * u**3, fs=FS, lines=ms.lines)).roughness))
+    assert np.all(
+        np.isfinite(second_opinion(Record(u=u, y=u + 0.1 * u**3, fs=FS, lines=ms.lines)).roughness)
+    )

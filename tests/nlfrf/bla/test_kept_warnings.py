@@ -1,4 +1,6 @@
-"""What was warned of a record stays with it: in the record, in its BLA, in their files; once each, and never less."""
+"""What was warned of a record stays with it: in the record, in its BLA, in their files; once each,
+and never less.
+"""
 
 import warnings
 from contextlib import suppress
@@ -8,7 +10,15 @@ import numpy as np
 import pytest
 
 import nlfrf
-from nlfrf import DataWarning, Record, bla_from_frf, identify, identify_noise, join_records, multisine
+from nlfrf import (
+    DataWarning,
+    Record,
+    bla_from_frf,
+    identify,
+    identify_noise,
+    join_records,
+    multisine,
+)
 from nlfrf._base.arguments import WARNED, data_warning, keep_warnings
 
 CLIPPED, LOW_CREST = "u seems clipped", "u must have random phases"
@@ -16,7 +26,9 @@ MS = multisine(fs=256, n_samples=256, f_min=1, f_max=100, rms=1, n_realizations=
 
 
 def samples(level=np.inf, m=0):
-    """Three periods of an input that a converter clipped at a level, and the output of a weak cube."""
+    """Three periods of an input that a converter clipped at a level, and the output of a weak
+    cube.
+    """
     u = np.tile(np.clip(MS.u[m], -level, level), 3)
     return u, 2 * u + 0.05 * u**3
 
@@ -128,10 +140,15 @@ def test_other_ways_to_a_bla_keep_them_too():
 
 @pytest.mark.parametrize("suffix", [".npz", ".mat", ".h5"])
 def test_the_file_of_a_record_keeps_them(suffix, tmp_path):
-    record = replace(cut_quietly(1.0), warnings=("said of “u”;\tand\nmore", *cut_quietly(1.0).warnings))
+    record = replace(
+        cut_quietly(1.0), warnings=("said of “u”;\tand\nmore", *cut_quietly(1.0).warnings)
+    )
     nlfrf.save(record, tmp_path / f"r{suffix}")
     read, said = shown(nlfrf.load_record, tmp_path / f"r{suffix}")
-    assert read.warnings == ("said of “u”; and more", *record.warnings[1:])  # printable, on one line
+    assert read.warnings == (
+        "said of “u”; and more",
+        *record.warnings[1:],
+    )  # printable, on one line
     assert said == []  # who measured was warned, and who reads has them in the value
     nlfrf.save(cut(), tmp_path / f"sound{suffix}")
     assert nlfrf.load_record(tmp_path / f"sound{suffix}").warnings == ()
@@ -169,6 +186,8 @@ def test_the_file_of_a_bla_keeps_them_and_an_older_file_has_none(tmp_path):
 def test_what_a_file_is_warned_of_when_it_is_read_stays_with_the_record(tmp_path):
     u, y = samples()
     np.savez(tmp_path / "run.npz", u=u, y=y, z=u + y, fs=256.0)
-    records, said = shown(lambda: nlfrf.load_record(tmp_path / "run.npz", y=["y", "z"], fs=250, n_samples=256))
+    records, said = shown(
+        lambda: nlfrf.load_record(tmp_path / "run.npz", y=["y", "z"], fs=250, n_samples=256)
+    )
     assert "fs was given as 250 Hz" in said[0]
     assert [record.warnings for record in records] == [tuple(dict.fromkeys(said))] * 2

@@ -1,4 +1,6 @@
-"""The order of the nonlinearity that the phases of the detection lines show, as `second_opinion` describes it."""
+"""The order of the nonlinearity that the phases of the detection lines show, as `second_opinion`
+describes it.
+"""
 
 import re
 
@@ -29,7 +31,9 @@ def law_of(u, y, ms, n_periods=1, noise=0.0, rng=None):
     excited = spectra.select_excited()
     frm = estimate_frm(excited)
     smooth, _fit = smooth_frm(frm, excited, False)
-    return detect_nonlinearity(excited, nonlinear_residual(spectra, excited, measured=frm.G, smooth=smooth))
+    return detect_nonlinearity(
+        excited, nonlinear_residual(spectra, excited, measured=frm.G, smooth=smooth)
+    )
 
 
 def laws_of(plant, n=20, M=1, design=DESIGN, kind="special-odd", **how):
@@ -48,14 +52,22 @@ def beside(u, fs):
 @pytest.mark.parametrize("kind", ["special-odd", "random-odd"])
 @pytest.mark.parametrize(
     ("plant", "reading"),
-    [(PLANTS["Hammerstein"], 0), (PLANTS["Duffing"], 1), (beside, 2), (PLANTS["Wiener"], 3), (PLANTS["sensor"], 3)],
+    [
+        (PLANTS["Hammerstein"], 0),
+        (PLANTS["Duffing"], 1),
+        (beside, 2),
+        (PLANTS["Wiener"], 3),
+        (PLANTS["sensor"], 3),
+    ],
     ids=["before a mode", "its spring", "beside it", "behind it", "a sensor that saturates"],
 )
 def test_one_record_tells_what_drives_a_cubic_and_where_it_stands(plant, reading, kind):
     laws = laws_of(plant, kind=kind)
     assert [law.hypothesis for law in laws] == [reading] * len(laws)
     assert np.median([law.coherence for law in laws]) > 0.85
-    assert np.mean([law.order == 3 for law in laws]) > 0.3  # of a spring a fifth power has nearly as much
+    assert (
+        np.mean([law.order == 3 for law in laws]) > 0.3
+    )  # of a spring a fifth power has nearly as much
     assert all(law.order != 1 for law in laws)
 
 
@@ -66,7 +78,9 @@ def test_a_fifth_power_is_no_cubic(plant):
     assert all(law.order != 3 for law in laws)
 
 
-@pytest.mark.parametrize("plant", ["jump", "backlash", "slipping", "one-sided", "one way", "between"])
+@pytest.mark.parametrize(
+    "plant", ["jump", "backlash", "slipping", "one-sided", "one way", "between"]
+)
 def test_what_is_neither_counts_as_no_cubic(plant):
     laws = laws_of(PLANTS[plant])
     assert np.mean([law.order == 3 and law.coherence > 0.6 for law in laws]) <= 0.2
@@ -80,12 +94,17 @@ def test_noise_and_an_even_law_tell_nothing():
     laws = laws_of(PLANTS["linear"], n=400, noise=0.1)
     assert sum(law != UNKNOWN_ORDER for law in laws) < 12
     assert all(law.order != 3 for law in laws)
-    assert all(law.order != 3 for law in laws_of(lambda u, fs: mode(u, fs, 0.1, 40.0) + u**2, n_periods=2, noise=1e-3))
+    assert all(
+        law.order != 3
+        for law in laws_of(lambda u, fs: mode(u, fs, 0.1, 40.0) + u**2, n_periods=2, noise=1e-3)
+    )
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.01, 0.03, 0.08])
 def test_noise_that_is_known_makes_no_other_law_of_a_cubic(noise):
-    """It may hide it: of 8 % noise at the output most records do not tell it, the others what it is."""
+    """It may hide it: of 8 % noise at the output most records do not tell it, the others what it
+    is.
+    """
     laws = laws_of(PLANTS["Wiener"], n_periods=4, noise=noise)
     assert all(law.order != 1 for law in laws)
     assert all(law.hypothesis == 3 for law in laws if law.order == 3)
@@ -115,10 +134,14 @@ def test_it_is_said_in_words():
     (wiener,), (jumping,) = laws_of(PLANTS["Wiener"], n=1), laws_of(PLANTS["jump"], n=1)
     said = wiener.describe(gain_varies=True, one_period=True)
     assert re.fullmatch(
-        r".* cubic: (9\d|100) % of it is coherent with the cube of the output, behind the dynamics as by a sensor", said
+        r".* cubic: (9\d|100) % of it is coherent with the cube of the output, behind the dynamics"
+        r" as by a sensor",
+        said,
     )
     assert wiener.describe(gain_varies=False, one_period=True).endswith("the cube of its drive")
-    assert jumping.describe(gain_varies=False, one_period=False).endswith("saturates, jumps or has a memory")
+    assert jumping.describe(gain_varies=False, one_period=False).endswith(
+        "saturates, jumps or has a memory"
+    )
     assert jumping.describe(gain_varies=False, one_period=True).endswith("or noise hides its order")
     assert UNKNOWN_ORDER.describe(gain_varies=True, one_period=True) == ""
     ms = multisine(**DESIGN, rng=4)
@@ -139,7 +162,9 @@ def test_of_long_periods_few_realisations_are_asked(monkeypatch):
     monkeypatch.setattr("nlfrf.bla.cross_check.odd_powers_on_lines", noted)
     rng = np.random.default_rng(6)
     for n_samples, expected in ((1024, 5), (65536, 1)):
-        ms = multisine(fs=n_samples, n_samples=n_samples, f_min=3, f_max=n_samples / 3, n_log=60, rng=rng)
+        ms = multisine(
+            fs=n_samples, n_samples=n_samples, f_min=3, f_max=n_samples / 3, n_log=60, rng=rng
+        )
         law_of(*played(ms, PLANTS["Wiener"], 5, rng), ms)
         assert asked.pop() == expected
 
@@ -164,7 +189,9 @@ def test_powers_are_those_of_the_samples():
 
 @pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")
 def test_nothing_but_rounding_is_worked_out_without_a_warning():
-    """A linear machine without noise, at any scale, on few or many lines: scatter and levels are rounding."""
+    """A linear machine without noise, at any scale, on few or many lines: scatter and levels are
+    rounding.
+    """
     rng = np.random.default_rng(0)
     for number in range(60):
         n_samples = int(rng.choice([128, 512, 1024]))
@@ -178,7 +205,11 @@ def test_nothing_but_rounding_is_worked_out_without_a_warning():
             rng=rng,
         )
         y = ms.u if number % 3 else mode(ms.u, ms.fs, 0.01, 20.0)
-        y = 10.0 ** rng.integers(-40, 40) * y * (1 + 1e-12 * (number % 2) * rng.standard_normal(y.shape))
+        y = (
+            10.0 ** rng.integers(-40, 40)
+            * y
+            * (1 + 1e-12 * (number % 2) * rng.standard_normal(y.shape))
+        )
         bla = identify(Record(u=ms.u[:, None], y=y[:, None], fs=ms.fs, lines=ms.lines))
         assert np.isfinite(bla.bound(of="realization")).all()
 

@@ -32,7 +32,9 @@ def test_what_neighbours_tell_of_a_parabola_is_the_line_itself():
     np.testing.assert_allclose(np.mean(found[:, 1].real, axis=0), level, rtol=0.1)
 
 
-@pytest.mark.parametrize("width", [0.0, 0.3, 1.0, 10.0], ids=lambda w: f"a mode {w:g} pairs of lines wide")
+@pytest.mark.parametrize(
+    "width", [0.0, 0.3, 1.0, 10.0], ids=lambda w: f"a mode {w:g} pairs of lines wide"
+)
 def test_chance_and_a_mode_that_lines_show_stand_out_nowhere(width):
     """A level three times too low is no reason: neighbours that scatter as much are."""
     s = 1j * GRID.excited / 199.0
@@ -43,7 +45,12 @@ def test_chance_and_a_mode_that_lines_show_stand_out_nowhere(width):
         warnings.simplefilter("error")
         assert not any(
             warn_of_outlier_lines(
-                one[None], fit[None], level=level / 3, index=WHERE, f=GRID.excited * 0.5, gamma=np.ones((1, 1))
+                one[None],
+                fit[None],
+                level=level / 3,
+                index=WHERE,
+                f=GRID.excited * 0.5,
+                gamma=np.ones((1, 1)),
             ).any()
             for one, fit in zip(each, fits, strict=True)
         )
@@ -58,10 +65,13 @@ def test_hum_of_the_mains_is_named_and_held_and_little_else_changes():
     y = y + 0.003 * np.std(y) * rng.standard_normal(y.size)
     disturbed = y + np.std(y) * hum.hum(0.2, 50.0, rng)
     sound, told = (
-        record_from_samples(u=u, y=one, fs=hum.FS, n_samples=hum.N, lines=ms.lines) for one in (y, disturbed)
+        record_from_samples(u=u, y=one, fs=hum.FS, n_samples=hum.N, lines=ms.lines)
+        for one in (y, disturbed)
     )
     before = identify(sound)
-    with pytest.warns(DataWarning, match=r"stands out of its neighbours at 50, 150 Hz.* mains of 50 Hz"):
+    with pytest.warns(
+        DataWarning, match=r"stands out of its neighbours at 50, 150 Hz.* mains of 50 Hz"
+    ):
         after = identify(told)
     assert np.abs(after.G - truth)[k] > 20 * before.bound()[k]
     assert np.abs(after.G - truth)[k] < after.bound()[k]
@@ -81,20 +91,26 @@ def test_plants_drawn_by_chance():
 
 
 def test_the_first_line_above_the_corner_of_a_viscous_friction_is_no_outlier():
-    """Of the belt preset in motion: lines 3, 9, 11, 17, ... of 1/(s (s + c/m)), corner at a quarter of the first."""
+    """Of the belt preset in motion: lines 3, 9, 11, 17, ... of 1/(s (s + c/m)), corner at a quarter
+    of the first.
+    """
     lines = np.sort(np.concatenate([np.arange(3, 601, 8), np.arange(9, 601, 8)]))
     where, rng = index_lines(LineGrid(excited=lines)), np.random.default_rng(3)
     G, level = scattered(1 / (1j * lines * (1j * lines + 0.75)), 1, rng, sigma=1e-7)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         fitted = fit_locally(G, np.ones(G.shape), index=where).G
-        found = warn_of_outlier_lines(G, fitted, level=level, index=where, f=lines * 0.5, gamma=np.ones((1, 1)))
+        found = warn_of_outlier_lines(
+            G, fitted, level=level, index=where, f=lines * 0.5, gamma=np.ones((1, 1))
+        )
     assert not found.any()
 
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_a_free_mass_stands_out_at_no_line_and_a_disturbed_line_of_it_does(order):
-    """On lines 3, 9, 11, 17, ... its first one was 190 times its scatter from what the others say."""
+    """On lines 3, 9, 11, 17, ... its first one was 190 times its scatter from what the others
+    say.
+    """
     lines = np.sort(np.concatenate([np.arange(3, 401, 8), np.arange(9, 401, 8)]))
     where, rng = index_lines(LineGrid(excited=lines)), np.random.default_rng(2)
     G, level = scattered(1 / (1j * lines) ** order, 1, rng, sigma=1e-3)
@@ -106,4 +122,6 @@ def test_a_free_mass_stands_out_at_no_line_and_a_disturbed_line_of_it_does(order
         assert not warn_of_outlier_lines(G, fitted, **arguments).any()
     fitted = fit_locally(disturbed, np.ones(G.shape), index=where).G
     with pytest.warns(DataWarning, match=f"neighbours at {lines[50]} Hz"):
-        assert np.flatnonzero(warn_of_outlier_lines(disturbed, fitted, **arguments)).tolist() == [50]
+        assert np.flatnonzero(warn_of_outlier_lines(disturbed, fitted, **arguments)).tolist() == [
+            50
+        ]

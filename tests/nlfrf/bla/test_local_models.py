@@ -23,10 +23,14 @@ def resonance(zeta, line=17.0):
     return 1 / (s**2 + 2 * zeta * s + 1)
 
 
-@pytest.mark.parametrize(("follows", "most"), [(True, 1.2), (False, 1.4)], ids=["follows |G|", "flat"])
+@pytest.mark.parametrize(
+    ("follows", "most"), [(True, 1.2), (False, 1.4)], ids=["follows |G|", "flat"]
+)
 @pytest.mark.parametrize("zeta", [0.03, 0.1])
 def test_a_mode_a_line_wide_is_no_roughness(follows, most, zeta):
-    """Windows read a mode as 7 dB of roughness on half of the lines, beside scatter that is flat as 3 dB."""
+    """Windows read a mode as 7 dB of roughness on half of the lines, beside scatter that is flat as
+    3 dB.
+    """
     each, known = scattered(resonance(zeta), follows, np.random.default_rng(1))
     fit = fit_locally(each, np.ones(each.shape), index=index_lines(LineGrid(excited=LINES)))
     ratio = np.sqrt(np.mean(fit.variance / known, axis=0))
@@ -58,7 +62,9 @@ def test_the_unit_of_an_frf_does_not_matter(scale):
     np.testing.assert_allclose(other.variance / scale**2, one.variance, rtol=1e-6)
 
 
-@pytest.mark.parametrize("G", [np.zeros(13, dtype=complex), np.ones(13, dtype=complex)], ids=["zero", "one"])
+@pytest.mark.parametrize(
+    "G", [np.zeros(13, dtype=complex), np.ones(13, dtype=complex)], ids=["zero", "one"]
+)
 def test_an_frf_without_dynamics_or_scatter_has_no_roughness(G):
     fit = fit_locally(G[None], np.ones((1, 13)), index=index_lines(LineGrid(excited=LINES)))
     assert np.all(fit.variance < 1e-28)
@@ -72,17 +78,25 @@ def test_stability_is_that_of_the_roots():
             assert is_stable(a) == bool((np.roots([*a[::-1], 1.0]).real < 0).all())
 
 
-@pytest.mark.parametrize("grid", [LINES, np.sort(np.concatenate([np.arange(5, 200, 8), np.arange(7, 200, 8)]))])
+@pytest.mark.parametrize(
+    "grid", [LINES, np.sort(np.concatenate([np.arange(5, 200, 8), np.arange(7, 200, 8)]))]
+)
 @pytest.mark.parametrize("noise", [None, 1e-5])
 def test_a_spectrum_that_is_flat_is_fitted_as_one_that_hardly_is_not(grid, noise):
-    """Of a flat one the grid tells the fits, of any other the weights do: both are the same mathematics."""
+    """Of a flat one the grid tells the fits, of any other the weights do: both are the same
+    mathematics.
+    """
     rng = np.random.default_rng(4)
     where, s = index_lines(LineGrid(excited=grid)), 1j * grid / 60.0
-    G = 1 / (s**2 + 0.04 * s + 1) + 0.01 * rng.standard_normal((3, grid.size, 2)).view(complex)[..., 0]
+    G = (
+        1 / (s**2 + 0.04 * s + 1)
+        + 0.01 * rng.standard_normal((3, grid.size, 2)).view(complex)[..., 0]
+    )
     known = None if noise is None else np.full(G.shape, noise)
     tilted = 2.5 + 1e-7 * np.linspace(-1, 1, grid.size)
     flat, other = (
-        fit_locally(G, np.broadcast_to(w, G.shape), index=where, noise=known) for w in (np.full(grid.size, 2.5), tilted)
+        fit_locally(G, np.broadcast_to(w, G.shape), index=where, noise=known)
+        for w in (np.full(grid.size, 2.5), tilted)
     )
     np.testing.assert_allclose(flat.G, other.G, rtol=1e-5)
     np.testing.assert_allclose(flat.variance, other.variance, rtol=1e-4)

@@ -1,4 +1,6 @@
-"""Phases of several inputs that were drawn for low peaks: a new set distorts more than those at hand."""
+"""Phases of several inputs that were drawn for low peaks: a new set distorts more than those at
+hand.
+"""
 
 import numpy as np
 import pytest
@@ -6,7 +8,9 @@ import pytest
 import nlfrf
 
 #: A fifth power that makes most of the gain does change it from one experiment to the next.
-pytestmark = pytest.mark.filterwarnings("ignore:one period does not separate noise", "ignore:.* in experiment . of 2")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:one period does not separate noise", "ignore:.* in experiment . of 2"
+)
 DESIGN = dict(kind="random-odd", fs=1024, n_samples=1024, f_min=1, f_max=130, n_inputs=2)
 
 
@@ -15,7 +19,9 @@ def identified(law, **options):
     ms = nlfrf.multisine(**DESIGN, **options)
     one, other = ms.u
     y = np.stack([law(one) + 0.5 * other, law(0.6 * (one + other))])
-    return nlfrf.identify(nlfrf.Record(u=ms.u[:, :, None], y=y[:, :, None], fs=1024, lines=ms.lines))
+    return nlfrf.identify(
+        nlfrf.Record(u=ms.u[:, :, None], y=y[:, :, None], fs=1024, lines=ms.lines)
+    )
 
 
 @pytest.mark.parametrize(
@@ -30,7 +36,9 @@ def test_a_new_set_is_held(law, options, least):
     held = []
     for seed in range(50):
         frm = identified(law, rng=seed, **options)
-        held.append(np.abs(frm.G - identified(law, rng=seed + 5000).G) < frm.bound(of="realization"))
+        held.append(
+            np.abs(frm.G - identified(law, rng=seed + 5000).G) < frm.bound(of="realization")
+        )
     assert least < 100 * np.mean(held) < 99.5
 
 

@@ -10,10 +10,11 @@ from nlfrf import DataWarning, Record, identify, identify_noise, load, multisine
 
 @pytest.mark.parametrize("ratio", [2, 2.5, 8.7])
 def test_local_polynomials_read_the_frf_at_the_line_they_name(ratio):
-    """A delay of d samples turns the phase by 2 pi d / n a line: a frequency a little off is an FRF far off.
+    """A delay of d samples turns the phase by 2 pi d / n a line: a frequency a little off is an FRF
+    far off.
 
-    The lines of the whole record lie elsewhere where its length is no multiple of n_samples, and at the ends of the
-    band they lie on one side.
+    The lines of the whole record lie elsewhere where its length is no multiple of n_samples, and at
+    the ends of the band they lie on one side.
     """
     n, d = 400, 12
     u = np.random.default_rng(2).standard_normal(int(ratio * n) + d)
@@ -21,7 +22,9 @@ def test_local_polynomials_read_the_frf_at_the_line_they_name(ratio):
     bla = identify_noise(u[d:], u[:-d], **options)
     turned = np.angle(bla.G * np.exp(2j * np.pi * d * bla.f))
     assert bla.f.size == n // 2 - 1
-    assert np.max(np.abs(turned)) < 0.1  # half a line off would be 0.094 in the middle, three lines 0.57 at the ends
+    assert (
+        np.max(np.abs(turned)) < 0.1
+    )  # half a line off would be 0.094 in the middle, three lines 0.57 at the ends
     assert np.sqrt(np.mean(turned**2)) < 0.02
 
 
@@ -33,7 +36,9 @@ def test_the_ends_of_the_band_are_lines_whatever_the_rounding(f_min, f_max):
 
 
 def test_coherence_and_level_of_a_line_are_those_of_white_noise():
-    """y = 2 u + v with v as strong as 2 u: coherence 1/2, and the power of a line is that of n / 2 equal ones."""
+    """y = 2 u + v with v as strong as 2 u: coherence 1/2, and the power of a line is that of n / 2
+    equal ones.
+    """
     rng = np.random.default_rng(5)
     n, u = 200, rng.standard_normal(80_000)
     y = 2 * u + 2 * rng.standard_normal(u.size)
@@ -51,7 +56,10 @@ def test_a_periodic_record_has_no_coherence_and_older_files_load(tmp_path):
     assert not bla.coherence.flags.writeable
     save(bla, tmp_path / "bla.npz")
     with np.load(tmp_path / "bla.npz") as stored:
-        np.savez(tmp_path / "older.npz", **{name: stored[name] for name in stored.files if name != "coherence"})
+        np.savez(
+            tmp_path / "older.npz",
+            **{name: stored[name] for name in stored.files if name != "coherence"},
+        )
     assert np.isnan(load(tmp_path / "older.npz").coherence).all()
 
 
@@ -72,19 +80,27 @@ def test_chirps_and_bursts_are_no_noise():
     chirp = np.sin(2 * np.pi * (1 + 150 * t / 60) * t)
     burst = rng.standard_normal(t.size) * (np.arange(t.size) // 3000 % 2)
     for u in (chirp, burst):
-        with pytest.warns(DataWarning, match=r"u must be stationary noise .* scatters \d+\.\d times as much"):
+        with pytest.warns(
+            DataWarning, match=r"u must be stationary noise .* scatters \d+\.\d times as much"
+        ):
             identify_noise(u, resonance(u), **NOISE)
 
 
 def test_the_band_that_is_proposed_holds_no_line_that_is_refused():
-    """A band-stop leaves two bands; from the first to the last good line both of them and the hole were proposed."""
+    """A band-stop leaves two bands; from the first to the last good line both of them and the hole
+    were proposed.
+    """
     U = np.fft.rfft(np.random.default_rng(3).standard_normal(20_000))
     f = np.fft.rfftfreq(20_000, 1e-3)
     u = np.fft.irfft(np.where((f > 55) & (f < 65), 0.0, U), 20_000)
     u += 1e-3 * np.arange(u.size) / u.size  # whose spectrum is smooth
-    with pytest.raises(ValueError, match=r"ask for a band inside ([\d.]+) to ([\d.]+) Hz, the widest") as refusal:
+    with pytest.raises(
+        ValueError, match=r"ask for a band inside ([\d.]+) to ([\d.]+) Hz, the widest"
+    ) as refusal:
         identify_noise(u, resonance(u), **NOISE)
-    low, high = map(float, re.findall(r"band inside ([\d.]+) to ([\d.]+) Hz", str(refusal.value))[0])
+    low, high = map(
+        float, re.findall(r"band inside ([\d.]+) to ([\d.]+) Hz", str(refusal.value))[0]
+    )
     assert not (low < 60 < high)
     assert high - low > 40
     assert identify_noise(u, resonance(u), **NOISE | dict(f_min=low, f_max=high)).f.size > 20

@@ -1,4 +1,6 @@
-"""Experiments that were played again are periods: recognised whatever the trigger, and what is no repeat is not."""
+"""Experiments that were played again are periods: recognised whatever the trigger, and what is no
+repeat is not.
+"""
 
 import numpy as np
 import pytest
@@ -9,8 +11,20 @@ FS = N = 512
 MIX = np.array([[1.0, 0.3], [-0.2, 0.6]])
 
 
-def record(order, *, design="orthogonal", delays=None, n_periods=2, noise=1e-3, seed=0, rms=1.0, reference=False):
-    """A cubic in each of two channels; experiments by their numbers, each behind a delay [samples]."""
+def record(
+    order,
+    *,
+    design="orthogonal",
+    delays=None,
+    n_periods=2,
+    noise=1e-3,
+    seed=0,
+    rms=1.0,
+    reference=False,
+):
+    """A cubic in each of two channels; experiments by their numbers, each behind a delay
+    [samples].
+    """
     rng = np.random.default_rng(seed)
     sets = 1 + max(order) // (2 if design == "orthogonal" else 1)
     ms = nlfrf.multisine(
@@ -18,7 +32,8 @@ def record(order, *, design="orthogonal", delays=None, n_periods=2, noise=1e-3, 
         fs=FS,
         n_samples=N,
         f_min=1,
-        f_max=80,  # of more the cube of the samples is not that of the signal behind part of a sample
+        # of more the cube of the samples is not that of the signal behind part of a sample
+        f_max=80,
         n_inputs=2,
         n_realizations=sets,
         design=design,
@@ -49,10 +64,13 @@ def covered(frm, sigma2=1.0):
 def test_a_set_played_again_is_covered_as_one(copies, reference):
     """It was 75 % for two and 21 % for seven."""
     frms = [
-        nlfrf.identify(record([0, 1] * copies, seed=seed, reference=reference), transient="none") for seed in range(12)
+        nlfrf.identify(record([0, 1] * copies, seed=seed, reference=reference), transient="none")
+        for seed in range(12)
     ]
     made = [frm.experiment for frm in frms]
-    assert {(one.n_realizations, one.n_experiments, one.n_periods) for one in made} == {(1, 2, 2 * copies)}
+    assert {(one.n_realizations, one.n_experiments, one.n_periods) for one in made} == {
+        (1, 2, 2 * copies)
+    }
     assert 0.92 < np.mean([covered(frm) for frm in frms]) < 0.99
 
 
@@ -71,7 +89,9 @@ def test_repeats_are_told_whatever_order_and_trigger(order, delays, told):
     assert frm.experiment.n_realizations == (max(order) + 1) // 2
     once = nlfrf.identify(record(sorted(set(order)), noise=0), transient="none")
     assert np.abs(frm.G - once.G).max() < 5e-3
-    assert np.median(frm.var_noise[0, 0]) == pytest.approx(4e-6 / N * frm.f.size / 2 / (2 * len(order)), rel=0.4)
+    assert np.median(frm.var_noise[0, 0]) == pytest.approx(
+        4e-6 / N * frm.f.size / 2 / (2 * len(order)), rel=0.4
+    )
 
 
 def test_one_period_and_its_repeat_tell_the_noise():
@@ -86,7 +106,9 @@ def test_one_period_and_its_repeat_tell_the_noise():
 
 def test_a_zippered_experiment_played_again_is_one():
     with pytest.warns(nlfrf.DataWarning) as told:
-        frm = nlfrf.identify(record([0, 0, 0], design="zippered", delays=[0, 9.5, 40]), transient="none")
+        frm = nlfrf.identify(
+            record([0, 0, 0], design="zippered", delays=[0, 9.5, 40]), transient="none"
+        )
     assert any("with the same phases (1, 2, 3)" in str(one.message) for one in told)
     assert (frm.experiment.n_realizations, frm.experiment.n_periods) == (1, 6)
 
@@ -94,9 +116,14 @@ def test_a_zippered_experiment_played_again_is_one():
 @pytest.mark.parametrize("rms", [1.0, (10.0, 0.1)])
 def test_the_experiments_of_a_set_are_no_repeats(rms):
     """Orthogonal sets of the same phases differ by constants, the louder input not at all."""
-    assert nlfrf.identify(record([0, 1, 2, 3], rms=rms), transient="none").experiment.n_experiments == 4
+    assert (
+        nlfrf.identify(record([0, 1, 2, 3], rms=rms), transient="none").experiment.n_experiments
+        == 4
+    )
     rng = np.random.default_rng(3)
-    ms = nlfrf.multisine("random-odd", fs=FS, n_samples=N, f_min=1, f_max=200, n_realizations=2, rng=rng)
+    ms = nlfrf.multisine(
+        "random-odd", fs=FS, n_samples=N, f_min=1, f_max=200, n_realizations=2, rng=rng
+    )
     first, second = np.reshape(rms * np.ones(2), (2, 1)) * ms.u
     u = np.array([[first, first], [second, -second]])[:, :, None]
     u = np.repeat(u, 2, axis=2)
@@ -120,14 +147,19 @@ def test_sets_of_another_level_are_refused(design):
     louder = np.ones((2, 4, 1, 1))
     louder[1, 2:] = 2.0
     other = nlfrf.Record(u=one.u * louder, y=one.y, fs=FS, lines=one.lines)
-    with pytest.raises(ValueError, match=r"amplitude spectrum in every set of u2, got set of u2 [1234] up to"):
+    with pytest.raises(
+        ValueError, match=r"amplitude spectrum in every set of u2, got set of u2 [1234] up to"
+    ):
         nlfrf.identify(other, transient="none")
 
 
 def low_peaks(lines, rng):
-    """A set of two inputs whose phases phi + psi + T were turned until all four signals have low peaks (CF 1.7)."""
+    """A set of two inputs whose phases phi + psi + T were turned until all four signals have low
+    peaks (CF 1.7).
+    """
     T = np.array([[0, 0], [0, np.pi]])[:, :, None]
-    phi, psi = rng.uniform(0, 2 * np.pi, (2, 1, lines.size)), rng.uniform(0, 2 * np.pi, (1, 2, lines.size))
+    phi = rng.uniform(0, 2 * np.pi, (2, 1, lines.size))
+    psi = rng.uniform(0, 2 * np.pi, (1, 2, lines.size))
     for _ in range(200):
         X = np.zeros((2, 2, N // 2 + 1), complex)
         X[..., lines] = np.exp(1j * (phi + psi + T)) * N / np.sqrt(2 * lines.size)
@@ -139,25 +171,41 @@ def low_peaks(lines, rng):
 
 
 def test_low_peaks_of_several_inputs_are_warned_of():
-    """Their bound held 28 % without a word; random phases, mixed, zippered or the best of some draws, are not."""
+    """Their bound held 28 % without a word; random phases, mixed, zippered or the best of some
+    draws, are not.
+    """
     rng = np.random.default_rng(0)
     band = dict(fs=FS, n_samples=N, f_min=1, f_max=80, n_inputs=2)
     ms = nlfrf.multisine("random-odd", **band, rng=rng)
     u = np.repeat(low_peaks(ms.lines.excited, rng)[:, :, None], 2, axis=2)
     y = u + 1e-3 * rng.standard_normal(u.shape)
-    with pytest.warns(nlfrf.DataWarning, match=r"u1 must have random phases .* its crest factor is 1\.[67]"):
+    with pytest.warns(
+        nlfrf.DataWarning, match=r"u1 must have random phases .* its crest factor is 1\.[67]"
+    ):
         nlfrf.identify(nlfrf.Record(u=u, y=y, fs=FS, lines=ms.lines), transient="none")
-    for more in ({}, {"n_draws": 30}, {"mixing": np.array([[1.0, 1.0], [1.0, -1.0]])}, {"n_realizations": 3}):
+    for more in (
+        {},
+        {"n_draws": 30},
+        {"mixing": np.array([[1.0, 1.0], [1.0, -1.0]])},
+        {"n_realizations": 3},
+    ):
         ms = nlfrf.multisine("random-odd", **band, **more, rng=rng)
         u = np.repeat(ms.u[:, :, None], 2, axis=2)
         y = u + 1e-3 * rng.standard_normal(u.shape)
-        assert nlfrf.identify(nlfrf.Record(u=u, y=y, fs=FS, lines=ms.lines), transient="none").experiment.n_periods == 2
+        assert (
+            nlfrf.identify(
+                nlfrf.Record(u=u, y=y, fs=FS, lines=ms.lines), transient="none"
+            ).experiment.n_periods
+            == 2
+        )
 
 
 @pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")
 @pytest.mark.parametrize("fault", ["swapped", "sign", "late"])
 def test_outputs_of_other_experiments_are_told(fault):
-    """Every entry of the matrix is then nonsense; its bound, of the detection lines, held 1 to 38 % without a word."""
+    """Every entry of the matrix is then nonsense; its bound, of the detection lines, held 1 to 38 %
+    without a word.
+    """
     one = record(range(2), n_periods=4)
     y = one.y.copy()
     if fault == "swapped":
@@ -166,6 +214,9 @@ def test_outputs_of_other_experiments_are_told(fault):
         y[:, 1] *= -1
     else:
         y[:, 1] = np.roll(y[:, 1], 2, axis=-1)
-    told = r"G of y[12] jumps from line to line by \d+ % of its size|comes about [12](\.\d)? samples (earl|lat)"
+    told = (
+        r"G of y[12] jumps from line to line by \d+ % of its size|comes about [12](\.\d)? samples"
+        r" (earl|lat)"
+    )
     with pytest.warns(nlfrf.DataWarning, match=told):
         nlfrf.identify(nlfrf.Record(u=one.u, y=y, fs=FS, lines=one.lines), transient="none")

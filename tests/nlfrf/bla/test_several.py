@@ -1,4 +1,6 @@
-"""From a record of several channels to its `Bla`: linear systems exactly, covariances by statistics, every warning."""
+"""From a record of several channels to its `Bla`: linear systems exactly, covariances by
+statistics, every warning.
+"""
 
 import warnings
 
@@ -13,7 +15,9 @@ G0 = np.array([[1.0, 0.3, -0.2], [-0.5, 2.0, 0.4]])
 
 
 def covariance(frm):
-    """(n_y n_u, n_y n_u, F) covariance of vec G, columns stacked: conj(gamma) kron the one behind the bound."""
+    """(n_y n_u, n_y n_u, F) covariance of vec G, columns stacked: conj(gamma) kron the one behind
+    the bound.
+    """
     n = frm.n_inputs * frm.n_outputs
     return np.einsum("abk,cdk->acbdk", frm.cov.gamma.conj(), frm.cov.bound).reshape(n, n, -1)
 
@@ -61,14 +65,18 @@ def test_one_experiment_has_one_answer_with_or_without_an_axis_of_channels():
 
 
 def test_the_covariance_is_that_of_many_records():
-    """conj(gamma) kron C of white noise with known covariance, against the scatter of 150 records, entry by entry."""
+    """conj(gamma) kron C of white noise with known covariance, against the scatter of 150 records,
+    entry by entry.
+    """
     ms = nlfrf.multisine("random-odd", **BAND, n_inputs=2, rms=(1.0, 3.0), rng=4)
     root = np.array([[0.1, 0.0], [0.08, 0.05]])
     rng = np.random.default_rng(2)
     u = np.repeat(ms.u[:, :, None], 2, axis=2)
     errors, said = [], []
     for _ in range(150):
-        y = np.einsum("ji,imps->jmps", G0[:, :2], u) + np.einsum("ij,jmps->imps", root, rng.standard_normal(u.shape))
+        y = np.einsum("ji,imps->jmps", G0[:, :2], u) + np.einsum(
+            "ij,jmps->imps", root, rng.standard_normal(u.shape)
+        )
         frm = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=512, lines=ms.lines), transient="none")
         errors.append((frm.G - G0[:, :2, None]).transpose(1, 0, 2).reshape(4, -1))
         said.append(covariance(frm).mean(axis=2))
@@ -82,18 +90,28 @@ def test_the_covariance_is_that_of_many_records():
 
 
 @pytest.mark.attack(every=3)
-@pytest.mark.parametrize(("kind", "R", "n_inputs"), [("random-odd", 1, 2), ("special-odd", 2, 2), ("random-odd", 1, 3)])
+@pytest.mark.parametrize(
+    ("kind", "R", "n_inputs"), [("random-odd", 1, 2), ("special-odd", 2, 2), ("random-odd", 1, 3)]
+)
 def test_entries_and_matrices_hold_what_they_say(kind, R, n_inputs):
-    """White noise and static cross terms; windows overlap, so the tolerance is that of a smaller sample."""
+    """White noise and static cross terms; windows overlap, so the tolerance is that of a smaller
+    sample.
+    """
     grid = nlfrf.multisine(kind, **BAND, rng=0).lines
     entries, matrices = [], []
     frms = []
     for e in range(50):
-        ms = nlfrf.multisine("custom", lines=grid, **BAND, n_inputs=n_inputs, n_realizations=R, rng=e)
+        ms = nlfrf.multisine(
+            "custom", lines=grid, **BAND, n_inputs=n_inputs, n_realizations=R, rng=e
+        )
         record = linear(ms, noise=0.02, rng=e)
         u = record.u
         cross = np.stack([0.1 * u[0] ** 3 + 0.1 * u[0] * u[1] ** 2, 0.1 * u[1] ** 2 * u[-1]])
-        frms.append(nlfrf.identify(nlfrf.Record(u=u, y=record.y + cross, fs=512, lines=grid), transient="none"))
+        frms.append(
+            nlfrf.identify(
+                nlfrf.Record(u=u, y=record.y + cross, fs=512, lines=grid), transient="none"
+            )
+        )
     truth = np.mean([frm.G for frm in frms], axis=0)
     for frm in frms:
         d = (frm.G - truth) * 50 / 49
@@ -113,7 +131,9 @@ def test_a_loop_by_reference_has_a_full_gamma_and_no_bias():
     n = 0.05 * rng.standard_normal(r.shape)
     # u = r - K (G u + n): static, so the loop closes sample by sample
     G = G0[:, :2]
-    u = np.einsum("ij,jmps->imps", np.linalg.inv(np.eye(2) + K @ G), r - np.einsum("ij,jmps->imps", K, n))
+    u = np.einsum(
+        "ij,jmps->imps", np.linalg.inv(np.eye(2) + K @ G), r - np.einsum("ij,jmps->imps", K, n)
+    )
     y = np.einsum("ij,jmps->imps", G, u) + n
     frm = nlfrf.identify(nlfrf.Record(u=u, y=y, r=r, fs=512, lines=ms.lines), transient="none")
     inside = np.abs(frm.G - G[:, :, None]) < frm.bound()
@@ -122,7 +142,10 @@ def test_a_loop_by_reference_has_a_full_gamma_and_no_bias():
     assert np.median(off) > 0.1
     # noise that is fed back correlates u with n: without the reference G is off by many sigmas
     biased = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=512, lines=ms.lines), transient="none")
-    assert np.abs((frm.G - G[:, :, None]).mean(axis=2)).max() < np.abs((biased.G - G[:, :, None]).mean(axis=2)).max()
+    assert (
+        np.abs((frm.G - G[:, :, None]).mean(axis=2)).max()
+        < np.abs((biased.G - G[:, :, None]).mean(axis=2)).max()
+    )
 
 
 def test_a_transient_is_taken_off():
@@ -136,13 +159,17 @@ def test_a_transient_is_taken_off():
     record = nlfrf.Record(u=u, y=y, fs=512, lines=ms.lines)
     z = np.exp(-2j * np.pi * ms.f / 512)
     G = b[0] / np.polyval(a[::-1], z) * np.array([1.0, 0.5])[:, None]
-    raw, cured = (np.abs(nlfrf.identify(record, transient=how).G[0] - G).max() for how in ("none", "local"))
+    raw, cured = (
+        np.abs(nlfrf.identify(record, transient=how).G[0] - G).max() for how in ("none", "local")
+    )
     assert cured < 1e-4 * np.abs(G).max()
     assert cured < 1e-2 * raw
 
 
 def test_inputs_of_other_spectra_are_told_apart_as_well(recwarn):
-    """Of f and 1/f the ratio over all lines was taken for a condition, 18, though each line is orthogonal."""
+    """Of f and 1/f the ratio over all lines was taken for a condition, 18, though each line is
+    orthogonal.
+    """
     ms = nlfrf.multisine(
         "random-odd", **BAND, n_inputs=2, rng=7, amplitude=lambda f: np.stack([f / 50, 50 / f])
     )  # fmt: skip
@@ -153,30 +180,43 @@ def test_inputs_of_other_spectra_are_told_apart_as_well(recwarn):
 def test_warnings_and_refusals():
     ms = nlfrf.multisine(**BAND, n_inputs=2, rng=7)
     record = linear(ms)
-    with pytest.warns(nlfrf.DataWarning, match="one period does not separate noise from distortion"):
+    with pytest.warns(
+        nlfrf.DataWarning, match="one period does not separate noise from distortion"
+    ):
         nlfrf.identify(linear(ms, n_periods=1))
     few = nlfrf.Record(u=record.u[:, :1], y=record.y[:, :1], fs=512, lines=ms.lines)
     with pytest.raises(ValueError, match="record must hold n_inputs = 2 experiments a set"):
         nlfrf.identify(few)
     same = nlfrf.Record(u=record.u[:, [0, 0]], y=record.y[:, [0, 0]], fs=512, lines=ms.lines)
-    with pytest.raises(ValueError, match=r"u must hold experiments that separate the inputs, got a condition of"):
+    with pytest.raises(
+        ValueError, match=r"u must hold experiments that separate the inputs, got a condition of"
+    ):
         nlfrf.identify(same)
     near, answer = record.u.copy(), record.y.copy()
     for signal in (near, answer):
         signal[:, 1] = signal[:, 0] + 0.05 * signal[:, 1]
-    with pytest.warns(nlfrf.DataWarning, match="the experiments separate the inputs badly: condition"):
+    with pytest.warns(
+        nlfrf.DataWarning, match="the experiments separate the inputs badly: condition"
+    ):
         nlfrf.identify(nlfrf.Record(u=near, y=answer, fs=512, lines=ms.lines))
-    silent = nlfrf.signals.LineGrid(excited=np.append(ms.lines.excited, 253), odd=ms.lines.odd, even=ms.lines.even)
+    silent = nlfrf.signals.LineGrid(
+        excited=np.append(ms.lines.excited, 253), odd=ms.lines.odd, even=ms.lines.even
+    )
     with pytest.raises(
-        ValueError, match="lines must be excited by every input, got line 253 with no input on it in u1"
+        ValueError,
+        match="lines must be excited by every input, got line 253 with no input on it in u1",
     ):
         nlfrf.identify(nlfrf.Record(u=record.u, y=record.y, fs=512, lines=silent))
     full = nlfrf.multisine("full", **BAND, n_inputs=2, rng=8)
     with pytest.warns(
-        nlfrf.DataWarning, match="the full grid of this record has no odd detection lines; the level comes"
+        nlfrf.DataWarning,
+        match="the full grid of this record has no odd detection lines; the level comes",
     ):
         assert nlfrf.identify(linear(full, noise=0.01)).level_source == "roughness"
-    with pytest.raises(ValueError, match="lines must hold at least n_detection = 6 odd detection lines for level_from"):
+    with pytest.raises(
+        ValueError,
+        match="lines must hold at least n_detection = 6 odd detection lines for level_from",
+    ):
         nlfrf.identify(linear(full), level_from="detection")
 
 
@@ -205,7 +245,8 @@ def test_the_bounds_of_a_matrix_and_its_entries():
     ms = nlfrf.multisine("random-odd", **BAND, n_inputs=2, rng=10)
     frm = nlfrf.identify(linear(ms, noise=0.05))
     np.testing.assert_allclose(
-        np.einsum("aak->ak", covariance(frm)).real.reshape(2, 2, -1).transpose(1, 0, 2), frm.entries(frm.cov.bound)
+        np.einsum("aak->ak", covariance(frm)).real.reshape(2, 2, -1).transpose(1, 0, 2),
+        frm.entries(frm.cov.bound),
     )
     left, right = frm.block()
     box = np.sqrt(np.einsum("jak,jak->jk", left, left.conj()).real)[:, None] * np.sqrt(
@@ -216,14 +257,18 @@ def test_the_bounds_of_a_matrix_and_its_entries():
     assert np.all(frm.bound(simultaneous=True) > frm.bound())
     entry = frm.entry(1, 0)
     np.testing.assert_allclose(entry.bound(), frm.bound()[1, 0])
-    np.testing.assert_allclose(entry.bound(of="realization"), frm.bound(of="realization")[1, 0], rtol=0.02)
+    np.testing.assert_allclose(
+        entry.bound(of="realization"), frm.bound(of="realization")[1, 0], rtol=0.02
+    )
     assert "y2 by u1" in unwrapped(frm)
     with pytest.raises(ValueError, match="output and input must be below 2 and 2"):
         frm.entry(2, 0)
 
 
 def test_every_so_many_th_line_is_as_it_was():
-    frm = nlfrf.identify(linear(nlfrf.multisine("random-odd", **BAND, n_inputs=2, rng=10), noise=0.05))
+    frm = nlfrf.identify(
+        linear(nlfrf.multisine("random-odd", **BAND, n_inputs=2, rng=10), noise=0.05)
+    )
     some = frm.every(3)
     np.testing.assert_array_equal(some.f, frm.f[::3])
     np.testing.assert_array_equal(some.bound(), frm.bound()[:, :, ::3])
@@ -248,7 +293,11 @@ def test_a_zippered_record_gives_the_matrix_from_one_experiment():
         warnings.simplefilter("ignore", nlfrf.DataWarning)
         frms = [nlfrf.identify(linear(ms, noise=0.05, rng=e), transient="none") for e in range(40)]
         many = nlfrf.identify(
-            linear(nlfrf.multisine("random-odd", **BAND, n_inputs=2, design="zippered", n_realizations=3, rng=12))
+            linear(
+                nlfrf.multisine(
+                    "random-odd", **BAND, n_inputs=2, design="zippered", n_realizations=3, rng=12
+                )
+            )
         )
         loop = linear(ms)
         with pytest.raises(ValueError, match="r must be left out for a zippered record"):
@@ -260,7 +309,9 @@ def test_a_zippered_record_gives_the_matrix_from_one_experiment():
 
 
 def test_an_experiment_that_was_disturbed_is_named():
-    """Ten times the noise in one experiment: the error of the matrix has rank one, and its law does not know that."""
+    """Ten times the noise in one experiment: the error of the matrix has rank one, and its law does
+    not know that.
+    """
     ms = nlfrf.multisine(**BAND, n_inputs=3, rng=13)
     record = linear(ms)
     noise = 0.01 * np.random.default_rng(0).standard_normal(record.y.shape)
@@ -271,7 +322,8 @@ def test_an_experiment_that_was_disturbed_is_named():
     noise[:, 1] *= 10
     loud = nlfrf.Record(u=record.u, y=record.y + noise, fs=512, lines=ms.lines)
     with pytest.warns(
-        nlfrf.DataWarning, match=r"experiment 2 of 3 scatters (9\.\d|1[01]\.\d) times as much from period"
+        nlfrf.DataWarning,
+        match=r"experiment 2 of 3 scatters (9\.\d|1[01]\.\d) times as much from period",
     ):
         nlfrf.identify(loud, transient="none")
 
@@ -295,7 +347,9 @@ def test_every_warning_points_at_the_line_that_called():
 
 
 def test_a_mixing_from_a_first_matrix_finds_the_weak_direction():
-    """Skogestad & Postlethwaite's distillation column (3.7.2): gains 197 and 1.4; 1 % noise on every line."""
+    """Skogestad & Postlethwaite's distillation column (3.7.2): gains 197 and 1.4; 1 % noise on
+    every line.
+    """
     G = np.array([[87.8, -86.4], [108.2, -109.6]])
     weak, sizes, into = np.linalg.svd(G)
 
@@ -304,7 +358,9 @@ def test_a_mixing_from_a_first_matrix_finds_the_weak_direction():
         ms = nlfrf.multisine("random-odd", **BAND, n_inputs=2, mixing=mixing, rng=rng)
         u = np.repeat(ms.u[:, :, None], 2, axis=2)
         y = np.einsum("ji,imps->jmps", G, u)
-        of_line = np.sqrt(512 * 2 / 2 / ms.f.size) * y.std(axis=(1, 2, 3))  # behind it, over two periods
+        of_line = np.sqrt(512 * 2 / 2 / ms.f.size) * y.std(
+            axis=(1, 2, 3)
+        )  # behind it, over two periods
         size = 0.01 * of_line[:, None, None, None]
         y = y + size * np.random.default_rng(rng).standard_normal(y.shape)
         frm = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=512, lines=ms.lines), transient="none")
@@ -320,12 +376,25 @@ def test_a_mixing_from_a_first_matrix_finds_the_weak_direction():
 
 @pytest.mark.attack
 def test_a_zippered_matrix_holds_near_a_resonance_no_wider_than_the_distance_of_its_lines():
-    """Noise of 40 and 20 dB on two coupled modes, 28.9 and 49.8 Hz, 1.2 and 1.5 Hz wide; own lines 1.3 Hz apart."""
+    """Noise of 40 and 20 dB on two coupled modes, 28.9 and 49.8 Hz, 1.2 and 1.5 Hz wide; own lines
+    1.3 Hz apart.
+    """
     fs, n, mix = 1024.0, 4096, np.array([[1.0, 0.15], [-0.1, 1.0]])
     modes = np.array([28.9, 49.8])
-    ms = nlfrf.multisine("random-odd", fs=fs, n_samples=n, f_min=2.25, f_max=100, n_inputs=2, design="zippered", rng=1)
+    ms = nlfrf.multisine(
+        "random-odd",
+        fs=fs,
+        n_samples=n,
+        f_min=2.25,
+        f_max=100,
+        n_inputs=2,
+        design="zippered",
+        rng=1,
+    )
     s, w = 1j * ms.f, modes[:, None]
-    G = np.einsum("ja,ak,ia->jik", mix, 1 / (s**2 + 0.04 * w * s + w**2), np.array([[1.0, 0.3], [-0.2, 1.0]]))
+    G = np.einsum(
+        "ja,ak,ia->jik", mix, 1 / (s**2 + 0.04 * w * s + w**2), np.array([[1.0, 0.3], [-0.2, 1.0]])
+    )
     spectrum = np.zeros((2, 1, n // 2 + 1), dtype=complex)
     spectrum[..., ms.lines.excited] = np.einsum("jik,iek->jek", G, ms.spectrum) * n / 2
     y = np.repeat(np.fft.irfft(spectrum, n)[:, :, None], 2, axis=2)
@@ -337,7 +406,9 @@ def test_a_zippered_matrix_holds_near_a_resonance_no_wider_than_the_distance_of_
         for e in range(30):
             there = y + noise * np.random.default_rng(e).standard_normal(y.shape)
             with pytest.warns(nlfrf.DataWarning, match="each line drives one input"):
-                frm = nlfrf.identify(nlfrf.Record(u=u, y=there, fs=fs, lines=ms.lines), transient="none")
+                frm = nlfrf.identify(
+                    nlfrf.Record(u=u, y=there, fs=fs, lines=ms.lines), transient="none"
+                )
             left, right = (np.moveaxis(side, 2, 0) for side in frm.block())
             d = frm.G - G
             Z = np.linalg.solve(left, np.moveaxis(d, 2, 0)) @ np.linalg.inv(right)
@@ -351,7 +422,9 @@ def test_a_zippered_record_without_detection_lines_is_refused():
     ms = nlfrf.multisine("full", **BAND, n_inputs=2, design="zippered", rng=15)
     with (
         pytest.warns(nlfrf.DataWarning),
-        pytest.raises(ValueError, match="lines must hold detection lines that calibrate for a zippered record"),
+        pytest.raises(
+            ValueError, match="lines must hold detection lines that calibrate for a zippered record"
+        ),
     ):
         nlfrf.identify(linear(ms, noise=0.01))
 
@@ -366,8 +439,12 @@ def test_an_input_lost_in_its_noise_asks_for_references():
         record = nlfrf.Record(u=clean.u + noise, y=clean.y, fs=512, lines=ms.lines, **more)
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
-            bias[name] = np.abs((nlfrf.identify(record, transient="none").G - G0[:, :2, None]).mean(axis=2)).max()
-        assert any("is lost in its noise on" in str(one.message) for one in said) == (name == "without")
+            bias[name] = np.abs(
+                (nlfrf.identify(record, transient="none").G - G0[:, :2, None]).mean(axis=2)
+            ).max()
+        assert any("is lost in its noise on" in str(one.message) for one in said) == (
+            name == "without"
+        )
     assert bias["with"] < 0.3 * bias["without"]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -401,7 +478,9 @@ def test_a_list_may_hold_records_of_any_number_of_channels():
 @pytest.mark.parametrize(("n_realizations", "n_periods"), [(1, 2), (3, 2), (2, 3), (8, 2)])
 @pytest.mark.filterwarnings("ignore:the full grid of this record", "ignore:.* in experiment . of")
 def test_an_output_among_others_has_what_it_has_alone(kind, n_realizations, n_periods):
-    """One engine: of each output the same matrix, variances, 95 % bound and levels, whatever else was recorded."""
+    """One engine: of each output the same matrix, variances, 95 % bound and levels, whatever else
+    was recorded.
+    """
     ms = nlfrf.multisine(kind, **BAND, n_realizations=n_realizations, rng=17)
     rng = np.random.default_rng(4)
     u = np.repeat(np.reshape(ms.u, (1, n_realizations, 1, -1)), n_periods, axis=2)
@@ -411,16 +490,25 @@ def test_an_output_among_others_has_what_it_has_alone(kind, n_realizations, n_pe
     y += 0.01 * y.std(axis=(1, 2, 3), keepdims=True) * rng.standard_normal(y.shape)
     both = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=512, lines=ms.lines), transient="none")
     for j in range(2):
-        alone = nlfrf.identify(nlfrf.Record(u=u[0], y=y[j], fs=512, lines=ms.lines), transient="none")
+        alone = nlfrf.identify(
+            nlfrf.Record(u=u[0], y=y[j], fs=512, lines=ms.lines), transient="none"
+        )
         for name in ("G", "var_noise", "var_total", "var_even"):
-            np.testing.assert_allclose(getattr(both, name)[j, 0], getattr(alone, name), rtol=1e-9, err_msg=name)
+            np.testing.assert_allclose(
+                getattr(both, name)[j, 0], getattr(alone, name), rtol=1e-9, err_msg=name
+            )
         for of in ("bla", "realization"):
-            np.testing.assert_allclose(both.bound(of=of)[j, 0], alone.bound(of=of), rtol=1e-9 if of == "bla" else 0.02)
+            np.testing.assert_allclose(
+                both.bound(of=of)[j, 0], alone.bound(of=of), rtol=1e-9 if of == "bla" else 0.02
+            )
         np.testing.assert_allclose(both.levels[j].odd, alone.levels.odd, rtol=1e-9, atol=1e-15)
 
 
 def test_a_second_opinion_is_of_one_input_and_one_output():
     with pytest.raises(
-        ValueError, match="record must have one input and one output, got 2 and 2: for several channels identify"
+        ValueError,
+        match=(
+            "record must have one input and one output, got 2 and 2: for several channels identify"
+        ),
     ):
         nlfrf.second_opinion(linear(nlfrf.multisine(**BAND, n_inputs=2, rng=2), G=G0[:, :2]))

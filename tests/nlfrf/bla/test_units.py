@@ -25,7 +25,12 @@ def signals(kind, design, R, reference, amplitude):
     x = np.fft.irfft(np.fft.rfft(u) * 0.05 / (1 - 1.6 * z + 0.9 * z**2), N)
     y = np.stack([x[0] + 0.4 * u[1] + 0.1 * u[0] ** 3, 0.3 * x[1] - u[0] + 0.2 * u[1] ** 2 * u[0]])
     y += 0.01 * rng.standard_normal(y.shape)
-    return u + 0.003 * reference * rng.standard_normal(u.shape), y, u if reference else None, ms.lines
+    return (
+        u + 0.003 * reference * rng.standard_normal(u.shape),
+        y,
+        u if reference else None,
+        ms.lines,
+    )
 
 
 @pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")
@@ -40,8 +45,12 @@ def signals(kind, design, R, reference, amplitude):
         ("random-odd", "zippered", 3, False, None),
     ],
 )
-def test_units_scale_the_matrix_and_its_bounds_and_nothing_else(kind, design, R, reference, amplitude):
-    """The bound was up to 32 % less of narrow spectra, 1e8 times as large of zippered ones; the block 1e16 times."""
+def test_units_scale_the_matrix_and_its_bounds_and_nothing_else(
+    kind, design, R, reference, amplitude
+):
+    """The bound was up to 32 % less of narrow spectra, 1e8 times as large of zippered ones; the
+    block 1e16 times.
+    """
     u, y, r, lines = signals(kind, design, R, reference, amplitude)
 
     def found(a, b):
@@ -57,7 +66,9 @@ def test_units_scale_the_matrix_and_its_bounds_and_nothing_else(kind, design, R,
         for of in ("bla", "realization"):
             np.testing.assert_allclose(frm.bound(of=of) * into / out, own.bound(of=of), rtol=1e-9)
         distortion = frm.var_distortion * (into / out) ** 2
-        np.testing.assert_allclose(distortion, own.var_distortion, rtol=1e-9, atol=1e-9 * own.var_distortion.max())
+        np.testing.assert_allclose(
+            distortion, own.var_distortion, rtol=1e-9, atol=1e-9 * own.var_distortion.max()
+        )
         left = frm.block()[0] / out
         again = np.einsum("abk,cbk->ack", left, left.conj())
         np.testing.assert_allclose(again, shape, rtol=1e-9, atol=1e-9 * np.abs(shape).max())
@@ -67,7 +78,15 @@ def test_units_scale_the_matrix_and_its_bounds_and_nothing_else(kind, design, R,
 def test_what_repeats_is_known_whatever_the_units():
     """One delay is common to all inputs: that of the input of large numbers was taken alone."""
     ms = nlfrf.multisine(
-        "random-odd", fs=FS, n_samples=N, f_min=1, f_max=80, n_inputs=2, n_realizations=2, rms=(1.0, 1e-7), rng=1
+        "random-odd",
+        fs=FS,
+        n_samples=N,
+        f_min=1,
+        f_max=80,
+        n_inputs=2,
+        n_realizations=2,
+        rms=(1.0, 1e-7),
+        rng=1,
     )
     rng = np.random.default_rng(0)
     u = np.repeat(ms.u[:, [0, 1, 0, 1], None], 2, axis=2)

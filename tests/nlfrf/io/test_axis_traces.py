@@ -1,4 +1,6 @@
-"""The most likely mistakes between the drive and the record: the table of docs/guide/axis.md, a row a test."""
+"""The most likely mistakes between the drive and the record: the table of docs/guide/axis.md, a row
+a test.
+"""
 
 import re
 from dataclasses import replace
@@ -25,8 +27,12 @@ FORCE, POSITION = "force set point [N]", "position [m]"
 #: Row of the table in the guide -> the tests that show it.
 ROWS = {
     "a set point of motion as u, with its unit": "test_a_set_point_of_motion_in_place_of_the_force",
-    "the position set point as u, without a unit": "test_the_position_set_point_in_place_of_the_force_without_units",
-    "the velocity set point as u, without a unit": "test_the_velocity_set_point_in_place_of_the_force_without_units",
+    "the position set point as u, without a unit": (
+        "test_the_position_set_point_in_place_of_the_force_without_units"
+    ),
+    "the velocity set point as u, without a unit": (
+        "test_the_velocity_set_point_in_place_of_the_force_without_units"
+    ),
     "the position set point as y": "test_the_position_set_point_in_place_of_the_position",
     "the velocity as y": "test_the_velocity_in_place_of_the_position",
     "wrong sign of the force": "test_a_wrong_sign",
@@ -39,10 +45,16 @@ ROWS = {
     "a trace that is too short": "test_a_trace_that_ends_too_early",
     "a trace that begins somewhere else": "test_a_trace_that_begins_somewhere_else",
     "current at its limit": "test_a_saturated_current",
-    "a drive with another velocity feedforward": "test_a_drive_without_the_feedforward_of_the_design_is_named",
-    "a level at which friction changes the loop": "test_a_level_so_low_that_friction_changes_the_loop",
+    "a drive with another velocity feedforward": (
+        "test_a_drive_without_the_feedforward_of_the_design_is_named"
+    ),
+    "a level at which friction changes the loop": (
+        "test_a_level_so_low_that_friction_changes_the_loop"
+    ),
     "an axis that turns back": "test_an_axis_that_turns_back_in_motion",
-    "backlash in front of a load with friction": "test_play_in_front_of_a_load_with_friction_is_seen",
+    "backlash in front of a load with friction": (
+        "test_play_in_front_of_a_load_with_friction_is_seen"
+    ),
 }
 
 
@@ -72,7 +84,11 @@ class Run:
         if change:
             for name, factor in change.items():
                 table[:, self.names.index(name)] *= factor
-        write_table(self.folder / "changed.csv", table[rows], [(names or {}).get(one, one) for one in self.names])
+        write_table(
+            self.folder / "changed.csv",
+            table[rows],
+            [(names or {}).get(one, one) for one in self.names],
+        )
         return load_trace(self.folder / "changed.csv", experiment, **how)
 
 
@@ -113,31 +129,43 @@ def test_another_unit_that_the_file_names_is_no_fault(run):
 
 @pytest.mark.parametrize("u", ["position set point", "velocity set point", "velocity"])
 def test_a_set_point_of_motion_in_place_of_the_force(run, u):
-    with pytest.raises(ValueError, match=f"u must be the force, torque or current set point .*, got '{u}' in m"):
+    with pytest.raises(
+        ValueError, match=f"u must be the force, torque or current set point .*, got '{u}' in m"
+    ):
         run.read(u=u)
 
 
 def test_the_position_set_point_in_place_of_the_force_without_units(at_rest, in_motion):
-    with pytest.raises(ValueError, match="u must be measured in the loop, got the multisine that was played"):
+    with pytest.raises(
+        ValueError, match="u must be measured in the loop, got the multisine that was played"
+    ):
         at_rest.read(u="position set point", names=without_units(at_rest))
-    with pytest.raises(ValueError, match="path must be the trace of the played signal, got a force that follows"):
+    with pytest.raises(
+        ValueError, match="path must be the trace of the played signal, got a force that follows"
+    ):
         in_motion.read(u="position set point", names=without_units(in_motion))
 
 
 def test_the_velocity_set_point_in_place_of_the_force_without_units(run):
-    with pytest.warns(DataWarning, match="u is .* times the expected size, .* is it another signal"):
+    with pytest.warns(
+        DataWarning, match="u is .* times the expected size, .* is it another signal"
+    ):
         run.read(u="velocity set point", names=without_units(run))
 
 
 def test_the_position_set_point_in_place_of_the_position(run):
-    with pytest.raises(ValueError, match="y must be measured in the loop, got the multisine that was played"):
+    with pytest.raises(
+        ValueError, match="y must be measured in the loop, got the multisine that was played"
+    ):
         run.read(y="position set point")
 
 
 def test_the_velocity_in_place_of_the_position(at_rest, in_motion):
     with pytest.warns(DataWarning, match="y is .* times the expected size, turned by [78]. deg"):
         at_rest.read(y="velocity")
-    with pytest.raises(ValueError, match=r"y must move at 0\.15 m/s forward, as in the file, got .*e-"):
+    with pytest.raises(
+        ValueError, match=r"y must move at 0\.15 m/s forward, as in the file, got .*e-"
+    ):
         in_motion.read(y="velocity")
 
 
@@ -150,17 +178,23 @@ def test_a_wrong_sign_of_the_position(at_rest, in_motion):
     with pytest.warns(DataWarning, match="y has the sign opposite to the design"):
         at_rest.read(change={POSITION: -1})
     with pytest.raises(
-        ValueError, match=r"y must move at 0\.15 m/s forward, as in the file, got -0\.15: turn its sign"
+        ValueError,
+        match=r"y must move at 0\.15 m/s forward, as in the file, got -0\.15: turn its sign",
     ):
         in_motion.read(change={POSITION: -1})
 
 
 @pytest.mark.parametrize("in_amperes", [False, True])
 def test_a_drive_without_the_feedforward_of_the_design_is_named(tmp_path, in_amperes):
-    """The factors are those of force and position in N and m, whatever the header has, and the drive is named first."""
+    """The factors are those of force and position in N and m, whatever the header has, and the
+    drive is named first.
+    """
     drive = replace(ROUGH.drive, velocity_feedforward=0.0)
     experiment = design_experiment(
-        ROUGH, nlfrf.multisine(fs=4000, n_samples=N, f_min=4, f_max=250, rng=1), rms=60, base_velocity=0.15
+        ROUGH,
+        nlfrf.multisine(fs=4000, n_samples=N, f_min=4, f_max=250, rng=1),
+        rms=60,
+        base_velocity=0.15,
     )
     nlfrf.save(experiment, tmp_path / "play.csv")
     (tmp_path / "play.npz").rename(tmp_path / "design.npz")  # which would refuse this drive
@@ -168,20 +202,33 @@ def test_a_drive_without_the_feedforward_of_the_design_is_named(tmp_path, in_amp
     names, *rows = (tmp_path / "trace.csv").read_text().splitlines()
     table, names = np.array([row.split(",") for row in rows], dtype=float), names.split(",")
     if in_amperes:
-        for k, scale, unit in ((names.index("force set point [N]"), 1 / ROUGH.force_constant, "A"), (2, 1e3, "mm")):
+        for k, scale, unit in (
+            (names.index("force set point [N]"), 1 / ROUGH.force_constant, "A"),
+            (2, 1e3, "mm"),
+        ):
             table[:, k] *= scale
             names[k] = f"{names[k].partition(' [')[0]} [{unit}]"
-    np.savetxt(tmp_path / "trace.csv", table, delimiter=",", header=",".join(names), comments="", fmt="%.12g")
+    np.savetxt(
+        tmp_path / "trace.csv",
+        table,
+        delimiter=",",
+        header=",".join(names),
+        comments="",
+        fmt="%.12g",
+    )
     with pytest.warns(DataWarning) as seen:
         records = load_trace(tmp_path / "trace.csv", tmp_path / "design.npz")
     texts = [str(one.message) for one in seen]
     found = [re.match(r"([uy]) is (\S+) times the expected size", text) for text in texts]
     z = np.exp(2j * np.pi * experiment.ms.f[-(experiment.ms.f.size // 3) :] / ROUGH.drive.fs)
-    true = np.median(np.abs(ROUGH.drive.kv / (ROUGH.drive.kv + (1 - 1 / z) * ROUGH.drive.fs)))  # of what feeds the PI
+    true = np.median(
+        np.abs(ROUGH.drive.kv / (ROUGH.drive.kv + (1 - 1 / z) * ROUGH.drive.fs))
+    )  # of what feeds the PI
     assert [one[1] for one in found] == ["u", "y"]
     assert [float(one[2]) for one in found] == pytest.approx([true, true], rel=0.06)
     assert all(
-        "hardly counts: is it a drive with another velocity feedforward or other gains (assumed: " in text
+        "hardly counts: is it a drive with another velocity feedforward or other gains (assumed: "
+        in text
         for text in texts
     )
     assert all("velocity_feedforward = 1" in text for text in texts)
@@ -189,10 +236,15 @@ def test_a_drive_without_the_feedforward_of_the_design_is_named(tmp_path, in_amp
 
 
 def test_at_rest_another_force_than_designed_has_a_category_of_its_own(tmp_path):
-    experiment = design_experiment(ROUGH, nlfrf.multisine(fs=4000, n_samples=N, f_min=4, f_max=250, rng=1), rms=2)
+    experiment = design_experiment(
+        ROUGH, nlfrf.multisine(fs=4000, n_samples=N, f_min=4, f_max=250, rng=1), rms=2
+    )
     nlfrf.save(experiment, tmp_path / "play.csv")
     play_experiment(AXIS, tmp_path / "play.csv", tmp_path / "trace.csv")
-    with pytest.warns(nlfrf.io.LevelWarning, match="friction, another machine, or a drive with another velocity feed"):
+    with pytest.warns(
+        nlfrf.io.LevelWarning,
+        match="friction, another machine, or a drive with another velocity feed",
+    ):
         load_trace(tmp_path / "trace.csv", experiment)
 
 
@@ -201,18 +253,29 @@ def test_a_wrong_unit_factor(at_rest, in_motion):
         at_rest.read(u="current set point", names=without_units(at_rest))
     with pytest.warns(DataWarning, match=r"y is 1.*e\+03 times .* in another unit than m"):
         at_rest.read(change={POSITION: 1e3})
-    with pytest.raises(ValueError, match=r"y must move at 0\.15 m/s forward, as in the file, got 150: is y"):
+    with pytest.raises(
+        ValueError, match=r"y must move at 0\.15 m/s forward, as in the file, got 150: is y"
+    ):
         in_motion.read(change={POSITION: 1e3})
 
 
 def test_a_wrong_period_or_another_file(run):
     band = {"fs": 4000, "f_min": 10, "f_max": 250}
-    other = replace(run.experiment, ms=design_experiment(ROUGH, nlfrf.multisine(n_samples=N, rng=2, **band), rms=30).ms)
-    with pytest.raises(ValueError, match="path must be the trace of the played signal, got a force that follows"):
+    other = replace(
+        run.experiment,
+        ms=design_experiment(ROUGH, nlfrf.multisine(n_samples=N, rng=2, **band), rms=30).ms,
+    )
+    with pytest.raises(
+        ValueError, match="path must be the trace of the played signal, got a force that follows"
+    ):
         run.read(experiment=other)
     motion = {"base_velocity": 0.15, "strokes": 1} if np.any(run.experiment.velocities) else {}
-    longer = design_experiment(ROUGH, nlfrf.multisine(n_samples=N + 200, rng=1, **band), rms=30, **motion)
-    with pytest.raises(ValueError, match="path must be the trace of the played signal, got a force that follows"):
+    longer = design_experiment(
+        ROUGH, nlfrf.multisine(n_samples=N + 200, rng=1, **band), rms=30, **motion
+    )
+    with pytest.raises(
+        ValueError, match="path must be the trace of the played signal, got a force that follows"
+    ):
         run.read(experiment=longer)
 
 
@@ -223,32 +286,45 @@ def test_a_design_at_rest_and_a_trace_in_motion(at_rest, in_motion):
     ):
         in_motion.read(experiment=at_rest.experiment)
     with pytest.raises(
-        ValueError, match=r"got a base velocity of 0\.15 m/s and a position that moves by 0\.000\d+ m in all"
+        ValueError,
+        match=r"got a base velocity of 0\.15 m/s and a position that moves by 0\.000\d+ m in all",
     ):
         at_rest.read(experiment=in_motion.experiment)
 
 
 def test_a_wrong_clock(run):
-    """The time column is doubled: 2 kHz, of which half a period of the drive is one of the record."""
+    """The time column is doubled:
+
+    2 kHz, of which half a period of the drive is one of the record.
+    """
     with (
-        pytest.raises(ValueError, match="path must be the trace of the played signal, got a force that follows"),
+        pytest.raises(
+            ValueError,
+            match="path must be the trace of the played signal, got a force that follows",
+        ),
         pytest.warns(DataWarning, match="the trace is sampled at 2000 Hz"),
     ):
         run.read(change={"t [s]": 2})
 
 
 def test_a_decimated_trace(run):
-    with pytest.warns(DataWarning, match="sampled at 1000 Hz and the drive at 4000 Hz: .* above 500 Hz are folded"):
+    with pytest.warns(
+        DataWarning, match="sampled at 1000 Hz and the drive at 4000 Hz: .* above 500 Hz are folded"
+    ):
         records = run.read(rows=slice(None, None, 4))
     assert records[0].hold == "unknown"
-    with pytest.raises(ValueError, match=r"fs must be above 492 Hz for lines up to 246 Hz, got 400 Hz"):
+    with pytest.raises(
+        ValueError, match=r"fs must be above 492 Hz for lines up to 246 Hz, got 400 Hz"
+    ):
         run.read(rows=slice(None, None, 10))
     with pytest.raises(ValueError, match=r"must hold the whole experiment, .* is fs right"):
         run.read(rows=slice(None, None, 4), change={"t [s]": 0.25})
 
 
 def test_lost_rows(run):
-    with pytest.raises(ValueError, match="path must be a trace without gaps, got time jumps by two samples"):
+    with pytest.raises(
+        ValueError, match="path must be a trace without gaps, got time jumps by two samples"
+    ):
         run.read(rows=np.delete(np.arange(len(run.table)), 5000))
 
 
@@ -258,7 +334,9 @@ def test_a_trace_that_ends_too_early(run):
 
 
 def test_a_trace_that_begins_somewhere_else(at_rest, in_motion):
-    with pytest.raises(ValueError, match=r"or start must give its begin, got a force that is .* s late"):
+    with pytest.raises(
+        ValueError, match=r"or start must give its begin, got a force that is .* s late"
+    ):
         at_rest.read(rows=slice(700, None))
     (late,) = at_rest.read(rows=slice(700, None), start=-700 / 4000)
     (whole,) = at_rest.read()
@@ -272,7 +350,9 @@ def test_a_trace_that_begins_long_before(at_rest):
     table = at_rest.table[rows]
     table[:, 0] = np.arange(rows.size) / 4000
     write_table(at_rest.folder / "early.csv", table, at_rest.names)
-    with pytest.raises(ValueError, match="path must begin with the played signal, or start must give its begin"):
+    with pytest.raises(
+        ValueError, match="path must begin with the played signal, or start must give its begin"
+    ):
         load_trace(at_rest.folder / "early.csv", at_rest.experiment)
     (record,) = load_trace(at_rest.folder / "early.csv", at_rest.experiment, start=3 * N / 4000)
     assert np.array_equal(record.u, at_rest.read()[0].u)
@@ -289,12 +369,18 @@ def test_a_saturated_current(run, tmp_path):
 def test_a_level_so_low_that_friction_changes_the_loop(tmp_path):
     axis = servo_axis("linear motor")
     rough = replace(axis, motor_friction=None)
-    experiment = design_experiment(rough, nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=250, rng=1), rms=1.5)
+    experiment = design_experiment(
+        rough, nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=250, rng=1), rms=1.5
+    )
     nlfrf.save(experiment, tmp_path / "play.csv")
     play_experiment(axis, tmp_path / "play.csv", tmp_path / "trace.csv")
-    with pytest.warns(DataWarning, match="N rms at rest, not 1.5 as designed: .* this record as source"):
+    with pytest.warns(
+        DataWarning, match="N rms at rest, not 1.5 as designed: .* this record as source"
+    ):
         (record,) = load_trace(tmp_path / "trace.csv", experiment)
-    again = design_experiment(record, nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=240, rng=2), rms=1.5)
+    again = design_experiment(
+        record, nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=240, rng=2), rms=1.5
+    )
     nlfrf.save(again, tmp_path / "play2.csv")
     play_experiment(axis, tmp_path / "play2.csv", tmp_path / "trace.csv")
     (record,) = load_trace(tmp_path / "trace.csv", again)
@@ -304,7 +390,10 @@ def test_a_level_so_low_that_friction_changes_the_loop(tmp_path):
 
 def test_an_axis_that_turns_back_in_motion(tmp_path):
     slow = design_experiment(
-        ROUGH, nlfrf.multisine(fs=4000, n_samples=N, f_min=10, f_max=250, rng=1), rms=10, base_velocity=0.05
+        ROUGH,
+        nlfrf.multisine(fs=4000, n_samples=N, f_min=10, f_max=250, rng=1),
+        rms=10,
+        base_velocity=0.05,
     )
     fast = replace(slow, ms=replace(slow.ms, amplitude=8 * slow.ms.amplitude))
     nlfrf.save(fast, tmp_path / "play.csv")
@@ -316,7 +405,10 @@ def test_an_axis_that_turns_back_in_motion(tmp_path):
 def test_other_designs_are_sent_where_they_belong(at_rest):
     with pytest.raises(ValueError, match=r"got an experiment on a drive in .*: use load_trace"):
         nlfrf.load_record(
-            at_rest.folder / "trace.csv", u="force set point", y="position", design=at_rest.folder / "play.npz"
+            at_rest.folder / "trace.csv",
+            u="force set point",
+            y="position",
+            design=at_rest.folder / "play.npz",
         )
     nlfrf.save(at_rest.experiment.ms, at_rest.folder / "ms.npz")
     with pytest.raises(ValueError, match="path must hold an experiment on a drive, got "):

@@ -122,7 +122,13 @@ def test_foreign_files_by_name(record, tmp_path):
     assert read.fs == 512
     t = np.arange(u.size) / 512
     table = np.column_stack([t, u, y])
-    np.savetxt(tmp_path / "m.csv", table, delimiter=";", header="time [s];current [A];angle (rad)", comments="")
+    np.savetxt(
+        tmp_path / "m.csv",
+        table,
+        delimiter=";",
+        header="time [s];current [A];angle (rad)",
+        comments="",
+    )
     read = nlfrf.load_record(tmp_path / "m.csv", u="current", y="angle", n_samples=512)
     np.testing.assert_allclose(read.y, record.y, rtol=1e-12)
     assert read.fs == 512
@@ -137,29 +143,41 @@ def test_a_record_in_csv_keeps_its_sampling_frequency(record, fs, tmp_path):
 def test_the_sampling_frequency_of_any_time_axis():
     t = np.arange(20_000) / 11_025
     assert sampling_frequency(np.round(t, 6)) == 11_025
-    assert sampling_frequency(np.round(t, 4) + 7) == pytest.approx(11_025, rel=1e-4)  # most steps are printed as 0.0001
+    assert sampling_frequency(np.round(t, 4) + 7) == pytest.approx(
+        11_025, rel=1e-4
+    )  # most steps are printed as 0.0001
     jitter = 5e-6 * np.random.default_rng(0).standard_normal(t.size)
     assert sampling_frequency(t + jitter) == pytest.approx(11_025, rel=1e-4)
     gaps = np.delete(np.arange(20_000) / 1000, [500, 501, 7000, 9000])
     assert sampling_frequency(gaps) == 1000
-    assert sampling_frequency(np.zeros(10)) == sampling_frequency(-t) == sampling_frequency(t[:1]) == 0
+    assert (
+        sampling_frequency(np.zeros(10)) == sampling_frequency(-t) == sampling_frequency(t[:1]) == 0
+    )
 
 
-@pytest.mark.parametrize(("name", "unit"), [("t [ms]", 1e-3), ("Time (us)", 1e-6), ("time", 1.0), ("t [ s ]", 1.0)])
+@pytest.mark.parametrize(
+    ("name", "unit"), [("t [ms]", 1e-3), ("Time (us)", 1e-6), ("time", 1.0), ("t [ s ]", 1.0)]
+)
 def test_time_in_other_units(record, name, unit, tmp_path):
     u, y = record.u.reshape(-1), record.y.reshape(-1)
     table = np.column_stack([np.arange(u.size) / 512 / unit, u, y])
     np.savetxt(tmp_path / "m.csv", table, delimiter=",", header=f"{name},u,y", comments="")
     assert nlfrf.load_record(tmp_path / "m.csv", n_samples=512).fs == pytest.approx(512, rel=1e-9)
     np.savetxt(tmp_path / "m.csv", table, delimiter=",", header="t [ticks],u,y", comments="")
-    with pytest.raises(ValueError, match=r"fs must be given: the unit of the time channel 't \[ticks\]' is not known"):
+    with pytest.raises(
+        ValueError,
+        match=r"fs must be given: the unit of the time channel 't \[ticks\]' is not known",
+    ):
         nlfrf.load_record(tmp_path / "m.csv", n_samples=512)
 
 
 @pytest.mark.parametrize("delimiter", [";", "\t"])
 def test_decimal_commas_and_the_code_page_of_a_spreadsheet(record, delimiter, tmp_path):
     u, y = record.u.reshape(-1), record.y.reshape(-1)
-    rows = [f"{a!r}{delimiter}{b!r}".replace(".", ",") for a, b in zip(u.tolist(), y.tolist(), strict=True)]
+    rows = [
+        f"{a!r}{delimiter}{b!r}".replace(".", ",")
+        for a, b in zip(u.tolist(), y.tolist(), strict=True)
+    ]
     text = "\r\n".join([f"Kraft [N]{delimiter}Weg [µm]", *rows, ""])
     (tmp_path / "m.csv").write_bytes(text.encode("cp1252"))
     read = nlfrf.load_record(tmp_path / "m.csv", u="Kraft", y="Weg [µm]", fs=512, n_samples=512)
@@ -168,13 +186,17 @@ def test_decimal_commas_and_the_code_page_of_a_spreadsheet(record, delimiter, tm
 
 
 def test_the_header_that_numpy_writes_and_a_row_without_numbers(record, tmp_path):
-    table = np.column_stack([np.arange(record.u.size) / 512, record.u.reshape(-1), record.y.reshape(-1)])
+    table = np.column_stack(
+        [np.arange(record.u.size) / 512, record.u.reshape(-1), record.y.reshape(-1)]
+    )
     np.savetxt(tmp_path / "m.csv", table, delimiter=",", header="t,u,y")
     read = nlfrf.load_record(tmp_path / "m.csv", n_samples=512)
     np.testing.assert_array_equal(read.lines.excited, record.lines.excited)
     table[7] = np.nan
     np.savetxt(tmp_path / "m.csv", table, delimiter=",", header="t,u,y")
-    with pytest.raises(ValueError, match=r"u must be finite, got 1 nan or infinite numbers, the first at 7"):
+    with pytest.raises(
+        ValueError, match=r"u must be finite, got 1 nan or infinite numbers, the first at 7"
+    ):
         nlfrf.load_record(tmp_path / "m.csv", n_samples=512)
     with pytest.raises(ValueError, match="y must name at least one output, got none"):
         nlfrf.load_record(tmp_path / "m.csv", y=[])
@@ -189,13 +211,17 @@ def test_a_stored_record_is_not_cut_anew(record, tmp_path):
 def test_a_name_that_fits_two_channels_is_refused(tmp_path):
     a = np.arange(9.0)
     np.savez(tmp_path / "m.npz", **{"u (V)": a, "u (A)": 2 * a, "y": a}, fs=1.0)
-    with pytest.raises(ValueError, match=r"u must name a signal of 'm.npz', one of u \(A\), u \(V\), y; got 'u'"):
+    with pytest.raises(
+        ValueError, match=r"u must name a signal of 'm.npz', one of u \(A\), u \(V\), y; got 'u'"
+    ):
         nlfrf.load_record(tmp_path / "m.npz")
 
 
 def test_a_wav_file_cannot_hold_a_broken_sampling_frequency(tmp_path):
     ms = nlfrf.multisine(fs=512.5, n_samples=512, f_min=2, f_max=100, rng=0)
-    with pytest.raises(ValueError, match=r"fs of a \.wav file must be a whole number of at least 1, got 512\.5"):
+    with pytest.raises(
+        ValueError, match=r"fs of a \.wav file must be a whole number of at least 1, got 512\.5"
+    ):
         nlfrf.save(ms, tmp_path / "ms.wav")
     assert not list(tmp_path.iterdir())
 
@@ -213,10 +239,14 @@ def test_several_outputs_share_the_input(record, tmp_path):
 
 def test_names_that_are_not_there_are_answered_with_those_that_are(tmp_path):
     np.savez(tmp_path / "m.npz", current=np.arange(9.0), angle=np.arange(9.0), fs=1.0, note="x")
-    with pytest.raises(ValueError, match=r"u must name a signal of 'm.npz', one of angle, current; got 'force'"):
+    with pytest.raises(
+        ValueError, match=r"u must name a signal of 'm.npz', one of angle, current; got 'force'"
+    ):
         nlfrf.load_record(tmp_path / "m.npz", u="force", y="angle")
     np.savez(tmp_path / "n.npz", u=np.arange(9.0), y=np.arange(9.0))
-    with pytest.raises(ValueError, match=r"fs must be given: 'n.npz' has neither fs nor a time channel"):
+    with pytest.raises(
+        ValueError, match=r"fs must be given: 'n.npz' has neither fs nor a time channel"
+    ):
         nlfrf.load_record(tmp_path / "n.npz")
 
 
@@ -243,7 +273,8 @@ def test_missing_files_and_unknown_suffixes(tmp_path):
         nlfrf.load_record(tmp_path / "no.mat")
     (tmp_path / "m.xls").write_text("x")
     with pytest.raises(
-        ValueError, match=r"path must end in \.mat, .*\.wav, got 'm.xls'; save the sheet as \.csv; arrays"
+        ValueError,
+        match=r"path must end in \.mat, .*\.wav, got 'm.xls'; save the sheet as \.csv; arrays",
     ):
         nlfrf.load_record(tmp_path / "m.xls")
 
@@ -278,7 +309,9 @@ def test_motor_bench_loads_in_spite_of_objects_in_the_file(measured):
 @pytest.mark.data
 def test_dspace_recordings_name_their_channels(measured):
     path = measured / "linear_guide" / "exp1.mat"
-    with pytest.raises(ValueError, match=r"one of enc1 \(mm\), enc2 \(mm\), input \(V\), time; got 'force'"):
+    with pytest.raises(
+        ValueError, match=r"one of enc1 \(mm\), enc2 \(mm\), input \(V\), time; got 'force'"
+    ):
         nlfrf.load_record(path, u="force", y="enc1")
     record = nlfrf.load_record(path, u="input", y="enc1")
     assert record.fs == 1000
@@ -289,7 +322,9 @@ def test_dspace_recordings_name_their_channels(measured):
 def test_the_linear_guide_repeats_one_sample_early(measured):
     # designed for 5000 samples, played with 4999: read as 5000 it would be 16 % distortion
     path = measured / "linear_guide" / "exp1.mat"
-    with pytest.raises(ValueError, match="got 5000: the input repeats every 4999 samples; give n_samples=4999"):
+    with pytest.raises(
+        ValueError, match="got 5000: the input repeats every 4999 samples; give n_samples=4999"
+    ):
         nlfrf.load_record(path, u="input", y="enc1", n_samples=5000)
     record = nlfrf.load_record(path, u="input", y="enc1")
     assert record.n_samples == 4999
@@ -300,7 +335,9 @@ def test_the_linear_guide_repeats_one_sample_early(measured):
 
 
 @pytest.mark.own_process
-@pytest.mark.filterwarnings("ignore")  # readers may warn about what they find; here only errors count
+@pytest.mark.filterwarnings(
+    "ignore"
+)  # readers may warn about what they find; here only errors count
 @pytest.mark.parametrize(
     ("suffix", "n"),
     [
@@ -324,7 +361,9 @@ def test_a_reader_that_hangs_is_stopped(record, tmp_path, monkeypatch):
 
 
 def fuzz_loader(record, suffix, folder, *, n, seed):
-    """Load n damaged files of one format; anything but a ValueError or a record is let through to the caller."""
+    """Load n damaged files of one format; anything but a ValueError or a record is let through to
+    the caller.
+    """
     rng = np.random.default_rng(seed)
     whole = folder / f"whole{suffix}"
     nlfrf.save(record, whole)
@@ -347,36 +386,49 @@ def fuzz_loader(record, suffix, folder, *, n, seed):
 
 
 def columns(path, header, *arrays):
-    np.savetxt(path, np.column_stack(arrays), delimiter=",", header=header, comments="", fmt="%.17g")
+    np.savetxt(
+        path, np.column_stack(arrays), delimiter=",", header=header, comments="", fmt="%.17g"
+    )
 
 
 def test_a_clock_without_a_unit_is_not_guessed(record, tmp_path):
     u, y = record.u.reshape(-1), record.y.reshape(-1)
     n = np.arange(u.size)
     columns(tmp_path / "ms.csv", "time,u,y", n, u, y)  # milliseconds, or a count of samples
-    with pytest.raises(ValueError, match=r"'time' names no unit and steps by 1: 1 Hz if these are seconds, 1000 Hz if"):
+    with pytest.raises(
+        ValueError,
+        match=r"'time' names no unit and steps by 1: 1 Hz if these are seconds, 1000 Hz if",
+    ):
         nlfrf.load_record(tmp_path / "ms.csv", n_samples=512)
     assert nlfrf.load_record(tmp_path / "ms.csv", n_samples=512, fs=1000).fs == 1000
     columns(tmp_path / "slow.csv", "time,u,y", 0.05 * n, u, y)
-    with pytest.warns(nlfrf.DataWarning, match=r"20 Hz if these are seconds, 20000 Hz if .* seconds are taken"):
+    with pytest.warns(
+        nlfrf.DataWarning, match=r"20 Hz if these are seconds, 20000 Hz if .* seconds are taken"
+    ):
         assert nlfrf.load_record(tmp_path / "slow.csv", n_samples=512).fs == 20
 
 
 def test_a_sampling_frequency_that_is_not_that_of_the_file_is_warned_of(record, tmp_path):
     u, y = record.u.reshape(-1), record.y.reshape(-1)
     columns(tmp_path / "m.csv", "time [s],u,y", np.arange(u.size) / 2000, u, y)
-    with pytest.warns(nlfrf.DataWarning, match=r"fs was given as 1000 Hz, but the time channel .* gives 2000 Hz"):
+    with pytest.warns(
+        nlfrf.DataWarning, match=r"fs was given as 1000 Hz, but the time channel .* gives 2000 Hz"
+    ):
         assert nlfrf.load_record(tmp_path / "m.csv", n_samples=512, fs=1000).fs == 1000
     assert nlfrf.load_record(tmp_path / "m.csv", n_samples=512, fs=2000).fs == 2000
     np.savez(tmp_path / "m.npz", u=u, y=y, fs=512.0)
-    with pytest.warns(nlfrf.DataWarning, match=r"fs was given as 500 Hz, but fs of 'm.npz' gives 512 Hz"):
+    with pytest.warns(
+        nlfrf.DataWarning, match=r"fs was given as 500 Hz, but fs of 'm.npz' gives 512 Hz"
+    ):
         nlfrf.load_record(tmp_path / "m.npz", n_samples=512, fs=500)
 
 
 def test_names_and_units_come_from_the_file_and_travel(record, tmp_path):
     u, y = record.u.reshape(-1), record.y.reshape(-1)
     columns(tmp_path / "m.csv", "t [s],drive force [N],stage (µm)", np.arange(u.size) / 512, u, y)
-    read = nlfrf.load_record(tmp_path / "m.csv", u="drive force", y="stage", n_samples=512, hold="zoh")
+    read = nlfrf.load_record(
+        tmp_path / "m.csv", u="drive force", y="stage", n_samples=512, hold="zoh"
+    )
     labels = (read.u_name, read.u_unit, read.y_name, read.y_unit)
     assert labels == ("drive force", "N", "stage", "µm")
     for suffix in (".npz", ".h5", ".mat"):
@@ -389,8 +441,13 @@ def test_a_channel_axis_is_reserved(record, tmp_path):
     with np.load(tmp_path / "r.npz") as archive:
         content = dict(archive)
     assert str(content["axes"]) == "realization period sample"
-    np.savez(tmp_path / "many.npz", **content | {"axes": np.array("channel realization period sample")})
-    with pytest.raises(ValueError, match=r"path must hold signals with the axes 'realization period sample', got 'ch"):
+    np.savez(
+        tmp_path / "many.npz", **content | {"axes": np.array("channel realization period sample")}
+    )
+    with pytest.raises(
+        ValueError,
+        match=r"path must hold signals with the axes 'realization period sample', got 'ch",
+    ):
         nlfrf.load_record(tmp_path / "many.npz")
     np.savez(tmp_path / "newer.npz", **content | {"version": np.array(3)})
     with pytest.raises(ValueError, match=r"path must hold schema version 1 of nlfrf-record, got 3"):
@@ -414,12 +471,16 @@ def test_runs_in_several_files_are_one_record(tmp_path):
         nlfrf.save(run, tmp_path / f"run{m}.npz")
     stored = [tmp_path / f"run{m}.npz" for m in range(3)]
     same(nlfrf.load_record(stored), record)
-    with pytest.raises(ValueError, match="path must be records that this package wrote, or none of them"):
+    with pytest.raises(
+        ValueError, match="path must be records that this package wrote, or none of them"
+    ):
         nlfrf.load_record([raw[0], stored[1]])
     with pytest.raises(ValueError, match="path must be a file or a list of files, got none"):
         nlfrf.load_record([])
     other = nlfrf.load_record(raw[0], lines=nlfrf.signals.LineGrid(excited=ms.lines.excited[:-1]))
-    with pytest.raises(ValueError, match=r"records must be of one experiment, with the same lines, got \[1, 3"):
+    with pytest.raises(
+        ValueError, match=r"records must be of one experiment, with the same lines, got \[1, 3"
+    ):
         nlfrf.join_records([runs[0], other])
 
 
@@ -433,7 +494,9 @@ def test_a_reference_comes_along(suffix, record, tmp_path):
 
 def test_what_is_asked_of_a_stored_record_is_done_or_refused(record, tmp_path):
     nlfrf.save(record, tmp_path / "r.npz")
-    with pytest.raises(ValueError, match="resample must be left out for a record that is cut into periods already"):
+    with pytest.raises(
+        ValueError, match="resample must be left out for a record that is cut into periods already"
+    ):
         nlfrf.load_record(tmp_path / "r.npz", resample=True)
     for names in ({"y": ["y", "y"]}, {"y": 5}, {"u": 3}, {"y": []}, {"r": 3}):
         with pytest.raises(ValueError, match=rf"{next(iter(names))} must name"):
@@ -453,7 +516,8 @@ def test_of_channels_with_one_name_the_one_that_is_taken_is_told(tmp_path):
     table = np.stack([np.arange(u.size) / 100, u, 2 * u, 5 * u], axis=1)
     np.savetxt(tmp_path / "run.csv", table, delimiter=",", header="t [s],u,y,y", comments="")
     with pytest.warns(
-        nlfrf.DataWarning, match=r"has 'y' beside 'y\.4', numbered because their names are equal: y is 'y', the first"
+        nlfrf.DataWarning,
+        match=r"has 'y' beside 'y\.4', numbered because their names are equal: y is 'y', the first",
     ):
         record = nlfrf.load_record(tmp_path / "run.csv")
     np.testing.assert_allclose(record.y, 2 * record.u)

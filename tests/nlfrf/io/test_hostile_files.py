@@ -1,4 +1,6 @@
-"""Files made to do harm: read cleanly or refused in one line, whatever they announce, name or are called."""
+"""Files made to do harm: read cleanly or refused in one line, whatever they announce, name or are
+called.
+"""
 
 import subprocess
 import sys
@@ -12,7 +14,15 @@ import pytest
 import nlfrf
 from nlfrf._base import own_process
 from nlfrf.io.channels import read_channels
-from tests.support.hostile_files import FAMILIES, bomb, elsewhere, harm_of, mdf_attached, member, npz_of
+from tests.support.hostile_files import (
+    FAMILIES,
+    bomb,
+    elsewhere,
+    harm_of,
+    mdf_attached,
+    member,
+    npz_of,
+)
 
 ROOT = Path(__file__).parents[3]
 
@@ -26,7 +36,10 @@ MANY = {"npz lies": 60, "named": 40, "elsewhere": 16}
     ("family", "n"),
     [
         *((family, 60 if family == "npz lies" else 3) for family in FAMILIES),
-        *(pytest.param(family, MANY.get(family, 4), marks=pytest.mark.attack) for family in FAMILIES),
+        *(
+            pytest.param(family, MANY.get(family, 4), marks=pytest.mark.attack)
+            for family in FAMILIES
+        ),
     ],
 )
 def test_nothing_of_a_family_does_harm(family, n, tmp_path, monkeypatch):
@@ -44,7 +57,8 @@ def test_three_megabytes_that_unpack_to_three_gigabytes_are_refused_unread(tmp_p
     assert path.stat().st_size < 4e6
     tracemalloc.start()
     with pytest.raises(
-        ValueError, match=r"'bomb\.npz': it unpacks to 3 GB, but a file of 0\.00\d+ GB may unpack to 1\.1\d GB"
+        ValueError,
+        match=r"'bomb\.npz': it unpacks to 3 GB, but a file of 0\.00\d+ GB may unpack to 1\.1\d GB",
     ):
         read_channels(path)
     peak = tracemalloc.get_traced_memory()[1]
@@ -63,10 +77,17 @@ def test_numbers_of_another_file_are_never_a_channel(tmp_path):
     ways = set()
     for seed in range(40):
         path = elsewhere(tmp_path, np.random.default_rng(seed))
-        with pytest.raises(ValueError, match=r"other files are never read; copy the numbers into this one") as refusal:
+        with pytest.raises(
+            ValueError, match=r"other files are never read; copy the numbers into this one"
+        ) as refusal:
             read_channels(path)
         assert "\n" not in str(refusal.value)
-        ways.add((path.suffix, str(refusal.value).partition("': its '")[2].partition("' ")[2].partition(":")[0]))
+        ways.add(
+            (
+                path.suffix,
+                str(refusal.value).partition("': its '")[2].partition("' ")[2].partition(":")[0],
+            )
+        )
     said = ("has external storage", "is a virtual dataset", "is a link to another file")
     assert ways == {(suffix, one) for suffix in (".h5", ".mat") for one in said}
 
@@ -74,17 +95,21 @@ def test_numbers_of_another_file_are_never_a_channel(tmp_path):
 def test_an_attachment_outside_of_a_file_is_not_opened(tmp_path):
     path = mdf_attached(tmp_path)
     code = (
-        "import sys; from pathlib import Path; from nlfrf.io.readers import mdf; opened = []\n"
-        "sys.addaudithook(lambda event, about: opened.append(str(about[0])) if event == 'open' else None)\n"
-        f"found = mdf.contents(Path({str(path)!r}))\n"
-        "print(found[0]['u'].size, [name for name in opened if 'secret.' in name])"
+        "import sys; from pathlib import Path; from nlfrf.io.readers import mdf; opened ="
+        " []\nsys.addaudithook(lambda event, about: opened.append(str(about[0])) if event =="
+        f" 'open' else None)\nfound = mdf.contents(Path({str(path)!r}))\nprint(found[0]['u'].size,"
+        " [name for name in opened if 'secret.' in name])"
     )
-    said = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True, cwd=ROOT).stdout
+    said = subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True, cwd=ROOT
+    ).stdout
     assert said == "750 []\n"
 
 
 def test_what_is_no_array_in_an_archive_is_noted_and_the_rest_is_read(tmp_path):
-    path = npz_of(tmp_path / "run.npz", [("u.npy", member(np.arange(9.0))), ("README.txt", b"hello")])
+    path = npz_of(
+        tmp_path / "run.npz", [("u.npy", member(np.arange(9.0))), ("README.txt", b"hello")]
+    )
     found = read_channels(path)
     assert found.notes == {"README.txt": "is no array of NumPy"}
     np.testing.assert_array_equal(found.arrays["u"], np.arange(9.0))
@@ -110,7 +135,9 @@ def test_a_name_over_two_lines_is_found_by_what_is_printed_of_it_and_as_it_stand
 
 def test_names_that_are_alike_when_they_are_printed_are_told_apart(tmp_path):
     np.savez(tmp_path / "run.npz", **{"a\nb": np.zeros(9), "a b": np.ones(9)})
-    assert {name: array[0] for name, array in read_channels(tmp_path / "run.npz").arrays.items()} == {
+    assert {
+        name: array[0] for name, array in read_channels(tmp_path / "run.npz").arrays.items()
+    } == {
         "a b": 0,
         "a b.2": 1,
     }

@@ -17,7 +17,15 @@ def test_a_file_tells_its_channels_and_the_command_to_run(tmp_path):
     table = np.column_stack([T, 20 + 0 * T, Y, U, 1e-3 * np.cumsum(U)])
     head = "time,temperature,position,force,drift\nms,°C,mm,N,1"
     table[:, 0] *= 1e3
-    np.savetxt(tmp_path / "my run.csv", table, delimiter=",", header=head, comments="", fmt="%.6f", encoding="utf-8")
+    np.savetxt(
+        tmp_path / "my run.csv",
+        table,
+        delimiter=",",
+        header=head,
+        comments="",
+        fmt="%.6f",
+        encoding="utf-8",
+    )
     found = nlfrf.inspect_file(tmp_path / "my run.csv")
     assert (found.u, found.y, found.period) == ("force", "position", N)
     assert [(c.name, c.unit, c.n) for c in found.channels][:2] == [
@@ -26,10 +34,15 @@ def test_a_file_tells_its_channels_and_the_command_to_run(tmp_path):
     ]
     assert all(c.fs == FS for c in found.channels)
     assert found.channels[3].rms == pytest.approx(np.sqrt(np.mean(U**2)), rel=1e-5)
-    assert found.lines == f"period 250 samples (0.25 s), {P} periods; {MS.f.size} lines from 4 to 196 Hz"
+    assert (
+        found.lines
+        == f"period 250 samples (0.25 s), {P} periods; {MS.f.size} lines from 4 to 196 Hz"
+    )
     assert str(found).splitlines()[-1] == f"run:   {found.command}"
     assert "--input force --output position --hold unknown -o 'my run-bla.npz'" in found.command
-    assert "hold: zoh if the input is a command, band-limited if it was measured" in unwrapped(found)
+    assert "hold: zoh if the input is a command, band-limited if it was measured" in unwrapped(
+        found
+    )
 
 
 def test_a_set_point_is_an_input_that_is_held_and_no_output(tmp_path):
@@ -41,7 +54,13 @@ def test_a_set_point_is_an_input_that_is_held_and_no_output(tmp_path):
     assert "--input 'current set point [A]' --output 'position [m]' --hold zoh" in found.command
     assert "hold:" not in str(found)
     assert found.reference == "position set point [m]"
-    np.savetxt(tmp_path / "measured.csv", table[:, :3], delimiter=",", header=names.rpartition(",")[0], comments="")
+    np.savetxt(
+        tmp_path / "measured.csv",
+        table[:, :3],
+        delimiter=",",
+        header=names.rpartition(",")[0],
+        comments="",
+    )
     found = nlfrf.inspect_file(tmp_path / "measured.csv")
     assert (found.u, found.y) == ("current [A]", "position [m]")
     assert "--hold unknown --reference 'position set point [m]' --fs HERTZ" in found.command
@@ -49,13 +68,23 @@ def test_a_set_point_is_an_input_that_is_held_and_no_output(tmp_path):
 
 
 def closed_loop(names, *columns):
-    """Write a table with a time column; the reference r, its force and its position behind it repeat together."""
+    """Write a table with a time column; the reference r, its force and its position behind it
+    repeat together.
+    """
     return lambda path: np.savetxt(
-        path, np.column_stack([T, *columns]), delimiter=",", header=f"t [s],{names}", comments="", fmt="%.9g"
+        path,
+        np.column_stack([T, *columns]),
+        delimiter=",",
+        header=f"t [s],{names}",
+        comments="",
+        fmt="%.9g",
     )
 
 
-COUNTER, CLOCK = np.arange(U.size), 1.7e9 + np.cumsum(1 + 0.3 * np.random.default_rng(1).random(U.size))
+COUNTER, CLOCK = (
+    np.arange(U.size),
+    1.7e9 + np.cumsum(1 + 0.3 * np.random.default_rng(1).random(U.size)),
+)
 FORCE = np.roll(U, 3) + 0.2 * Y
 
 
@@ -63,15 +92,31 @@ FORCE = np.roll(U, 3) + 0.2 * Y
     ("names", "columns", "expected"),
     [
         ("reference,force,position", (U, FORCE, Y), ("force", "position", "reference")),
-        ("position reference,force,position", (U, FORCE, Y), ("force", "position", "position reference")),
+        (
+            "position reference,force,position",
+            (U, FORCE, Y),
+            ("force", "position", "position reference"),
+        ),
         ("Lage_Soll,Strom,Lage_Ist", (U, FORCE, Y), ("Strom", "Lage_Ist", "Lage_Soll")),
         ("target,position,torque", (U, Y, FORCE), ("torque", "position", "target")),
         ("reference,position", (U, Y), ("reference", "position", "")),
-        ("position command,force,position", (U, FORCE, Y), ("force", "position", "position command")),
-        ("force,sequence,position", (U, np.random.default_rng(2).random(U.size), Y), ("force", "position", "")),
+        (
+            "position command,force,position",
+            (U, FORCE, Y),
+            ("force", "position", "position command"),
+        ),
+        (
+            "force,sequence,position",
+            (U, np.random.default_rng(2).random(U.size), Y),
+            ("force", "position", ""),
+        ),
         ("cmd,force,position", (U, FORCE, Y), ("force", "position", "cmd")),
         ("cmd,position", (U, Y), ("cmd", "position", "")),
-        ("set point,force,position", (np.sign(COUNTER - 300), FORCE, Y), ("force", "position", "")),  # repeats not
+        (
+            "set point,force,position",
+            (np.sign(COUNTER - 300), FORCE, Y),
+            ("force", "position", ""),
+        ),  # repeats not
         ("force,encoder index,position", (U, COUNTER, Y), ("force", "position", "")),
         ("position clock,force,accel", (CLOCK, U, Y), ("force", "accel", "")),
         ("force,measured,other", (U, -(COUNTER**2), Y), ("force", "other", "")),
@@ -80,8 +125,16 @@ FORCE = np.roll(U, 3) + 0.2 * Y
         ("force,frequency", (U, 1 + COUNTER), ("force", "", "")),
     ],
 )
-def test_what_is_proposed_goes_by_what_a_channel_can_be(names, columns, expected, nlfrf_command, tmp_path):  # noqa: F811
-    """A counter, a clock and frequencies are no outputs, nor is a reference; what is printed runs as it stands."""
+def test_what_is_proposed_goes_by_what_a_channel_can_be(
+    names,
+    columns,
+    expected,
+    nlfrf_command,  # noqa: F811
+    tmp_path,
+):
+    """A counter, a clock and frequencies are no outputs, nor is a reference; what is printed runs
+    as it stands.
+    """
     closed_loop(names, *columns)(tmp_path / "run.csv")
     found = nlfrf.inspect_file(tmp_path / "run.csv")
     assert (found.u, found.y, found.reference) == expected
@@ -89,7 +142,9 @@ def test_what_is_proposed_goes_by_what_a_channel_can_be(names, columns, expected
         command = str(found).splitlines()[-1].removeprefix("run:   nlfrf ")
         code, _, err = nlfrf_command(*shlex.split(command))
         assert code == 0, err
-        assert nlfrf.load(tmp_path / "run-bla.npz").hold == ("zoh" if found.u in ("cmd", "reference") else "unknown")
+        assert nlfrf.load(tmp_path / "run-bla.npz").hold == (
+            "zoh" if found.u in ("cmd", "reference") else "unknown"
+        )
     else:
         assert "frequency: rises or falls throughout" in str(found)
         assert "--output OUTPUT" in found.command
@@ -100,7 +155,9 @@ def test_without_names_the_input_is_the_channel_with_even_lines(tmp_path):
     np.savetxt(tmp_path / "run.csv", np.column_stack([slow, U]), delimiter=",")
     found = nlfrf.inspect_file(tmp_path / "run.csv")
     assert (found.u, found.y) == ("col2", "col1")
-    assert found.command.endswith("--input col2 --output col1 --hold unknown --fs HERTZ -o run-bla.npz")
+    assert found.command.endswith(
+        "--input col2 --output col1 --hold unknown --fs HERTZ -o run-bla.npz"
+    )
 
 
 def test_what_does_not_repeat_has_no_input(tmp_path):
@@ -134,9 +191,20 @@ def test_what_several_inputs_are_is_told(closed, tmp_path):
     nlfrf.save(record, tmp_path / "r.npz")
     nlfrf.save(ms, tmp_path / "ms.npz")
     found = nlfrf.inspect_file(tmp_path / "r.npz")
-    assert [channel.name for channel in found.channels] == ["fx", "fy", "x", "y", *["r fx", "r fy"] * closed]
-    assert found.lines == "2 experiments x 2 periods x 256 samples, 37 lines from 3 to 99 Hz, hold unknown"
-    assert "2 experiments x 256 samples, 37 lines" in unwrapped(nlfrf.inspect_file(tmp_path / "ms.npz"))
+    assert [channel.name for channel in found.channels] == [
+        "fx",
+        "fy",
+        "x",
+        "y",
+        *["r fx", "r fy"] * closed,
+    ]
+    assert (
+        found.lines
+        == "2 experiments x 2 periods x 256 samples, 37 lines from 3 to 99 Hz, hold unknown"
+    )
+    assert "2 experiments x 256 samples, 37 lines" in unwrapped(
+        nlfrf.inspect_file(tmp_path / "ms.npz")
+    )
 
 
 def test_from_inspect_to_identify_on_the_command_line(nlfrf_command, tmp_path):  # noqa: F811
@@ -161,7 +229,14 @@ def test_several_inputs_of_files_make_a_matrix(nlfrf_command, tmp_path):  # noqa
     for m in range(2):
         u = np.tile(ms.u[:, m], 3)
         rows = np.vstack([np.arange(300) / 100, u, G @ u]).T
-        np.savetxt(tmp_path / f"run{m}.csv", rows, delimiter=",", header="t [s],fx,fy,x,y,z", comments="", fmt="%.17g")
+        np.savetxt(
+            tmp_path / f"run{m}.csv",
+            rows,
+            delimiter=",",
+            header="t [s],fx,fy,x,y,z",
+            comments="",
+            fmt="%.17g",
+        )
     paths = [tmp_path / f"run{m}.csv" for m in range(2)]
     record = nlfrf.load_record(paths, u=["fx", "fy"], y=["x", "y", "z"], n_samples=100)
     assert (record.inputs, record.outputs, record.fs) == (("fx", "fy"), ("x", "y", "z"), 100)

@@ -1,4 +1,6 @@
-"""Long records: what they take of memory, and that block by block they are what they are as a whole."""
+"""Long records: what they take of memory, and that block by block they are what they are as a
+whole.
+"""
 
 import subprocess
 import sys
@@ -65,7 +67,8 @@ def extremes_of(x):
     """Both extremes, each with four times the samples at the level next to it."""
     levels, counts = np.unique(x, return_counts=True)
     return [
-        (levels[i], 4 * counts[j] if levels.size > 1 else 0) for i, j in ((-1, -2 % levels.size), (0, 1 % levels.size))
+        (levels[i], 4 * counts[j] if levels.size > 1 else 0)
+        for i, j in ((-1, -2 % levels.size), (0, 1 % levels.size))
     ]
 
 
@@ -79,7 +82,11 @@ def test_checks_by_blocks_are_those_of_the_whole(step, monkeypatch):
         np.repeat(rng.standard_normal(40), rng.integers(1, 90, 40)),
         np.ones(1001),
     ):
-        share = sum(np.mean(x == e) for e, below in extremes_of(x) if runs(x == e).max() > 2 and np.sum(x == e) > below)
+        share = sum(
+            np.mean(x == e)
+            for e, below in extremes_of(x)
+            if runs(x == e).max() > 2 and np.sum(x == e) > below
+        )
         assert faults.clipped_share(x) == pytest.approx(share, rel=1e-12)
         edges = np.flatnonzero(np.concatenate([[True], np.diff(x) != 0, [True]]))
         longest = int(np.argmax(np.diff(edges)))
@@ -103,7 +110,9 @@ def test_a_long_transform_at_some_lines_is_that_of_the_whole(n):
     x = np.random.default_rng(n).standard_normal((2, n))
     lines = np.unique(np.random.default_rng(1).integers(0, n // 2 + 1, 300))
     X = np.fft.rfft(x)[:, lines]
-    np.testing.assert_allclose(transforms.rfft_at(x, lines), X, rtol=0, atol=1e-12 * np.abs(X).max())
+    np.testing.assert_allclose(
+        transforms.rfft_at(x, lines), X, rtol=0, atol=1e-12 * np.abs(X).max()
+    )
 
 
 @pytest.mark.parametrize("rows", [1, 17, 299, 300, 301])
@@ -130,14 +139,22 @@ def test_hdf5_read_by_blocks_is_that_of_the_whole(block, tmp_path, monkeypatch):
     rows = np.zeros(1001, dtype=[("a", "f4"), ("b", "i4", (2,)), ("text", "S3")])
     rows["a"], rows["b"] = x[:, 0], 100 * x[:, :2]
     with h5py.File(tmp_path / "x.h5", "w") as file:
-        file["plain"], file["other"], file["number"], file["table"] = x, x[:, 0].astype(">f4"), 3.0, rows
+        file["plain"], file["other"], file["number"], file["table"] = (
+            x,
+            x[:, 0].astype(">f4"),
+            3.0,
+            rows,
+        )
         for name, array, options in (
             ("packed", x, {"compression": "gzip", "chunks": (64, 3)}),
             ("wide", x.T, {}),
         ):
             file.create_dataset(name, data=array, **options).attrs["columns"] = ["t", "u", "y"]
     # the reader as the child loads it, with blocks of another size
-    child = f"from nlfrf._base import own_process as o; import sys; from pathlib import Path; o.BLOCK_BYTES = {block}\n"
+    child = (
+        "from nlfrf._base import own_process as o; import sys; from pathlib import Path;"
+        f" o.BLOCK_BYTES = {block}\n"
+    )
     child += f"o.run_child({hdf5.__file__!r}, Path(sys.argv[1]))"
     done = subprocess.run(
         [sys.executable, "-c", child, tmp_path / "x.h5"], check=True, capture_output=True, cwd=ROOT
@@ -146,7 +163,9 @@ def test_hdf5_read_by_blocks_is_that_of_the_whole(block, tmp_path, monkeypatch):
     with (tmp_path / "answer").open("rb") as stream:
         arrays = own_process.receive(stream, 1 << 20)[0]
     for group in ("packed", "wide"):
-        np.testing.assert_array_equal(np.column_stack([arrays[f"{group}.{name}"] for name in "tuy"]), x)
+        np.testing.assert_array_equal(
+            np.column_stack([arrays[f"{group}.{name}"] for name in "tuy"]), x
+        )
     np.testing.assert_array_equal(arrays["plain"], x)
     np.testing.assert_array_equal(arrays["other"], x[:, 0].astype("f4"))
     np.testing.assert_array_equal(arrays["table.b"], rows["b"])
@@ -187,7 +206,9 @@ def test_a_long_file_that_ends_early_is_refused_in_one_line(suffix, tmp_path):
         (1 << 17, 2, (1, 20), 0.0001),  # two periods alone
     ],
 )
-def test_the_period_of_a_long_signal_is_that_of_its_whole_autocorrelation(n_samples, n_periods, band, noise):
+def test_the_period_of_a_long_signal_is_that_of_its_whole_autocorrelation(
+    n_samples, n_periods, band, noise
+):
     rng = np.random.default_rng(n_samples)
     ms = nlfrf.multisine(fs=n_samples, n_samples=n_samples, f_min=band[0], f_max=band[1], rng=rng)
     u = np.tile(ms.u[0], n_periods) + 0.3
@@ -195,7 +216,9 @@ def test_the_period_of_a_long_signal_is_that_of_its_whole_autocorrelation(n_samp
     assert u.size > period.LONG_SIGNAL
     assert period.detect_period(u) == pytest.approx(n_samples, abs=0.05)
     if noise < 0.01 or band[0] > 1:  # else noise moves the top of a flat peak
-        assert period.period_by_autocorrelation(u) == pytest.approx(period.detect_period(u), abs=0.01)
+        assert period.period_by_autocorrelation(u) == pytest.approx(
+            period.detect_period(u), abs=0.01
+        )
 
 
 def test_a_long_period_between_samples_and_a_late_start_are_found():
@@ -204,7 +227,9 @@ def test_a_long_period_between_samples_and_a_late_start_are_found():
     turns = 2 * np.pi * t / 50_000.37
     u = sum(np.cos(one * turns + phase) for one, phase in zip(k, phases, strict=True))
     assert period.detect_period(u) == pytest.approx(50_000.37, abs=0.01)
-    assert period.detect_period(np.append(np.zeros(60_000), u)) == pytest.approx(50_000.37, abs=0.01)
+    assert period.detect_period(np.append(np.zeros(60_000), u)) == pytest.approx(
+        50_000.37, abs=0.01
+    )
     noise = np.random.default_rng(0).standard_normal(200_000)
     with pytest.raises(ValueError, match="u must repeat at least once"):
         period.detect_period(noise)
@@ -247,9 +272,9 @@ def test_the_frequency_of_a_time_axis_by_blocks(n, monkeypatch):
     t = np.round(np.arange(n) / 16384, 6)
     assert clock.sampling_frequency(t) == pytest.approx(16384, rel=2e-2 if n < 4 else 1e-3)
     if n > 3:
-        assert clock.sampling_frequency(np.where(np.arange(n) == n // 2, np.nan, t) + 1e6) == clock.sampling_frequency(
-            t
-        )
+        assert clock.sampling_frequency(
+            np.where(np.arange(n) == n // 2, np.nan, t) + 1e6
+        ) == clock.sampling_frequency(t)
 
 
 @pytest.mark.parametrize("kind", ["<f8", ">f8", "<f4", "<i4", "?"])

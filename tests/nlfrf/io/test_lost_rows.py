@@ -1,4 +1,6 @@
-"""A row that a logger lost is named, by its time; the periods without it are kept, where they belong."""
+"""A row that a logger lost is named, by its time; the periods without it are kept, where they
+belong.
+"""
 
 import json
 import shlex
@@ -36,11 +38,16 @@ def test_the_command_that_inspect_prints_keeps_what_is_good(command, tmp_path):
     assert code == 0
     assert "time jumps by two samples at 6.507 s: one sample lost; periods 1 and 3 are whole" in out
     assert "period 4000 samples (4 s), 3 periods" in out
-    line = next(row for row in out.splitlines() if row.startswith("run:")).removeprefix("run:").strip()
+    line = (
+        next(row for row in out.splitlines() if row.startswith("run:")).removeprefix("run:").strip()
+    )
     assert "--resample" not in line
     code, out, err = command(line)
     assert code == 0, err
-    assert "time jumps by two samples at 6.507 s: one sample lost; periods 1 and 3 are whole, and kept" in err
+    assert (
+        "time jumps by two samples at 6.507 s: one sample lost; periods 1 and 3 are whole, and kept"
+        in err
+    )
     whole = nlfrf.identify(nlfrf.load_record(write_log(tmp_path / "whole.csv"), **BELT))
     bla = nlfrf.load(tmp_path / "belt-bla.npz")
     assert (bla.experiment.n_periods, whole.experiment.n_periods) == (2, 3)
@@ -56,9 +63,21 @@ def test_the_command_that_inspect_prints_keeps_what_is_good(command, tmp_path):
     [
         ([100], [1, 2], "at 0.1 s: one sample lost; periods 2 and 3 are whole"),
         ([11000], [0, 1], "at 11 s: one sample lost; periods 1 and 2 are whole"),
-        ([5000, 5001, 5002], [0, 2], "jumps by four samples at 5 s: three samples lost; periods 1 and 3 are whole"),
-        ([3999, 4000], [2], "jumps by three samples at 3.999 s: two samples lost; period 3 is whole"),
-        ([100, 9000], [1], "one sample lost; time jumps by two samples at 9 s: one sample lost; period 2 is whole"),
+        (
+            [5000, 5001, 5002],
+            [0, 2],
+            "jumps by four samples at 5 s: three samples lost; periods 1 and 3 are whole",
+        ),
+        (
+            [3999, 4000],
+            [2],
+            "jumps by three samples at 3.999 s: two samples lost; period 3 is whole",
+        ),
+        (
+            [100, 9000],
+            [1],
+            "one sample lost; time jumps by two samples at 9 s: one sample lost; period 2 is whole",
+        ),
     ],
 )
 def test_the_periods_that_are_whole_are_those_of_the_logger(tmp_path, lost, kept, said):
@@ -75,13 +94,17 @@ def test_periods_to_discard_are_counted_as_they_were_played(tmp_path):
     with pytest.warns(nlfrf.DataWarning, match="periods 1 and 3 are whole"):
         record = nlfrf.load_record(path, n_discard=1, **BELT)
     np.testing.assert_allclose(record.y[0, 0], run()[1][2 * PERIOD :], atol=1e-6)
-    with pytest.raises(ValueError, match=r"a whole period .* after n_discard = 3, got 'belt.csv': time jumps"):
+    with pytest.raises(
+        ValueError, match=r"a whole period .* after n_discard = 3, got 'belt.csv': time jumps"
+    ):
         nlfrf.load_record(path, n_discard=3, **BELT)
 
 
 def test_no_whole_period_is_refused_by_name(tmp_path):
     path = write_log(tmp_path / "belt.csv", lost=[100, 5000, 9000])
-    with pytest.raises(ValueError, match=r"got 'belt.csv': time jumps by two samples at 0.1 s.*no period is whole"):
+    with pytest.raises(
+        ValueError, match=r"got 'belt.csv': time jumps by two samples at 0.1 s.*no period is whole"
+    ):
         nlfrf.load_record(path, **BELT)
 
 
@@ -108,7 +131,9 @@ def test_resample_that_leaves_one_period_says_so(tmp_path):
     assert record.n_periods == 1
 
 
-@pytest.mark.parametrize("spoil", [lambda t, rng: t + 4e-4 * rng.uniform(size=t.size), lambda t, rng: np.round(t, 2)])
+@pytest.mark.parametrize(
+    "spoil", [lambda t, rng: t + 4e-4 * rng.uniform(size=t.size), lambda t, rng: np.round(t, 2)]
+)
 def test_a_clock_that_jitters_or_is_coarse_shows_no_lost_row(spoil):
     t = np.delete(np.arange(2000) / FS, 700)
     assert find_lost_rows(t, FS) is not None

@@ -56,11 +56,15 @@ def test_files_that_are_not_whole_are_refused(frm, tmp_path):
     assert "without 'cov.gamma'" in refusal(**{"cov.gamma": None})
     assert "G must be numbers of shape (3, 2, 26)" in refusal(G=whole["G"][:, :, 1:])
     assert "G must be numbers" in refusal(G=whole["G"].astype(str))
-    assert "levels must be one per output, 3 of them, got 2" in refusal(**{"levels.2.f_excited": None})
+    assert "levels must be one per output, 3 of them, got 2" in refusal(
+        **{"levels.2.f_excited": None}
+    )
     assert "without 'levels.1.odd'" in refusal(**{"levels.1.odd": None})
     assert "got 3 in" in refusal(version=np.array(3))
     for bad in ("x, y", json.dumps({"x": 1}), json.dumps([1, 2]), "[" * 100_000):
-        assert "path must hold names as a list in JSON for outputs" in refusal(outputs=np.array(bad))
+        assert "path must hold names as a list in JSON for outputs" in refusal(
+            outputs=np.array(bad)
+        )
     with pytest.raises(ValueError, match=r"path must end in .npz or .h5, got 'G.csv'"):
         nlfrf.save(frm, tmp_path / "G.csv")
     assert not (tmp_path / "G.csv").exists()
@@ -83,7 +87,9 @@ def test_damaged_files_are_refused_or_harmless(frm, tmp_path):
 def test_a_table_has_every_entry(frm, tmp_path):
     nlfrf.export_csv(frm, tmp_path / "G.csv", confidence=0.9)
     header = (tmp_path / "G.csv").read_text().splitlines()[0].split(",")
-    table = dict(zip(header, np.loadtxt(tmp_path / "G.csv", delimiter=",", skiprows=1).T, strict=True))
+    table = dict(
+        zip(header, np.loadtxt(tmp_path / "G.csv", delimiter=",", skiprows=1).T, strict=True)
+    )
     assert len(table) == 1 + 3 * 6
     np.testing.assert_array_equal(table["Im y/µ/2"], frm.G[1, 1].imag)
     np.testing.assert_array_equal(table["bound x/Kraft; x [N]"], frm.bound(0.9)[0, 0])
@@ -92,9 +98,16 @@ def test_a_table_has_every_entry(frm, tmp_path):
 def test_channels_of_several_lengths_are_named(tmp_path):
     u = np.random.default_rng(0).standard_normal((2, 400))
     np.savez(tmp_path / "m.npz", a=u[0], b=u[1, :300], y=u[1], fs=100.0)
-    with pytest.raises(ValueError, match=r"u must be channels of equal length, got 400 samples in 'a' and 300 in 'b'"):
+    with pytest.raises(
+        ValueError,
+        match=r"u must be channels of equal length, got 400 samples in 'a' and 300 in 'b'",
+    ):
         nlfrf.load_record(tmp_path / "m.npz", u=["a", "b"], y=["y"])
     ms = nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1)
-    nlfrf.save(nlfrf.Record(u=ms.u[None], y=ms.u[None] ** 3, fs=100, lines=ms.lines), tmp_path / "r.npz")
-    with pytest.raises(ValueError, match=r"path must be measurement files, got '.*r\.npz', written as nlfrf-record"):
+    nlfrf.save(
+        nlfrf.Record(u=ms.u[None], y=ms.u[None] ** 3, fs=100, lines=ms.lines), tmp_path / "r.npz"
+    )
+    with pytest.raises(
+        ValueError, match=r"path must be measurement files, got '.*r\.npz', written as nlfrf-record"
+    ):
         nlfrf.load_record(tmp_path / "r.npz", u=["u"], y=["y"])

@@ -1,4 +1,6 @@
-"""Channels of one file that begin at different moments, and numbers that a file says how to scale."""
+"""Channels of one file that begin at different moments, and numbers that a file says how to
+scale.
+"""
 
 import h5py
 import numpy as np
@@ -38,7 +40,9 @@ def waveforms(path, late):
 def tdms(path, late):
     nptdms = pytest.importorskip("nptdms")
     channels = [
-        nptdms.ChannelObject("run", name, x, properties={"wf_increment": 1 / FS, "wf_start_offset": start})
+        nptdms.ChannelObject(
+            "run", name, x, properties={"wf_increment": 1 / FS, "wf_start_offset": start}
+        )
         for name, x, start in (("u", U, 0.0), ("y", Y, late / FS))
     ]
     with nptdms.TdmsWriter(str(path / "run.tdms")) as writer:
@@ -57,14 +61,20 @@ def mdf(path, late):
 
 @pytest.mark.parametrize("write", [table, groups, waveforms, tdms, mdf])
 def test_channels_that_begin_at_different_moments(write, tmp_path):
-    """Side by side they were early by it, without a word: a delay in G that is none of the machine."""
+    """Side by side they were early by it, without a word: a delay in G that is none of the
+    machine.
+    """
     record = nlfrf.load_record(write(tmp_path, 0.0))
     np.testing.assert_allclose(record.y, 2 * record.u, atol=1e-6)
-    with pytest.raises(ValueError, match=r"'.*y' begins \+10 samples behind '.*u'; bring them to one clock"):
+    with pytest.raises(
+        ValueError, match=r"'.*y' begins \+10 samples behind '.*u'; bring them to one clock"
+    ):
         nlfrf.load_record(write(tmp_path, 10.0))
     with pytest.raises(ValueError, match="must be sampled together"):
         nlfrf.load_record(write(tmp_path, 10.0), fs=FS)
-    with pytest.warns(nlfrf.DataWarning, match=r"'.*y' begins \+0\.3 samples behind '.*u': G includes this delay"):
+    with pytest.warns(
+        nlfrf.DataWarning, match=r"'.*y' begins \+0\.3 samples behind '.*u': G includes this delay"
+    ):
         nlfrf.load_record(write(tmp_path, 0.3))
 
 
@@ -72,7 +82,9 @@ def test_time_columns_of_each_channel_have_the_unit_of_the_first(tmp_path):
     path = table(tmp_path, 10.0, times=("time (ms)", "time (ms)"), scale=1e3)
     with pytest.raises(ValueError, match=r"begins \+10 samples"):
         nlfrf.load_record(path)
-    np.testing.assert_allclose(nlfrf.load_record(table(tmp_path, 0.0, ("time (ms)",) * 2, 1e3)).fs, FS)
+    np.testing.assert_allclose(
+        nlfrf.load_record(table(tmp_path, 0.0, ("time (ms)",) * 2, 1e3)).fs, FS
+    )
 
 
 def test_times_that_count_from_another_origin_are_no_delay(tmp_path):
@@ -82,7 +94,11 @@ def test_times_that_count_from_another_origin_are_no_delay(tmp_path):
 
 @pytest.mark.parametrize(
     ("kind", "names"),
-    [("i2", ("scale_factor", "add_offset")), ("f4", ("scale_factor", "add_offset")), ("i2", ("Scale", "Offset"))],
+    [
+        ("i2", ("scale_factor", "add_offset")),
+        ("f4", ("scale_factor", "add_offset")),
+        ("i2", ("Scale", "Offset")),
+    ],
 )
 def test_numbers_are_scaled_as_an_hdf5_file_says(kind, names, tmp_path):
     """They were read as they are stored: G a thousand times too large, without a word."""
@@ -121,9 +137,15 @@ def uff(path, late=0.0, unit="s", even=True):
     for name, x, start in (("u", U, 0.0), ("y", Y, late / FS)):
         t = (T + start) / SECONDS[unit] if unit in SECONDS else T
         about = dict(binary=0, func_type=1, rsp_node=1, rsp_dir=3, ref_dir=0, ref_node=0, id1=name)
-        about |= dict(abscissa_spacing=int(even), abscissa_min=t[0], abscissa_inc=(t[1] - t[0]) * even)
-        about |= dict(rsp_ent_name="NONE", ref_ent_name="NONE", ord_data_type=4, num_pts=x.size, data=x, x=t)
-        about |= dict(abscissa_spec_data_type=17, ordinate_spec_data_type=13, orddenom_spec_data_type=0)
+        about |= dict(
+            abscissa_spacing=int(even), abscissa_min=t[0], abscissa_inc=(t[1] - t[0]) * even
+        )
+        about |= dict(
+            rsp_ent_name="NONE", ref_ent_name="NONE", ord_data_type=4, num_pts=x.size, data=x, x=t
+        )
+        about |= dict(
+            abscissa_spec_data_type=17, ordinate_spec_data_type=13, orddenom_spec_data_type=0
+        )
         file.write_sets(pyuff.prepare_58(**about, abscissa_axis_units_lab=unit), "add")
     return path / "run.uff"
 
@@ -134,7 +156,9 @@ def waveforms_in(path, late=0.0, unit="s"):
             file[name] = x
             about = {"wf_increment": 1 / FS, "wf_start_offset": start}
             second = SECONDS.get(unit, 1.0)
-            file[name].attrs.update({key: held / second for key, held in about.items()} | {"wf_xunit_string": unit})
+            file[name].attrs.update(
+                {key: held / second for key, held in about.items()} | {"wf_xunit_string": unit}
+            )
     return path / "run.h5"
 
 
@@ -142,7 +166,11 @@ def tdms_in(path, late=0.0, unit="s", began=(None, None)):
     nptdms = pytest.importorskip("nptdms")
     second, channels = SECONDS.get(unit, 1.0), []
     for name, x, start, moment in (("u", U, 0.0, began[0]), ("y", Y, late / FS, began[1])):
-        about = {"wf_increment": 1 / FS / second, "wf_start_offset": start / second, "wf_xunit_string": unit}
+        about = {
+            "wf_increment": 1 / FS / second,
+            "wf_start_offset": start / second,
+            "wf_xunit_string": unit,
+        }
         about |= {} if moment is None else {"wf_start_time": np.datetime64(moment, "us")}
         channels.append(nptdms.ChannelObject("run", name, x, properties=about))
     with nptdms.TdmsWriter(str(path / "run.tdms")) as writer:
@@ -165,7 +193,10 @@ def test_the_unit_of_an_abscissa_that_the_file_states(write, tmp_path):
 @pytest.mark.parametrize("write", [uff, waveforms_in, tdms_in])
 def test_an_abscissa_of_an_unknown_unit_asks_for_fs(write, tmp_path):
     path = write(tmp_path, unit="furlong")
-    with pytest.raises(ValueError, match=r"fs must be given: .* neither fs nor a time channel: it counts in 'furlong'"):
+    with pytest.raises(
+        ValueError,
+        match=r"fs must be given: .* neither fs nor a time channel: it counts in 'furlong'",
+    ):
         nlfrf.load_record(path)
     assert nlfrf.load_record(path, fs=FS).fs == FS
 
@@ -185,16 +216,24 @@ def test_starts_that_are_further_apart_than_the_record_is_long_are_no_other_orig
 
 def test_the_moments_at_which_waveforms_began(tmp_path):
     day = "2026-11-22T10:00:00"
-    np.testing.assert_allclose(nlfrf.load_record(tdms_in(tmp_path, began=(day, day))).y, Y.reshape(1, 3, N))
+    np.testing.assert_allclose(
+        nlfrf.load_record(tdms_in(tmp_path, began=(day, day))).y, Y.reshape(1, 3, N)
+    )
     with pytest.warns(nlfrf.DataWarning, match=r"y' begins \+0\.4 samples behind"):
         nlfrf.load_record(tdms_in(tmp_path, began=(day, f"{day}.000400"), unit="ms"))
     with pytest.raises(ValueError, match=r"y' begins \+1000 samples behind"):
         nlfrf.load_record(tdms_in(tmp_path, began=(day, "2026-11-22T10:00:01")))
-    with pytest.warns(nlfrf.DataWarning, match=r"y' begins \+0\.1 samples behind"):  # 400 us, and 300 us back
+    with pytest.warns(
+        nlfrf.DataWarning, match=r"y' begins \+0\.1 samples behind"
+    ):  # 400 us, and 300 us back
         nlfrf.load_record(tdms_in(tmp_path, late=-0.3, began=(day, f"{day}.000400")))
-    assert nlfrf.load_record(tdms_in(tmp_path, began=(day, None))).fs == FS  # of one channel it is not known
+    assert (
+        nlfrf.load_record(tdms_in(tmp_path, began=(day, None))).fs == FS
+    )  # of one channel it is not known
 
 
 def test_time_columns_without_a_moment_in_common(tmp_path):
-    with pytest.warns(nlfrf.DataWarning, match=r"'u' and 'y' in 'run.csv' have no moment in common: the clocks"):
+    with pytest.warns(
+        nlfrf.DataWarning, match=r"'u' and 'y' in 'run.csv' have no moment in common: the clocks"
+    ):
         nlfrf.load_record(table(tmp_path, 1e5))

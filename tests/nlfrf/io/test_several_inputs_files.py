@@ -1,4 +1,6 @@
-"""Designs and records of several inputs on disk: exact to the bit, whole, joined, laid under a design."""
+"""Designs and records of several inputs on disk: exact to the bit, whole, joined, laid under a
+design.
+"""
 
 import warnings
 from dataclasses import replace
@@ -75,7 +77,9 @@ def test_one_experiment_as_a_table(tmp_path):
     back = nlfrf.load_record(tmp_path / "run.csv", **asked)
     np.testing.assert_array_equal(back.u, record.u)
     np.testing.assert_array_equal(back.y, record.y)
-    with pytest.raises(ValueError, match=r"record must hold one experiment for a \.csv file, got 2; use \.npz"):
+    with pytest.raises(
+        ValueError, match=r"record must hold one experiment for a \.csv file, got 2; use \.npz"
+    ):
         nlfrf.save(played(design()), tmp_path / "two.csv")
     assert not (tmp_path / "two.csv").exists()
 
@@ -89,7 +93,9 @@ def test_sets_in_several_files_are_one_record(tmp_path):
     assert both.u.shape == (2, 4, 3, 256)
     np.testing.assert_array_equal(both.y[:, 2:], sets[1].y[:, :, :3])
     nlfrf.save(replace(sets[1], lines=sets[0].lines, inputs=("a", "b")), paths[1])
-    with pytest.raises(ValueError, match="records must be of one experiment, with the same inputs, got"):
+    with pytest.raises(
+        ValueError, match="records must be of one experiment, with the same inputs, got"
+    ):
         nlfrf.load_record(paths)
 
 
@@ -128,7 +134,12 @@ def test_a_design_comes_back_as_it_was(suffix, mixing, tmp_path):
     back = nlfrf.load(path)
     assert back.n_inputs == ms.n_inputs
     np.testing.assert_array_equal(back.u, ms.u)
-    assert (back.design, back.hold, back.kind, back.fs) == ("orthogonal", "zoh", "random-odd", 256.0)
+    assert (back.design, back.hold, back.kind, back.fs) == (
+        "orthogonal",
+        "zoh",
+        "random-odd",
+        256.0,
+    )
 
 
 def test_what_a_generator_plays(tmp_path):
@@ -138,13 +149,17 @@ def test_what_a_generator_plays(tmp_path):
         np.testing.assert_array_equal(nlfrf.load(tmp_path / "play.npz").u, ms.u)
         (tmp_path / "play.npz").unlink()
     table = np.loadtxt(tmp_path / "play.csv", delimiter=",", skiprows=1)
-    np.testing.assert_array_equal(table[:, 1:], np.stack([ms.u[0, 0], ms.u[1, 0], ms.u[0, 1], ms.u[1, 1]], axis=1))
+    np.testing.assert_array_equal(
+        table[:, 1:], np.stack([ms.u[0, 0], ms.u[1, 0], ms.u[0, 1], ms.u[1, 1]], axis=1)
+    )
     header = (tmp_path / "play.csv").read_text().splitlines()[0]
     assert header == "t [s],u1 experiment 1,u2 experiment 1,u1 experiment 2,u2 experiment 2"
 
 
 def streams(ms, seed, limit=np.inf):
-    """Three periods of each experiment behind a trigger of its own, through actuators that saturate."""
+    """Three periods of each experiment behind a trigger of its own, through actuators that
+    saturate.
+    """
     rng = np.random.default_rng(seed)
     u, y = [], []
     for m in range(ms.n_experiments):
@@ -152,7 +167,10 @@ def streams(ms, seed, limit=np.inf):
         start = rng.integers(ms.n_samples)
         cut = clipped[:, start : start + 3 * ms.n_samples]
         u.append(cut + 0.01 * rng.standard_normal(cut.shape))
-        y.append(np.stack([cut[0] + 0.5 * cut[1], cut[1] - cut[0]]) + 0.003 * rng.standard_normal(cut.shape))
+        y.append(
+            np.stack([cut[0] + 0.5 * cut[1], cut[1] - cut[0]])
+            + 0.003 * rng.standard_normal(cut.shape)
+        )
     return u, y
 
 
@@ -199,7 +217,9 @@ def test_a_zippered_record_takes_its_design(tmp_path):
 def test_a_design_that_was_not_played_is_refused():
     ms = design(rms=1.0)
     u, y = streams(ms, seed=2)
-    with pytest.raises(ValueError, match="design must be the one that was played, got a correlation of"):
+    with pytest.raises(
+        ValueError, match="design must be the one that was played, got a correlation of"
+    ):
         nlfrf.record_from_samples(u, y, fs=256, design=design(rms=1.0, rng=9))
     with pytest.raises(ValueError, match="design must have the inputs of the record, 2, got 3"):
         nlfrf.record_from_samples(u, y, fs=256, design=design(rms=1.0, n_inputs=3))
@@ -236,7 +256,9 @@ def test_a_file_of_ours_is_read_once(tmp_path, monkeypatch):
     nlfrf.save(ms, tmp_path / "design.npz")
     nlfrf.save(nlfrf.identify(played(ms)), tmp_path / "frm.npz")
     reader, reads = channels.READERS[".npz"], []
-    counting = reader._replace(contents=lambda path: reads.append(path.stem) or reader.contents(path))
+    counting = reader._replace(
+        contents=lambda path: reads.append(path.stem) or reader.contents(path)
+    )
     monkeypatch.setitem(channels.READERS, ".npz", counting)
     for name in ("record", "design", "frm"):
         nlfrf.load(tmp_path / f"{name}.npz")

@@ -1,4 +1,6 @@
-"""A gain that steps between periods, a sign that turns, an output of another rate: told from two periods on."""
+"""A gain that steps between periods, a sign that turns, an output of another rate: told from two
+periods on.
+"""
 
 import warnings
 
@@ -17,7 +19,9 @@ def played(seed, n_periods, noise=1e-3, settle=20, damping=0.05):
     rng = np.random.default_rng(seed)
     w = 2 * np.pi * 20
     b, a, _ = signal.cont2discrete(([w * w], [1, 2 * damping * w, w * w]), 1 / FS)
-    u = np.tile(nlfrf.multisine(fs=FS, n_samples=N, f_min=0.5, f_max=100, rng=rng).u[0], n_periods + settle)
+    u = np.tile(
+        nlfrf.multisine(fs=FS, n_samples=N, f_min=0.5, f_max=100, rng=rng).u[0], n_periods + settle
+    )
     y = signal.lfilter(b[0], a, u)
     y = y + noise * np.std(y) * rng.standard_normal(y.size)
     return u[settle * N :], y[settle * N :]
@@ -48,7 +52,9 @@ def test_a_sign_that_turns_is_refused(n_periods, n_before, noise, resample):
     """Half of the periods against the others left G at zero, without a word."""
     u, y = played(2, n_periods, noise)
     with pytest.raises(ValueError, match=rf"y changes its sign before period {n_before + 1}"):
-        nlfrf.record_from_samples(u, changed(y, -1.0, n_before), fs=FS, n_samples=N, resample=resample)
+        nlfrf.record_from_samples(
+            u, changed(y, -1.0, n_before), fs=FS, n_samples=N, resample=resample
+        )
 
 
 @pytest.mark.parametrize("n_periods", [2, 3, 4, 8])
@@ -69,7 +75,9 @@ def test_what_rings_or_is_noise_has_no_step(n_periods):
 def test_an_output_that_is_held_is_told(n):
     u, y = played(3, 3)
     held = np.repeat(y[::n], n)[: y.size]
-    with pytest.warns(nlfrf.DataWarning, match=rf"y changes at every {n}\w\w sample only: it was sampled at"):
+    with pytest.warns(
+        nlfrf.DataWarning, match=rf"y changes at every {n}\w\w sample only: it was sampled at"
+    ):
         cut(u, held)
     with warnings.catch_warnings():
         warnings.filterwarnings("error", message=".*changes at every")
@@ -79,7 +87,13 @@ def test_an_output_that_is_held_is_told(n):
 def test_what_is_coarse_or_stands_still_is_not_held():
     rng = np.random.default_rng(0)
     smooth = np.cumsum(rng.standard_normal(4000))
-    for x in (smooth, np.round(smooth), np.round(smooth / 10), np.zeros(4000), np.repeat(rng.standard_normal(40), 100)):
+    for x in (
+        smooth,
+        np.round(smooth),
+        np.round(smooth / 10),
+        np.zeros(4000),
+        np.repeat(rng.standard_normal(40), 100),
+    ):
         assert hold_factor(x) == 1
     assert hold_factor(np.append(0.0, np.repeat(smooth, 4))) == 4  # whatever it begins with
 
@@ -89,5 +103,7 @@ def test_swapped_channels_are_told():
     u, y = played(4, 3)
     with pytest.warns(nlfrf.DataWarning) as said:
         nlfrf.record_from_samples(y, u, fs=FS, n_samples=N)
-    assert "y repeats exactly and u does not: are they swapped?" in " ".join(str(one.message) for one in said)
+    assert "y repeats exactly and u does not: are they swapped?" in " ".join(
+        str(one.message) for one in said
+    )
     nlfrf.record_from_samples(u, np.tile(y[:N], 3), fs=FS, n_samples=N)

@@ -1,4 +1,6 @@
-"""Line detection where the actuator distorts, the design as reference, grids that are not those of the record."""
+"""Line detection where the actuator distorts, the design as reference, grids that are not those of
+the record.
+"""
 
 import numpy as np
 import pytest
@@ -33,7 +35,10 @@ def test_a_random_odd_grid_that_cannot_be_told_from_distortion_is_warned_of():
     u = np.tile(np.clip(ms.u[0], -0.8, 0.8), 2)
     with pytest.warns(DataWarning) as said:
         found = record_from_samples(u, u, fs=4096, n_samples=4096)
-    assert any("lines that were found in the input jumps by 4.7 dB from line to line" in str(w.message) for w in said)
+    assert any(
+        "lines that were found in the input jumps by 4.7 dB from line to line" in str(w.message)
+        for w in said
+    )
     assert found.lines.excited.size > 200
     with pytest.warns(DataWarning) as said:
         record = record_from_samples(u, u, fs=4096, n_samples=4096, design=ms)
@@ -42,7 +47,9 @@ def test_a_random_odd_grid_that_cannot_be_told_from_distortion_is_warned_of():
 
 @pytest.fixture
 def played():
-    """Three realisations through a saturating actuator and a resonance, recorded from some sample on, with noise."""
+    """Three realisations through a saturating actuator and a resonance, recorded from some sample
+    on, with noise.
+    """
     rng = np.random.default_rng(5)
     ms = multisine(fs=1024, n_samples=1024, f_min=1, f_max=200, n_realizations=3, rng=rng)
     s = 2j * np.pi * np.arange(513)
@@ -56,7 +63,9 @@ def played():
     return ms, plant, us, ys
 
 
-@pytest.mark.filterwarnings("ignore:u must have random phases")  # clipped peaks: a linear plant does not mind
+@pytest.mark.filterwarnings(
+    "ignore:u must have random phases"
+)  # clipped peaks: a linear plant does not mind
 def test_the_design_lies_under_what_was_measured(played, tmp_path):
     ms, plant, us, ys = played
     nlfrf.save(ms, tmp_path / "ms.csv")
@@ -67,7 +76,9 @@ def test_the_design_lies_under_what_was_measured(played, tmp_path):
     assert record.u.shape == record.r.shape == (3, 3, 1024)
     np.testing.assert_array_equal(record.lines.excited, ms.lines.excited)
     for m, (row, start) in enumerate(((2, 100), (0, 723), (1, 311))):
-        np.testing.assert_allclose(record.r[m, 1], np.roll(ms.u[row], -start), atol=0.02)  # 1/200 of a sample
+        np.testing.assert_allclose(
+            record.r[m, 1], np.roll(ms.u[row], -start), atol=0.02
+        )  # 1/200 of a sample
     bla = identify(record)
     true = plant[ms.lines.excited]
     assert np.mean(np.abs(bla.G - true) < bla.bound(0.95)) > 0.85
@@ -78,10 +89,13 @@ def test_a_design_that_was_not_played_is_refused(played):
     _, _, us, ys = played
     other = multisine(fs=1024, n_samples=1024, f_min=1, f_max=200, rng=77)
     with pytest.raises(
-        ValueError, match=r"design must be the one that was played, got a correlation of 0\.\d+ with the input"
+        ValueError,
+        match=r"design must be the one that was played, got a correlation of 0\.\d+ with the input",
     ):
         record_from_samples(us, ys, fs=1024, design=other)
-    with pytest.raises(ValueError, match=r"fs must make one period of the design, 1 s, a whole number of samples"):
+    with pytest.raises(
+        ValueError, match=r"fs must make one period of the design, 1 s, a whole number of samples"
+    ):
         record_from_samples(us, ys, fs=1000.5, design=other)
     with pytest.raises(ValueError, match=r"design must be of type Multisine, got 'ms\.npz'"):
         record_from_samples(us, ys, fs=1024, design="ms.npz")
@@ -112,7 +126,9 @@ def test_an_honest_input_under_noise_is_not_taken_for_a_wrong_grid():
 
 def test_masked_samples_are_refused():
     u = np.ma.masked_greater(multisine(fs=64, n_samples=64, f_min=1, f_max=20, rng=0).u[0], 1.5)
-    with pytest.raises(ValueError, match=r"u must have no masked numbers, got \d, the first at \d+; cut them out"):
+    with pytest.raises(
+        ValueError, match=r"u must have no masked numbers, got \d, the first at \d+; cut them out"
+    ):
         record_from_samples(u, u.data, fs=64, n_samples=64)
     sound = np.ma.array(u.data)
     assert record_from_samples(sound, u.data, fs=64, n_samples=64).n_samples == 64

@@ -11,9 +11,21 @@ from nlfrf.records.period import detect_period
 from nlfrf.signals import LineGrid
 
 
-def stream(kind="special-odd", *, n_periods=3, snr=None, amplitude=None, fs=1024, n_samples=1024, f_max=300, rng=0):
+def stream(
+    kind="special-odd",
+    *,
+    n_periods=3,
+    snr=None,
+    amplitude=None,
+    fs=1024,
+    n_samples=1024,
+    f_max=300,
+    rng=0,
+):
     rng = np.random.default_rng(rng)
-    ms = multisine(kind, fs=fs, n_samples=n_samples, f_min=1, f_max=f_max, amplitude=amplitude, rng=rng)
+    ms = multisine(
+        kind, fs=fs, n_samples=n_samples, f_min=1, f_max=f_max, amplitude=amplitude, rng=rng
+    )
     u = np.tile(ms.u[0], n_periods)
     if snr is not None:
         u = u + 10 ** (-snr / 20) * rng.standard_normal(u.size)
@@ -56,13 +68,17 @@ def test_lines_are_found_in_coloured_spectra(kind, colour, n_periods):
 @pytest.mark.parametrize("n_periods", [1, 2, 5])
 def test_lines_are_found_at_20_dB(kind, n_periods):
     ms, u = stream(kind, snr=20, n_periods=n_periods, rng=3)
-    np.testing.assert_array_equal(detect_lines(u.reshape(1, n_periods, -1)).excited, ms.lines.excited)
+    np.testing.assert_array_equal(
+        detect_lines(u.reshape(1, n_periods, -1)).excited, ms.lines.excited
+    )
 
 
 def test_distortion_of_the_input_is_not_taken_for_excitation():
     ms, u = stream(n_periods=2, f_max=100)
     distorted = u + 0.03 * u**3 + 0.03 * u**2  # energy on every line, and beyond the band
-    np.testing.assert_array_equal(detect_lines(distorted.reshape(1, 2, -1)).excited, ms.lines.excited)
+    np.testing.assert_array_equal(
+        detect_lines(distorted.reshape(1, 2, -1)).excited, ms.lines.excited
+    )
 
 
 def test_the_period_is_found():
@@ -88,13 +104,25 @@ def with_nan():
     ("change", "message"),
     [
         (dict(u=np.ones((1, 2048))), r"u must have 3 axes, got shape \(1, 2048\)"),
-        (dict(y=np.ones((1, 1, 1024))), r"y must have the shape of u, \(1, 2, 1024\), got \(1, 1, 1024\)"),
+        (
+            dict(y=np.ones((1, 1, 1024))),
+            r"y must have the shape of u, \(1, 2, 1024\), got \(1, 1, 1024\)",
+        ),
         (dict(u=np.ones((1, 2, 1024))), r"u must vary, got the constant 1 in realisation 0"),
         (dict(y=np.zeros((1, 2, 1024))), r"y must vary, got the constant 0 in realisation 0"),
-        (dict(y=with_nan()), r"y must be finite, got 1 nan or infinite numbers, the first at \(0, 1, 5\)"),
+        (
+            dict(y=with_nan()),
+            r"y must be finite, got 1 nan or infinite numbers, the first at \(0, 1, 5\)",
+        ),
         (dict(fs=-1), r"fs must be positive, got -1"),
-        (dict(lines=LineGrid(excited=[1, 600])), r"lines must lie below the Nyquist line 512, got line 600"),
-        (dict(lines=LineGrid(excited=[1], even=[512])), r"lines must lie below the Nyquist line 512, got line 512"),
+        (
+            dict(lines=LineGrid(excited=[1, 600])),
+            r"lines must lie below the Nyquist line 512, got line 600",
+        ),
+        (
+            dict(lines=LineGrid(excited=[1], even=[512])),
+            r"lines must lie below the Nyquist line 512, got line 512",
+        ),
         (dict(y=np.full((1, 2, 1024), "a")), r"y must hold real numbers, got dtype"),
     ],
 )
@@ -108,10 +136,13 @@ def test_stream_refusals():
     with pytest.raises(ValueError, match=r"y must be as long as u, 2048 samples, got 2000"):
         record_from_samples(u, u[:2000], fs=1, n_samples=1024)
     with pytest.raises(
-        ValueError, match=r"at least one period of n_samples = 4096 .* got 2048 samples, .* 0.50 periods"
+        ValueError,
+        match=r"at least one period of n_samples = 4096 .* got 2048 samples, .* 0.50 periods",
     ):
         record_from_samples(u, u, fs=1, n_samples=4096)
-    with pytest.raises(ValueError, match=r"n_samples must be the period of the input, got 700: .* points to 1024.0"):
+    with pytest.raises(
+        ValueError, match=r"n_samples must be the period of the input, got 700: .* points to 1024.0"
+    ):
         record_from_samples(u, u, fs=1, n_samples=700)
     with pytest.raises(ValueError, match=r"u must vary, got the constant 0"):
         record_from_samples(0 * u, u, fs=1, n_samples=1024)
@@ -128,7 +159,9 @@ def test_a_period_in_seconds_is_named():
     """A period of four samples ended in an IndexError."""
     u = np.tile(multisine(fs=1000, n_samples=4000, f_min=1, f_max=60, rng=1).u[0], 3)
     u += 1e-3 * np.random.default_rng(2).standard_normal(u.size)
-    with pytest.raises(ValueError, match=r"got 4: .* a period counts samples: 4 s at 1000 Hz are 4000$"):
+    with pytest.raises(
+        ValueError, match=r"got 4: .* a period counts samples: 4 s at 1000 Hz are 4000$"
+    ):
         record_from_samples(u, 2 * u, fs=1000, n_samples=4)
     with pytest.raises(ValueError, match=r"got 40: .* points to 4000.0$"):
         record_from_samples(u, 2 * u, fs=1000, n_samples=40)
@@ -157,24 +190,33 @@ def unrepeated(record):
 @pytest.mark.parametrize("noise", [0.0, 0.1])
 def test_a_period_one_sample_off_is_named(noise):
     _, u = raw(1999, noise=noise)
-    with pytest.raises(ValueError, match=r"got 2000: the input repeats every 1999 samples; give n_samples=1999"):
+    with pytest.raises(
+        ValueError, match=r"got 2000: the input repeats every 1999 samples; give n_samples=1999"
+    ):
         record_from_samples(u, u, fs=1000, n_samples=2000)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.1])
 def test_a_period_that_is_not_whole_is_named_and_cured(noise):
     ms, u = raw(2000.37, noise=noise)
-    with pytest.raises(ValueError, match=r"repeats every 2000\.3[67]\d+ samples, not a whole number; resample=True"):
+    with pytest.raises(
+        ValueError, match=r"repeats every 2000\.3[67]\d+ samples, not a whole number; resample=True"
+    ):
         record_from_samples(u, u, fs=1000, n_samples=2000)
     record = record_from_samples(u, u, fs=1000, n_samples=2000, resample=True)
     assert unrepeated(record) < 1e-7 + 1.2 * noise**2
-    assert record.f0 == pytest.approx(1000 / 2000.37, rel=1e-7 + 1e-4 * noise)  # not 1000 / 2000, four lines in 10 000
+    assert record.f0 == pytest.approx(
+        1000 / 2000.37, rel=1e-7 + 1e-4 * noise
+    )  # not 1000 / 2000, four lines in 10 000
     np.testing.assert_array_equal(record.lines.excited, ms.lines.excited)
 
 
 def test_a_drifting_clock_is_named_and_cured():
     _, u = raw(2000, drift=5e-4, n_periods=12)
-    with pytest.raises(ValueError, match=r"the clock drifts: the periods leave an even pace by up to 0\.1\d* samples"):
+    with pytest.raises(
+        ValueError,
+        match=r"the clock drifts: the periods leave an even pace by up to 0\.1\d* samples",
+    ):
         record_from_samples(u, u, fs=1000, n_samples=2000)
     assert unrepeated(record_from_samples(u, u, fs=1000, n_samples=2000, resample=True)) < 1e-5
 
@@ -182,7 +224,10 @@ def test_a_drifting_clock_is_named_and_cured():
 def test_lost_and_repeated_samples_are_named_and_cured():
     _, u = raw(2000)
     lost = np.delete(u, slice(4300, 4307))
-    with pytest.raises(ValueError, match=r"7 lost before period 4\); resample=True cuts the periods where they stand"):
+    with pytest.raises(
+        ValueError,
+        match=r"7 lost before period 4\); resample=True cuts the periods where they stand",
+    ):
         record_from_samples(lost, lost, fs=1000, n_samples=2000)
     record = record_from_samples(lost, lost, fs=1000, n_samples=2000, resample=True)
     assert record.n_periods == 4  # of the five that are whole, the one with the gap is gone
@@ -197,9 +242,14 @@ def test_lost_and_repeated_samples_are_named_and_cured():
 def test_a_missing_period_is_named_and_left_out():
     _, u = raw(2000)
     u[6000:8000] = 0.0
-    with pytest.raises(ValueError, match=r"the input does not repeat in period 4 of 6"), pytest.warns(DataWarning):
+    with (
+        pytest.raises(ValueError, match=r"the input does not repeat in period 4 of 6"),
+        pytest.warns(DataWarning),
+    ):
         record_from_samples(u, u + 0, fs=1000, n_samples=2000)
-    with pytest.warns(DataWarning, match=r"stands still for 2000 samples from sample 6000, 1 periods"):
+    with pytest.warns(
+        DataWarning, match=r"stands still for 2000 samples from sample 6000, 1 periods"
+    ):
         record = record_from_samples(u, u, fs=1000, n_samples=2000, resample=True)
     assert record.n_periods == 5
 
@@ -208,7 +258,8 @@ def test_a_missing_period_is_named_and_left_out():
 def test_a_period_that_is_not_whole_is_found_and_not_its_double(period):
     ms, u = raw(period)
     with pytest.raises(
-        ValueError, match=r"the period of u seems to be (2000\.40|1999\.50|2000\.25) samples, .* resample"
+        ValueError,
+        match=r"the period of u seems to be (2000\.40|1999\.50|2000\.25) samples, .* resample",
     ):
         record_from_samples(u, u, fs=1000)
     record = record_from_samples(u, u, fs=1000, resample=True)
@@ -235,7 +286,10 @@ def test_an_input_that_starts_late_is_named_and_cured():
     _, u = raw(2000)
     u[:3000] = 0.0
     for resample in (False, True):
-        with pytest.warns(DataWarning, match=r"u is silent for 3000 samples \(1\.5 periods\) before the excitation"):
+        with pytest.warns(
+            DataWarning,
+            match=r"u is silent for 3000 samples \(1\.5 periods\) before the excitation",
+        ):
             record = record_from_samples(u, u, fs=1000, n_samples=2000, resample=resample)
         assert record.n_periods == 4
         assert unrepeated(record) < 1e-20
@@ -264,4 +318,6 @@ def test_a_period_found_from_one_repetition_of_lines_without_a_grid_is_said():
             warnings.simplefilter("always")
             record = record_from_samples(x, np.roll(x, 3), fs=fs, **options)
         assert record.n_samples == n
-        assert any("found from one repetition" in str(w.message) for w in found) == (n_periods == 2 and not options)
+        assert any("found from one repetition" in str(w.message) for w in found) == (
+            n_periods == 2 and not options
+        )

@@ -1,4 +1,6 @@
-"""What real records of others have and is no fault: friction that delays, coloured noise, integers, drift."""
+"""What real records of others have and is no fault: friction that delays, coloured noise, integers,
+drift.
+"""
 
 import shlex
 import subprocess
@@ -31,7 +33,9 @@ def silent(u, y, n_samples=N):
 
 
 def stick_and_slip(n_late, seed=3, n_periods=20):
-    """A slow output that comes more and more late from the middle of period 12, and slips back in period 13."""
+    """A slow output that comes more and more late from the middle of period 12, and slips back in
+    period 13.
+    """
     u = np.tile(multisine_of(seed, n_samples=2500, f_min=0.4, f_max=2).u[0], n_periods)
     late = np.interp(np.arange(u.size), [11 * 2500 + 800, 11 * 2500 + 2300], [0, n_late])
     late[12 * 2500 + 800 :] = 0
@@ -60,7 +64,12 @@ def drift(kind, n, rng):
     """Noise of a colour: that of a slow sensor, of a flicker, of a random walk."""
     f = np.fft.rfftfreq(n, 1 / N)
     floor = np.maximum(f, f[1])
-    shape = {"white": np.ones(f.size), "flicker": floor**-0.5, "walk": 1 / floor, "slow": 1 / (1 + (f / 3) ** 2)}[kind]
+    shape = {
+        "white": np.ones(f.size),
+        "flicker": floor**-0.5,
+        "walk": 1 / floor,
+        "slow": 1 / (1 + (f / 3) ** 2),
+    }[kind]
     return np.fft.irfft(np.fft.rfft(rng.standard_normal(n)) * shape, n)
 
 
@@ -68,7 +77,9 @@ def drift(kind, n, rng):
 @pytest.mark.parametrize("kind", ["white", "flicker", "walk", "slow"])
 @pytest.mark.parametrize("n_periods", [2, 3, 8, 20])
 def test_of_noise_alone_no_period_is_named(kind, n_periods):
-    """Of 20 periods of a random walk every record was refused, with periods named, of flicker half."""
+    """Of 20 periods of a random walk every record was refused, with periods named, of flicker
+    half.
+    """
     refused = 0
     for seed in range(15):
         rng = np.random.default_rng([seed, n_periods])
@@ -78,23 +89,31 @@ def test_of_noise_alone_no_period_is_named(kind, n_periods):
             silent(u, y)
         except ValueError:
             refused += 1
-    assert refused <= 1  # a chance of 1e-3 for each period and test: beyond one of 15 it is no chance
+    assert (
+        refused <= 1
+    )  # a chance of 1e-3 for each period and test: beyond one of 15 it is no chance
 
 
 def test_the_measured_mirror_and_beam_have_no_fault(measured):
-    """The mirror was said to have a clock 0.2 to 0.4 ppm off, the beam a lost sample and a clock 0.12 ppm off."""
+    """The mirror was said to have a clock 0.2 to 0.4 ppm off, the beam a lost sample and a clock
+    0.12 ppm off.
+    """
     folder = measured / "fine_steering_mirror"
     for level in ("100mV", "300mV"):
         u, y = (np.load(folder / f"{name}_{level}_train.npy") for name in "uy")
         for experiment in range(6):
             for j in range(3):
-                lag = align_output(u[:, 0, experiment].T.copy(), y[:, j, experiment].T.copy(), np.arange(1, 3840))
+                lag = align_output(
+                    u[:, 0, experiment].T.copy(), y[:, j, experiment].T.copy(), np.arange(1, 3840)
+                )
                 assert lag.fault == ""
     beam = np.load(measured / "beam_ring" / "beam_ring_2x2.npz")
     u, y = (beam[name].astype(float) for name in "uy")
     for experiment in range(2):
         for j in range(2):
-            assert align_output(u[0, experiment], y[j, experiment], np.arange(120, 21601)).fault == ""
+            assert (
+                align_output(u[0, experiment], y[j, experiment], np.arange(120, 21601)).fault == ""
+            )
 
 
 @pytest.mark.parametrize("levels", [3, 10, 40])
@@ -143,18 +162,23 @@ def test_the_command_that_inspect_prints_runs_in_a_shell(u_name, y_name, tmp_pat
     found = nlfrf.inspect_file(tmp_path / "run 1.csv")
     assert {found.u, found.y} == {u_name, y_name}
     command = f"{shlex.quote(sys.executable)} -m nlfrf.cli {found.command.removeprefix('nlfrf ')}"
-    done = subprocess.run(["sh", "-c", command], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        ["sh", "-c", command], cwd=tmp_path, capture_output=True, text=True, timeout=120
+    )
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "run 1-bla.npz").exists()
 
 
 def test_channels_of_a_few_samples_are_not_the_measurement(tmp_path):
-    """LabVIEW stores its settings and states beside the streams, under names that look like inputs."""
+    """LabVIEW stores its settings and states beside the streams, under names that look like
+    inputs.
+    """
     ms = multisine_of(2)
     u = np.tile(ms.u[0], 4)
     constants = {f"u{i}": np.array([0.0, 1.0, 0.0, 1.0]) for i in range(14)}
     savemat(
-        tmp_path / "run.mat", constants | {"chan_a": u, "chan_b": np.convolve(u, [0.5, 0.5])[: u.size], "fs": 1000.0}
+        tmp_path / "run.mat",
+        constants | {"chan_a": u, "chan_b": np.convolve(u, [0.5, 0.5])[: u.size], "fs": 1000.0},
     )
     found = nlfrf.inspect_file(tmp_path / "run.mat")
     assert (found.u, found.y, found.period) == ("chan_a", "chan_b", N)

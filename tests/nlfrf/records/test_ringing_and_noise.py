@@ -1,4 +1,6 @@
-"""Sound records that look like faults of the output: it still rings, or is mostly noise; faults beside a transient."""
+"""Sound records that look like faults of the output: it still rings, or is mostly noise; faults
+beside a transient.
+"""
 
 import warnings
 
@@ -40,12 +42,15 @@ def test_an_output_that_is_mostly_noise_is_not_refused_for_it(n_periods, noise):
 @pytest.mark.parametrize("n_periods", [2, 3, 4, 8])
 @pytest.mark.parametrize("where", ["y", "u", "both"])
 def test_a_gap_is_told_wherever_it_is(where, lost, n_periods):
-    # in the first or last half of a period up to 20 of 100 passed without a word, and the bound held nothing
+    # in the first or last half of a period up to 20 of 100 passed without a word, and the bound
+    # held nothing
     for seed in range(8):
         _, u, y, _ = played(0.1, n_periods, seed, settled=True)
         u = u if where == "y" else without(u, lost, seed)
         y = y if where == "u" else without(y, lost, seed)
-        with pytest.raises(ValueError, match=r"must stay in step with u|n_samples must be the period of the input"):
+        with pytest.raises(
+            ValueError, match=r"must stay in step with u|n_samples must be the period of the input"
+        ):
             nlfrf.record_from_samples(u, y, fs=FS, n_samples=N)
 
 
@@ -66,7 +71,9 @@ def test_a_gap_is_cured_wherever_it_is(where, period, place):
 @pytest.mark.parametrize("n_periods", [2, 3, 4])
 @pytest.mark.parametrize(("first", "later"), [(1, -1), (5, -5), (1, 1)])
 def test_two_gaps_in_one_period_are_told(where, n_periods, first, later):
-    """What was lost and made up for leaves the rest in its place: one record in four passed, held 0 to 50 %."""
+    """What was lost and made up for leaves the rest in its place: one record in four passed, held 0
+    to 50 %.
+    """
     for seed in range(3):
         _, u, y, truth = played(0.1, n_periods, seed, settled=True)
         u = u if where == "y" else without_twice(u, first, later, seed)
@@ -82,7 +89,9 @@ def test_two_gaps_in_one_period_are_told(where, n_periods, first, later):
 
 
 def test_a_first_period_that_differs_by_no_transient_is_warned_of():
-    """A gap in a period that rings: all behind it is late, and the bound held nothing, without a word."""
+    """A gap in a period that rings: all behind it is late, and the bound held nothing, without a
+    word.
+    """
     told = 0
     for seed in range(10):
         _, u, y, _ = played(0.03, 3, seed, settled=False)
@@ -100,10 +109,14 @@ def test_a_first_period_that_differs_by_no_transient_is_warned_of():
 
 @pytest.mark.parametrize("n_periods", [3, 4])
 def test_a_gap_of_u_alone_before_all_sound_periods_is_refused(n_periods):
-    """Which of the two then stands right, nobody knows: the cure took u for it, and the bound held nothing."""
+    """Which of the two then stands right, nobody knows: the cure took u for it, and the bound held
+    nothing.
+    """
     _, u, y, _ = played(0.1, n_periods, 3, settled=True)
     u = np.delete(u, np.arange(300, 305))
-    with pytest.raises(ValueError, match=r"y must have the gap of u before period 2 \(5 samples lost\), got none"):
+    with pytest.raises(
+        ValueError, match=r"y must have the gap of u before period 2 \(5 samples lost\), got none"
+    ):
         nlfrf.record_from_samples(u, y[: u.size], fs=FS, n_samples=N, resample=True)
 
 
@@ -133,12 +146,16 @@ def test_short_and_silent_periods_have_no_gap(n, n_periods, size):
 def test_spikes_and_coloured_noise_and_drifts_are_no_gaps(seed):
     rng = np.random.default_rng(seed)
     n_periods = int(rng.integers(2, 6))
-    ms, _, y, _ = played(10 ** rng.uniform(-2, -0.5), n_periods, seed, settled=True, noise=10 ** rng.uniform(-5, 0))
+    ms, _, y, _ = played(
+        10 ** rng.uniform(-2, -0.5), n_periods, seed, settled=True, noise=10 ** rng.uniform(-5, 0)
+    )
     size, t = np.std(y), np.linspace(0, 1, y.size)
     spiky = y.copy()
     spiky[rng.integers(0, y.size, 3)] += size * 10 ** rng.uniform(-1, 2)
     walk = np.cumsum(rng.standard_normal(y.size))
-    walked, drifted, grown = y + 0.3 * size * walk / np.std(walk), y + 3 * size * t**2, y * (1 + 0.2 * t)
+    walked = y + 0.3 * size * walk / np.std(walk)
+    drifted = y + 3 * size * t**2
+    grown = y * (1 + 0.2 * t)
     for signal in (spiky, walked, drifted, grown):
         periods, last = signal.reshape(n_periods, N), int(ms.lines.excited[-1])
         gaps = find_slips(periods, last)
@@ -173,7 +190,8 @@ def test_noise_of_a_delay_is_that_of_the_lines_that_carry_signal():
 @pytest.mark.parametrize(("lost", "at"), [(1, 769), (5, 530), (5, 963), (7, 700)])
 @pytest.mark.parametrize("noise", [1e-3, 0.1])
 def test_a_gap_in_the_first_period_is_told_and_cured(lost, at, noise):
-    # the first period was taken for a transient: all that follows is early against u, and the bound held 0 %
+    # the first period was taken for a transient: all that follows is early against u, and the bound
+    # held 0 %
     _, u, y, truth = played(0.1, 8, 23, settled=True, noise=noise)
     y = np.concatenate([y[:at], y[at + lost :], y[-N : -N + lost]])
     with pytest.raises(ValueError, match=f"{lost} lost before period 2"):
@@ -187,9 +205,13 @@ def test_a_gap_in_the_first_period_is_told_and_cured(lost, at, noise):
 @pytest.mark.parametrize(("n_periods", "at"), [(4, 3600), (4, 930), (7, 1536), (8, 4730)])
 @pytest.mark.parametrize("ppm", [30, -30])
 def test_a_gap_and_a_clock_are_cured_together(n_periods, at, ppm):
-    """The gap was cured and the clock left: the bound held 0 to 4 % of the record that `resample` gave back."""
+    """The gap was cured and the clock left: the bound held 0 to 4 % of the record that `resample`
+    gave back.
+    """
     _, u, y, truth = played(0.1, n_periods + 1, 3, settled=True)
-    y = np.delete(interpolate_bandlimited(y, np.arange(y.size) * (1 + 1e-6 * ppm)), [at, at + 1])[: n_periods * N]
+    y = np.delete(interpolate_bandlimited(y, np.arange(y.size) * (1 + 1e-6 * ppm)), [at, at + 1])[
+        : n_periods * N
+    ]
     u = u[: y.size]
     with pytest.raises(ValueError, match=r"2 lost before period|does not repeat in period"):
         nlfrf.record_from_samples(u, y, fs=FS, n_samples=N)

@@ -16,7 +16,9 @@ Y = np.convolve(np.tile(U, 2), np.exp(-np.arange(60) / 8.0))[U.size : 2 * U.size
 
 def screened(u, y, **given):
     """Screen one input and one output of that period."""
-    return screen_streams([u, y], ["u [N]", "y [m]"], n_inputs=1, fs=FS, period=given.pop("period", N), **given)
+    return screen_streams(
+        [u, y], ["u [N]", "y [m]"], n_inputs=1, fs=FS, period=given.pop("period", N), **given
+    )
 
 
 def found_in(streams):
@@ -54,7 +56,9 @@ def test_rows_that_a_time_column_shows_to_be_lost_are_holes():
     found = screened(U[rows], Y[rows], place=rows)
     assert found_in(found) == [(Fault.LOST, 500, 540), (Fault.LOST, 1500, 1501)]
     assert [span.extent for span in found.spans] == ["40 samples", "1 sample"]
-    assert np.array_equal(np.flatnonzero(np.isnan(found.samples[1])), np.setdiff1d(np.arange(U.size), rows))
+    assert np.array_equal(
+        np.flatnonzero(np.isnan(found.samples[1])), np.setdiff1d(np.arange(U.size), rows)
+    )
     assert found.starts.tolist() == [N * j for j in range(P)]
 
 
@@ -106,14 +110,20 @@ def test_a_file_is_drawn_with_all_its_channels(tmp_path):
     )
     path = tmp_path / "run.csv"
     found = screen_file(path, nlfrf.inspect_file(path))
-    assert (found.labels, found.fs, found.period) == (("force [N]", "position [mm]"), pytest.approx(FS), N)
+    assert (found.labels, found.fs, found.period) == (
+        ("force [N]", "position [mm]"),
+        pytest.approx(FS),
+        N,
+    )
     record = nlfrf.load_record(path, u="force", y="position")
     nlfrf.save(record, tmp_path / "own.npz")
     own = screen_file(tmp_path / "own.npz", nlfrf.inspect_file(tmp_path / "own.npz"))
     assert own.labels == found.labels
     assert np.allclose(own.samples, found.samples)
     nlfrf.save(nlfrf.identify(record), tmp_path / "bla.npz")
-    with pytest.raises(ValueError, match=r"plot must show a record, got .*nlfrf plot draws nlfrf-bla"):
+    with pytest.raises(
+        ValueError, match=r"plot must show a record, got .*nlfrf plot draws nlfrf-bla"
+    ):
         screen_file(tmp_path / "bla.npz", nlfrf.inspect_file(tmp_path / "bla.npz"))
 
 

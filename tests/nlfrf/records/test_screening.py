@@ -1,4 +1,6 @@
-"""Silence, wraps, outliers and hits, found in one signal before it is cut; and sound starts from rest."""
+"""Silence, wraps, outliers and hits, found in one signal before it is cut; and sound starts from
+rest.
+"""
 
 import warnings
 
@@ -43,7 +45,11 @@ def from_rest(seed, n_periods, f=6.0, damping=0.3):
     b, a, _ = signal.cont2discrete(([w * w], [1, 2 * damping * w, w * w]), 1 / FS)
     u = np.tile(ms.u[0], n_periods)
     y = signal.lfilter(b[0], a, u)
-    return u, y + 0.01 * y.std() * rng.standard_normal(y.size), signal.freqz(b[0], a, 2 * np.pi * ms.f / FS)[1]
+    return (
+        u,
+        y + 0.01 * y.std() * rng.standard_normal(y.size),
+        signal.freqz(b[0], a, 2 * np.pi * ms.f / FS)[1],
+    )
 
 
 @pytest.mark.parametrize("seed", [1, 55, 71, 118, 255, 376, 476])
@@ -113,9 +119,13 @@ def test_a_signal_that_is_silent_in_every_period_is_not_cut():
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize(("amplitude", "middle"), [(0.06, 0.0), (0.06, 0.5), (0.4, 0.0), (1.5, 0.3)])
+@pytest.mark.parametrize(
+    ("amplitude", "middle"), [(0.06, 0.0), (0.06, 0.5), (0.4, 0.0), (1.5, 0.3)]
+)
 def test_a_position_that_wraps_is_unwrapped_and_said(kind, amplitude, middle):
-    """Hovering about the place where it starts again, and over several turns; the bound held 48 to 97 %."""
+    """Hovering about the place where it starts again, and over several turns; the bound held 48 to
+    97 %.
+    """
     turn, start = KINDS[kind]
     _, u, y, truth = played(0.3, 4, 2, settled=True, noise=1e-4)
     factor = amplitude * turn / np.std(y)
@@ -125,7 +135,9 @@ def test_a_position_that_wraps_is_unwrapped_and_said(kind, amplitude, middle):
     wrapped = (position - start) % turn + start
     assert np.abs(np.diff(wrapped)).max() > turn / 2 or middle
     if np.abs(np.diff(wrapped)).max() > turn / 2:
-        with pytest.warns(nlfrf.DataWarning, match=rf"y wraps at a turn of {turn:.6g}: \d+ jumps? by a whole turn"):
+        with pytest.warns(
+            nlfrf.DataWarning, match=rf"y wraps at a turn of {turn:.6g}: \d+ jumps? by a whole turn"
+        ):
             left = unwrap_position("y", wrapped) - position
         np.testing.assert_allclose(left, left[0], atol=1e-9 * turn)
         messages, record = said(u, wrapped, n_samples=N)
@@ -140,12 +152,16 @@ def test_a_position_that_turns_too_fast_is_refused(kind):
     turn, start = KINDS[kind]
     y = turn * np.random.default_rng(0).uniform(-0.9, 0.9, 4000).cumsum()
     y = np.round(y) if turn >= 256 else y
-    with pytest.raises(ValueError, match=r"y must move by less than half a turn from .* or sample faster"):
+    with pytest.raises(
+        ValueError, match=r"y must move by less than half a turn from .* or sample faster"
+    ):
         unwrap_position("y", (y - start) % turn + start)
     rough = 0.2 * turn * np.random.default_rng(1).standard_normal(4000) + start
     rough = np.round(rough) if turn >= 256 else rough
     wrapped = (rough - start) % turn + start
-    with pytest.warns(nlfrf.DataWarning, match=r"y has \d+ jumps, and steps up to .* It is left unchanged"):
+    with pytest.warns(
+        nlfrf.DataWarning, match=r"y has \d+ jumps, and steps up to .* It is left unchanged"
+    ):
         assert unwrap_position("y", wrapped) is wrapped
 
 
@@ -157,7 +173,14 @@ def test_what_truly_jumps_is_not_unwrapped(kind):
     y, rng = y / np.std(y), np.random.default_rng(3)
     square, gap = np.where(y > 0, 1.0, 0.0), np.sign(y) * np.maximum(np.abs(y), 0.9)
     rough = np.clip(0.02 + 0.96 * square + 0.004 * rng.standard_normal(y.size), 0, 1)
-    for looks in (square, np.clip(y, -0.2, 0.2), gap, rough, rng.standard_normal(y.size), np.clip(rough, 0.1, 0.9)):
+    for looks in (
+        square,
+        np.clip(y, -0.2, 0.2),
+        gap,
+        rough,
+        rng.standard_normal(y.size),
+        np.clip(rough, 0.1, 0.9),
+    ):
         x = start + whole * (looks - looks.min()) / np.ptp(looks)
         x = np.round(x) if turn >= 256 else x
         with warnings.catch_warnings():
@@ -169,7 +192,10 @@ def test_what_truly_jumps_is_not_unwrapped(kind):
 def test_a_spike_is_said_with_its_place_and_size(n_periods, size):
     _, u, y, _ = played(0.1, n_periods, 4, settled=True)
     y[333] = size
-    place = rf"y has 1 outlier, the first of {size:g} at sample 333 \({333 / FS:.6g} s\): no other sample is further"
+    place = (
+        rf"y has 1 outlier, the first of {size:g} at sample 333 \({333 / FS:.6g} s\): no other"
+        r" sample is further"
+    )
     with pytest.warns(nlfrf.DataWarning, match=place):
         record = nlfrf.record_from_samples(u, y, fs=FS, n_samples=N)
     assert record.n_periods == max(1, n_periods - 1)
@@ -179,7 +205,9 @@ def test_a_spike_is_said_with_its_place_and_size(n_periods, size):
 def test_a_spike_of_the_input_is_said_too():
     _, u, y, _ = played(0.1, 4, 4, settled=True)
     u[333] = 20.0
-    with pytest.warns(nlfrf.DataWarning, match="u has a pulse of one sample .* outlier of 20 at sample 333"):
+    with pytest.warns(
+        nlfrf.DataWarning, match="u has a pulse of one sample .* outlier of 20 at sample 333"
+    ):
         nlfrf.record_from_samples(u, y, fs=FS, n_samples=N)
 
 
@@ -187,7 +215,8 @@ def test_marks_of_no_value_are_said():
     _, u, y, _ = played(0.1, 4, 4, settled=True)
     y[[334, 1500, 1501, 3000]] = 999
     with pytest.warns(
-        nlfrf.DataWarning, match=r"y has 4 outliers, all of 999, as a mark of no value, the first .* 334"
+        nlfrf.DataWarning,
+        match=r"y has 4 outliers, all of 999, as a mark of no value, the first .* 334",
     ):
         nlfrf.record_from_samples(u, y, fs=FS, n_samples=N)
 
@@ -219,7 +248,9 @@ def test_hits_of_a_hammer_are_no_periods():
 
 @pytest.mark.parametrize("n", [12, pytest.param(24, marks=pytest.mark.attack)])
 def test_random_records_are_screened_rightly(n):
-    """A small part of `benchmarks.bench_screening`, which counts the same for thousands of records."""
+    """A small part of `benchmarks.bench_screening`, which counts the same for thousands of
+    records.
+    """
     rows = bench_screening.main(["--records", str(n), "--seed", "3"])
     assert not rows["sound, from rest"]["refused"]
     assert set(rows["sound, from rest, resample=True"]) == {"as good"}
@@ -241,5 +272,7 @@ def test_a_position_that_hovers_at_its_end_is_unwrapped(turn):
 
 
 def test_periods_of_which_none_is_sound_have_no_pace():
-    with pytest.raises(ValueError, match="n_samples must be the period of the input, got 100: none of its periods"):
+    with pytest.raises(
+        ValueError, match="n_samples must be the period of the input, got 100: none of its periods"
+    ):
         _ = are_in_place(100, np.zeros(3, dtype=bool)).pace

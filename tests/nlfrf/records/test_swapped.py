@@ -1,4 +1,6 @@
-"""Input and output that are swapped: the multisine is found in the other channel, and the message says so."""
+"""Input and output that are swapped: the multisine is found in the other channel, and the message
+says so.
+"""
 
 import warnings
 
@@ -37,7 +39,9 @@ def test_a_measured_force_is_recognised_too():
 
 def test_a_period_that_is_wrong_for_both_is_refused_with_the_hint():
     force, position = run()
-    with pytest.raises(ValueError, match=r"the multisine is found in y.*n_samples must be the period of the input"):
+    with pytest.raises(
+        ValueError, match=r"the multisine is found in y.*n_samples must be the period of the input"
+    ):
         nlfrf.record_from_samples(position, noisy(force, 1), fs=FS, n_samples=PERIOD - 40)
 
 
@@ -51,8 +55,12 @@ def test_the_right_way_round_nothing_is_said(seed):
     u = np.tile(ms.u[0], 3)
     f = np.fft.rfftfreq(u.size, 1 / FS)
     undone = np.fft.irfft(np.fft.rfft(u) * (1 + (f / 5) ** 2), u.size)
-    undone += 1e-2 * undone.std() * np.sign(undone)  # the machine's own distortion, between the lines
+    undone += (
+        1e-2 * undone.std() * np.sign(undone)
+    )  # the machine's own distortion, between the lines
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         nlfrf.record_from_samples(noisy(force, seed), position, fs=FS, n_samples=PERIOD)
-        nlfrf.record_from_samples(u, undone + 1e-3 * rng.standard_normal(u.size), fs=FS, n_samples=1000)
+        nlfrf.record_from_samples(
+            u, undone + 1e-3 * rng.standard_normal(u.size), fs=FS, n_samples=1000
+        )

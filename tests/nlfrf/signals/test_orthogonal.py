@@ -1,4 +1,6 @@
-"""Multisines for several inputs: orthogonal to rounding, the rms that was asked for, and what they refuse."""
+"""Multisines for several inputs: orthogonal to rounding, the rms that was asked for, and what they
+refuse.
+"""
 
 import numpy as np
 import pytest
@@ -16,18 +18,24 @@ def sets(ms):
 def test_sets_are_orthogonal_on_every_line(n_inputs):
     rms = np.arange(1.0, n_inputs + 1)
     shape = np.linspace(1, 3, 50)
-    ms = nlfrf.multisine(**BAND, n_inputs=n_inputs, n_realizations=3, rms=rms, rng=1, amplitude=lambda f: 1 + f)
+    ms = nlfrf.multisine(
+        **BAND, n_inputs=n_inputs, n_realizations=3, rms=rms, rng=1, amplitude=lambda f: 1 + f
+    )
     U = sets(ms)
     gram = np.einsum("irek,jrek->rijk", U, U.conj())
     expected = n_inputs * np.einsum("ik,ij->ijk", ms.amplitude**2, np.eye(n_inputs))
     assert np.abs(gram - expected).max() < 1e-13 * expected.max()
-    np.testing.assert_allclose(np.sqrt(np.mean(ms.u**2, axis=2)), np.tile(rms[:, None], ms.n_experiments), rtol=1e-13)
+    np.testing.assert_allclose(
+        np.sqrt(np.mean(ms.u**2, axis=2)), np.tile(rms[:, None], ms.n_experiments), rtol=1e-13
+    )
     assert shape.size
     assert ms.crest_factor.shape == (n_inputs, 3 * n_inputs)
 
 
 def test_every_experiment_has_independent_phases_in_every_channel():
-    ms = nlfrf.multisine(fs=4096, n_samples=4096, f_min=1, f_max=1900, n_inputs=3, n_realizations=2, rng=2)
+    ms = nlfrf.multisine(
+        fs=4096, n_samples=4096, f_min=1, f_max=1900, n_inputs=3, n_realizations=2, rng=2
+    )
     phase = np.exp(1j * ms.phase.reshape(-1, ms.f.size))
     alike = np.abs(phase @ phase.conj().T) / ms.f.size - np.eye(len(phase))
     assert alike.max() < 5 / ms.f.size**0.5  # a mean of F unit vectors
@@ -66,12 +74,21 @@ def test_zippered_lines_are_shared_out_at_random_and_keep_the_rms():
         ({"rms": (1.0, -1.0)}, r"rms\[1\] must be positive"),
         ({"amplitude": np.ones((3, 50))}, r"amplitude must have one row per input \(2\), got 3"),
         ({"mixing": np.ones((2, 2))}, "mixing must have full rank"),
-        ({"mixing": np.eye(2), "design": "zippered"}, "mixing must be left out for a zippered design"),
+        (
+            {"mixing": np.eye(2), "design": "zippered"},
+            "mixing must be left out for a zippered design",
+        ),
         ({"mixing": np.eye(3)}, r"mixing must have shape \(2, 2\)"),
         ({"design": "serial"}, "design must be one of 'orthogonal', 'zippered'"),
         ({"n_inputs": 0}, "n_inputs must be a whole number of at least 1"),
-        ({"n_inputs": 1, "mixing": np.eye(1)}, "n_inputs must be at least 2 for a zippered design, a mixing or draws"),
-        ({"n_inputs": 1, "n_draws": 9}, "n_inputs must be at least 2 for a zippered design, a mixing or draws"),
+        (
+            {"n_inputs": 1, "mixing": np.eye(1)},
+            "n_inputs must be at least 2 for a zippered design, a mixing or draws",
+        ),
+        (
+            {"n_inputs": 1, "n_draws": 9},
+            "n_inputs must be at least 2 for a zippered design, a mixing or draws",
+        ),
     ],
 )
 def test_refusals(more, message):

@@ -1,4 +1,6 @@
-"""Sets of continuous plants under a sampled controller: counter-examples, exact limits, simulated operators."""
+"""Sets of continuous plants under a sampled controller: counter-examples, exact limits, simulated
+operators.
+"""
 
 import re
 from dataclasses import replace
@@ -35,12 +37,14 @@ def light_mode():
 
 
 def test_an_operator_between_the_samples_is_not_proved_against():
-    """Delta(t) = 1 in the first half of each sample, -1 in the second: of gain one, and the loop diverges."""
+    """Delta(t) = 1 in the first half of each sample, -1 in the second: of gain one, and the loop
+    diverges.
+    """
     G, w, K = light_mode()
     half = np.repeat([1.0, -1.0], 4)
-    assert np.abs(np.linalg.eigvals(period_map(G, w, "multiplicative", K, 0.1, half))).max() == pytest.approx(
-        1.0019, abs=1e-4
-    )
+    assert np.abs(
+        np.linalg.eigvals(period_map(G, w, "multiplicative", K, 0.1, half))
+    ).max() == pytest.approx(1.0019, abs=1e-4)
     report = check(the_set(G, w, perturbation="operator"), K)
     assert report.verdict == "not certified"
     assert report.margins.rs < 1
@@ -52,7 +56,9 @@ def test_an_operator_between_the_samples_is_not_proved_against():
 
 
 def test_a_plant_of_the_set_with_a_mode_above_nyquist_is_not_proved_stable():
-    """One FRF with a light mode at 125 Hz, sampled at 200 Hz: the plant itself lies in the set and is unstable."""
+    """One FRF with a light mode at 125 Hz, sampled at 200 Hz: the plant itself lies in the set and
+    is unstable.
+    """
     w0, w1 = 2 * np.pi * 30, 2 * np.pi * 125
     G = control.tf([w0**2], [1, 0.2 * w0, w0**2])
     true = G + control.tf([0.1 * w1**2], [1, 0.004 * w1, w1**2])
@@ -72,7 +78,9 @@ def test_a_plant_of_the_set_with_a_mode_above_nyquist_is_not_proved_stable():
 
 
 def test_the_exact_limit_is_reached_by_a_plant_of_the_set():
-    """A perturbation in phase at all aliases is unstable just above the limit; nothing is at 0.99 of it."""
+    """A perturbation in phase at all aliases is unstable just above the limit; nothing is at 0.99
+    of it.
+    """
     rng, seen = np.random.default_rng(3), 0
     while seen < 4:
         case = above_nyquist(rng, form=str(rng.choice(["multiplicative", "additive"])))
@@ -94,7 +102,9 @@ def test_the_exact_limit_is_reached_by_a_plant_of_the_set():
 
         share = np.abs(alias_terms(tf_response, G, w, form, T, delay, np.array([at]), 12)[0])
         assert share.shape == (1, 25)
-        if radius(report.margins.rs * 1.1) > 1 + 1e-9:  # the modes of so narrow an all-pass are hardly damped
+        if (
+            radius(report.margins.rs * 1.1) > 1 + 1e-9
+        ):  # the modes of so narrow an all-pass are hardly damped
             seen += 1
         assert radius(report.margins.rs * 0.99) < 1 + 1e-9
 
@@ -102,7 +112,9 @@ def test_the_exact_limit_is_reached_by_a_plant_of_the_set():
 @pytest.mark.attack(every=2)
 @pytest.mark.parametrize("form", ["multiplicative", "additive"])
 def test_operators_of_a_proved_set_never_destabilise(form):
-    """Gains of +-1 that change within a sample: the largest spectral radius over all of them, where they are proved."""
+    """Gains of +-1 that change within a sample: the largest spectral radius over all of them, where
+    they are proved.
+    """
     rng, proved, broken = np.random.default_rng(11), 0, 0
     while proved < 6:
         case = sampled_operators(rng, form=form, delayed=False)
@@ -113,7 +125,9 @@ def test_operators_of_a_proved_set_never_destabilise(form):
         T, factor = float(K.dt), report.margins.rs
 
         def at(size, G=G, w=w, K=K, T=T):
-            return worst_period_map(G, control.StateSpace(w.A, w.B, w.C * size, w.D * size, 0), form, K, T, 6)
+            return worst_period_map(
+                G, control.StateSpace(w.A, w.B, w.C * size, w.D * size, 0), form, K, T, 6
+            )
 
         proved += 1
         assert at(0.99 * factor) < 1
@@ -140,7 +154,9 @@ def test_what_reaches_the_sampler_unfiltered_is_not_certified():
 
 
 def test_an_inverse_weight_of_one_above_nyquist():
-    lag, w = control.tf([1], [1, 1]), control.tf([0.2, 0.02], [0.01, 1])  # 20 at high frequencies, 0.6 at Nyquist
+    # 20 at high frequencies, 0.6 at Nyquist
+    lag = control.tf([1], [1, 1])
+    w = control.tf([0.2, 0.02], [0.01, 1])
     report = check(the_set(lag, w, "inverse-multiplicative"), gain(0.5, 1.0))
     assert report.verdict == "not certified"
     assert "From one on, the set contains plants of any gain there" in report.reason
@@ -151,7 +167,10 @@ def test_a_set_of_sampled_plants_speaks_of_the_samples():
     G, _, K = light_mode()
     for kind in ("LTI", "operator", "statistical"):
         report = check(
-            UncertaintyModel(sampled(G, 0.1), gain(0.3, 0.1), "multiplicative", LINES, RADIUS, perturbation=kind), K
+            UncertaintyModel(
+                sampled(G, 0.1), gain(0.3, 0.1), "multiplicative", LINES, RADIUS, perturbation=kind
+            ),
+            K,
         )
         assert report.verdict in ("robust", "statistically robust")
         assert "for the samples only" in report.proved
@@ -163,18 +182,26 @@ def test_a_loop_of_several_uncertainties_that_is_sampled_speaks_of_the_samples()
     from robust.analysis import check_structure
     from robust.models import Block, interconnection
 
-    plant = control.ss([[0.5]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], 0.1, inputs=["u", "d"], outputs=["y"])
+    plant = control.ss(
+        [[0.5]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], 0.1, inputs=["u", "d"], outputs=["y"]
+    )
     K = control.ss([], [], [], [[-0.2]], 0.1, inputs=["y"], outputs=["u"])
-    report = check_structure(interconnection([plant, K], {"gain": Block("y", "d", 0.1, perturbation="operator")}))
+    report = check_structure(
+        interconnection([plant, K], {"gain": Block("y", "d", 0.1, perturbation="operator")})
+    )
     assert report.verdict == "robust"
     assert "between the samples" in report.reason
     assert "for the samples only" in report.proved
 
 
 def test_no_confidence_is_spoken_of_where_none_is_known():
-    """A radius of one's own without a class: neither a confidence of nan nor one that nobody gave."""
+    """A radius of one's own without a class: neither a confidence of nan nor one that nobody
+    gave.
+    """
     omega = np.geomspace(0.1, 10, 20)
-    model = UncertaintyModel.from_radius(control.tf([1], [1, 1]), omega, np.full(20, 0.1), order=0, above="flat")
+    model = UncertaintyModel.from_radius(
+        control.tf([1], [1, 1]), omega, np.full(20, 0.1), order=0, above="flat"
+    )
     text = str(check(model, 0.5))
     assert "STATISTICALLY ROBUST" in text
     assert "at its confidence" not in text
@@ -199,7 +226,9 @@ def test_performance_counts_every_alias():
 
 @pytest.mark.attack(every=3)
 @pytest.mark.parametrize("kind", ["LTI", "operator"])
-@pytest.mark.parametrize("form", ["multiplicative", "additive", "inverse-multiplicative", "inverse-additive"])
+@pytest.mark.parametrize(
+    "form", ["multiplicative", "additive", "inverse-multiplicative", "inverse-additive"]
+)
 def test_a_certificate_holds_for_its_numbers_only(form, kind):
     """Proved in exact arithmetic; with a weight beyond the limit the same claim is not."""
     G, _, K = light_mode()
@@ -220,7 +249,8 @@ def test_a_certificate_holds_for_its_numbers_only(form, kind):
 def test_the_sums_over_all_aliases():
     """Against 30 000 aliases taken one by one; a plant that does not roll off has no bound."""
     G, T, K = control.tf([3], [1, 1]), 0.05, gain(2.0, 0.05)
-    loop, omega = assemble_loop(the_set(G, gain(0.2)), K, w_P=None, delay=0.0), np.array([0.5, 5.0, 40.0])
+    loop = assemble_loop(the_set(G, gain(0.2)), K, w_P=None, delay=0.0)
+    omega = np.array([0.5, 5.0, 40.0])
     k = np.arange(1, 30_001)[:, None]
     alias = np.concatenate([2 * np.pi * k / T - omega, 2 * np.pi * k / T + omega])
     hold, size = 2 * np.sin(omega * T / 2) / (alias * T), 3 / np.sqrt(1 + alias**2)
@@ -242,8 +272,12 @@ def test_the_sums_over_all_aliases():
 
 
 def test_an_operator_set_is_called_unstable_only_where_a_linear_member_is():
-    """Near Nyquist the hold keeps 2/pi of a frequency: the condition of operators fails, no linear plant breaks it."""
-    G, K = control.tf([1], [1, 1]), control.ss([[-0.8]], [[1.0]], [[0.12]], [[0.0]], 1.0)  # K peaks at Nyquist
+    """Near Nyquist the hold keeps 2/pi of a frequency: the condition of operators fails, no linear
+    plant breaks it.
+    """
+    # K peaks at Nyquist
+    G = control.tf([1], [1, 1])
+    K = control.ss([[-0.8]], [[1.0]], [[0.12]], [[0.0]], 1.0)
     unit = check(the_set(G, gain(1.0), perturbation="operator"), K)
     assert unit.margins.omega_rs == pytest.approx(np.pi, rel=1e-3)
     between = the_set(G, gain(1.7 * unit.margins.rs), perturbation="operator")
@@ -259,5 +293,7 @@ def test_an_inverse_weight_that_stays_near_one_far_above_nyquist_is_bounded_as_c
     """|w| = 0.96 at every alias: bounds that are 5 % above it would leave nothing below one."""
     w = control.tf([0.96, 0.96], [1, 3])
     at = np.array([1.0, 2.0])
-    model = UncertaintyModel(control.tf([1], [1, 1]), w, "inverse-multiplicative", at, 0.1 * at, perturbation="LTI")
+    model = UncertaintyModel(
+        control.tf([1], [1, 1]), w, "inverse-multiplicative", at, 0.1 * at, perturbation="LTI"
+    )
     assert check(model, control.ss([], [], [], [[0.02]], 0.1)).verdict == "robust"

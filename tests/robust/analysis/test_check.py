@@ -1,4 +1,6 @@
-"""The check: closed forms against brute force, published numbers, every kind of verdict, every refusal."""
+"""The check: closed forms against brute force, published numbers, every kind of verdict, every
+refusal.
+"""
 
 import re
 
@@ -21,7 +23,9 @@ LAG = control.tf([1], [1, 1])
 
 def simple(weight=0.3, form="multiplicative", nominal=LAG, perturbation="LTI", **more):
     radius = 0.999 * np.abs(
-        response(control.ss(weight) if not np.isscalar(weight) else control.ss(0, 0, 0, weight), LINES)
+        response(
+            control.ss(weight) if not np.isscalar(weight) else control.ss(0, 0, 0, weight), LINES
+        )
     )
     return UncertaintyModel(nominal, weight, form, LINES, radius, perturbation=perturbation, **more)
 
@@ -38,14 +42,19 @@ def perturbed(form, G, w, Delta):
 
 @pytest.mark.parametrize("form", FORMS)
 def test_worst_case_is_exact_over_the_disc(form):
-    """max |S_p| in closed form against 400 x 40 perturbations of the disc, and the one that reaches it."""
+    """max |S_p| in closed form against 400 x 40 perturbations of the disc, and the one that reaches
+    it.
+    """
     rng = np.random.default_rng(4)
     n = 300
     G, K, w = (rng.normal(size=n) + 1j * rng.normal(size=n) for _ in range(3))
     w *= rng.uniform(0.05, 0.9, n) / np.abs(perturbed_sensitivity_terms(form, w, G=G, K=K)[2])
     S, a, b = perturbed_sensitivity_terms(form, w, G=G, K=K)
     worst = worst_sensitivity(S, a, b)
-    disc = (np.linspace(0.025, 1, 40)[:, None] * np.exp(1j * np.linspace(0, 2 * np.pi, 400, endpoint=False))).ravel()
+    disc = (
+        np.linspace(0.025, 1, 40)[:, None]
+        * np.exp(1j * np.linspace(0, 2 * np.pi, 400, endpoint=False))
+    ).ravel()
     brute = np.max(np.abs(1 / (1 + K * perturbed(form, G, w, disc[:, None]))), axis=0)
     assert np.all(brute <= worst * (1 + 1e-12))
     assert np.all(brute >= worst * (1 - 2e-2))
@@ -74,13 +83,26 @@ def test_curves_of_the_report(form):
     s = 1j * report.curves.omega
     g, k, size = 2 / (s + 1), 3 / (s + 2), (0.1 * s + 0.05) / (0.2 * s + 1)
     S = 1 / (1 + g * k)
-    rs = {"multiplicative": g * k, "additive": k, "inverse-multiplicative": 1, "inverse-additive": g}[form] * size * S
+    rs = (
+        {
+            "multiplicative": g * k,
+            "additive": k,
+            "inverse-multiplicative": 1,
+            "inverse-additive": g,
+        }[form]
+        * size
+        * S
+    )
     assert pytest.approx(S, rel=1e-9) == report.curves.S
     assert pytest.approx(1 - S, rel=1e-9) == report.curves.T
     assert report.curves.rs == pytest.approx(np.abs(rs), rel=1e-9)
-    assert report.curves.np_ == pytest.approx(np.abs(response(w_P, report.curves.omega) * S), rel=1e-9)
+    assert report.curves.np_ == pytest.approx(
+        np.abs(response(w_P, report.curves.omega) * S), rel=1e-9
+    )
     if form == "multiplicative":  # SP eq. 7.61: |w_P S|/(1 - |w T|)
-        assert report.curves.rp == pytest.approx(report.curves.np_ / (1 - report.curves.rs), rel=1e-9)
+        assert report.curves.rp == pytest.approx(
+            report.curves.np_ / (1 - report.curves.rs), rel=1e-9
+        )
     assert report.margins.rs == pytest.approx(1 / report.curves.rs.max(), rel=1e-4)
     assert report.margins.rs <= 1 / report.curves.rs.max() * (1 + 1e-12)
     assert report.verdict == "robust"
@@ -96,15 +118,24 @@ def test_disk_margin_of_the_published_example():
 
 
 def test_sp_distillation_column_in_one_loop():
-    """SP 8.11.3 has T = 0.7/(s + 0.7) in each channel: NP 0.5 and RS 0.526 are those of one of them."""
+    """SP 8.11.3 has T = 0.7/(s + 0.7) in each channel:
+
+    NP 0.5 and RS 0.526 are those of one of them.
+    """
     w_I, w_P = control.tf([1, 0.2], [0.5, 1]), control.tf([0.5, 0.05], [1, 1e-7])
-    report = check(simple(w_I, nominal=control.tf([1], [75, 1])), 0.7 * control.tf([75, 1], [1, 0]), w_P=w_P)
+    report = check(
+        simple(w_I, nominal=control.tf([1], [75, 1])), 0.7 * control.tf([75, 1], [1, 0]), w_P=w_P
+    )
     assert report.curves.np_.max() == pytest.approx(0.5, abs=1e-3)
     assert report.curves.rs.max() == pytest.approx(0.526, abs=1e-3)
 
 
 def test_verdict_follows_the_class():
-    for perturbation, verdict in (("LTI", "robust"), ("operator", "robust"), ("statistical", "statistically robust")):
+    for perturbation, verdict in (
+        ("LTI", "robust"),
+        ("operator", "robust"),
+        ("statistical", "statistically robust"),
+    ):
         report = check(simple(perturbation=perturbation), 2.0)
         assert report.verdict == verdict
         assert report.proofs.robustly_stable
@@ -118,7 +149,12 @@ def test_an_unstable_loop_has_no_margins():
     assert not report.nominally_stable
     assert not report.proofs.robustly_stable
     assert not report.proofs.robust_performance
-    for number in (report.margins.rs, report.margins.rp, report.margins.disk, report.margins.omega_rs):
+    for number in (
+        report.margins.rs,
+        report.margins.rp,
+        report.margins.disk,
+        report.margins.omega_rs,
+    ):
         assert np.isnan(number)
     assert np.isnan(report.curves.rs).all()
     assert np.isnan(report.curves.rp).all()
@@ -208,7 +244,14 @@ def test_the_report_fits_a_screen():
     f = np.arange(1, 60, 2) * 0.05
     bla = make_bla(lambda s: 1 / (s + 1), f, f0=0.05, sigma_distortion=0.02, hold="band-limited")
     model = uncertainty(bla, fit_nominal(bla, n_poles=1, n_zeros=0), order=2)
-    text = str(check(model, control.ss([], [], [], [[1.0]], 0.1), w_P=performance_weight(0.1, A=0.9), delay=0.02))
+    text = str(
+        check(
+            model,
+            control.ss([], [], [], [[1.0]], 0.1),
+            w_P=performance_weight(0.1, A=0.9),
+            delay=0.02,
+        )
+    )
     assert len(text.splitlines()) <= 40
     assert max(map(len, text.splitlines())) <= 100
     for word in ("STATISTICALLY ROBUST", "proved:", "not proved:", "95 %", "disk margin"):
@@ -219,14 +262,20 @@ def test_what_to_do_next_stands_where_there_is_something_to_mend():
     f = np.arange(1, 60, 2) * 0.05
     bla = make_bla(lambda s: 1 / (s + 1), f, f0=0.05, sigma_distortion=0.02, hold="band-limited")
     model = uncertainty(bla, fit_nominal(bla, n_poles=1, n_zeros=0), order=2)
-    for gain, w_P, good in ((1.0, None, True), (1.0, performance_weight(5.0, A=1e-3), False), (300.0, None, False)):
+    for gain, w_P, good in (
+        (1.0, None, True),
+        (1.0, performance_weight(5.0, A=1e-3), False),
+        (300.0, None, False),
+    ):
         report = check(model, control.ss([], [], [], [[gain]], 0.1), w_P=w_P)
         assert report.advice
         assert (report.next_step == "", "next:" in str(report)) == (good, not good), report
 
 
 class TestMeasuredLinesOnly:
-    """A plant that is an FRF: the winding number, and never more than "on the measured lines only"."""
+    """A plant that is an FRF: the winding number, and never more than "on the measured lines
+    only".
+    """
 
     OMEGA = np.geomspace(0.01, 100, 400)
 
@@ -240,11 +289,18 @@ class TestMeasuredLinesOnly:
         assert report.verdict == "not certified"
         assert "on the measured lines only" in report.reason
         assert np.isnan(report.margins.rs)
-        model = UncertaintyModel(self.frf(LAG), 0.3, "multiplicative", LINES, np.full(3, 0.3), perturbation="LTI")
+        model = UncertaintyModel(
+            self.frf(LAG), 0.3, "multiplicative", LINES, np.full(3, 0.3), perturbation="LTI"
+        )
         # the lines of the radius must be lines of the FRF
         omega = self.OMEGA[::7]
         model = UncertaintyModel(
-            self.frf(LAG), 0.3, "multiplicative", omega, np.full(omega.size, 0.3), perturbation="LTI"
+            self.frf(LAG),
+            0.3,
+            "multiplicative",
+            omega,
+            np.full(omega.size, 0.3),
+            perturbation="LTI",
         )
         report = check(model, 2.0)
         assert report.verdict == "not certified"
@@ -266,7 +322,9 @@ class TestMeasuredLinesOnly:
         ],
     )
     def test_winding_number_agrees_with_the_poles(self, system, K, n_unstable, stable):
-        loop = control.feedback(control.ss(system) * (control.ss(K) if not np.isscalar(K) else K), 1)
+        loop = control.feedback(
+            control.ss(system) * (control.ss(K) if not np.isscalar(K) else K), 1
+        )
         assert np.all(loop.poles().real < 0) == stable
         report = check(self.frf(system), K, n_unstable=n_unstable)
         assert report.nominally_stable == stable
@@ -281,8 +339,13 @@ class TestMeasuredLinesOnly:
     @pytest.mark.parametrize(
         ("system", "K", "omega"),
         [
-            # a linear grid whose first lines leap over a mode: the drop looks like integrators, of which there is none
-            (control.tf([0.002], np.polymul([1, 0.07, 0.04], [1, 0.4, 0.3])), 0.05, np.linspace(0.066, 377, 200)),
+            # a linear grid whose first lines leap over a mode: the drop looks like integrators, of
+            # which there is none
+            (
+                control.tf([0.002], np.polymul([1, 0.07, 0.04], [1, 0.4, 0.3])),
+                0.05,
+                np.linspace(0.066, 377, 200),
+            ),
             # the unstable pole of the controller lies above the last line
             (LAG, control.tf([0.5], [1, -300]), np.geomspace(0.01, 100, 400)),
         ],
@@ -296,7 +359,9 @@ class TestMeasuredLinesOnly:
 
     @pytest.mark.parametrize("K", [0.1, 0.2])
     def test_an_integrator_under_a_light_mode(self, K):
-        """The slope of the first lines looks like none, the phase does not: stable up to K = 0.25."""
+        """The slope of the first lines looks like none, the phase does not: stable up to K =
+        0.25.
+        """
         report = check(self.frf(control.tf([1], [1, 0.25, 1, 0]), np.linspace(0.33, 250, 1000)), K)
         assert report.nominally_stable
 
@@ -315,7 +380,9 @@ class TestMeasuredLinesOnly:
         assert check(self.frf(control.tf([1], [1, 2, 1]), omega), 0.2).nominally_stable
 
     def test_a_line_at_zero_frequency_is_refused(self):
-        with pytest.raises(ValueError, match="model must have an FRF on positive frequencies, got a line at 0"):
+        with pytest.raises(
+            ValueError, match="model must have an FRF on positive frequencies, got a line at 0"
+        ):
             check(self.frf(LAG, np.linspace(0, 10, 50)), 1.0)
 
     def test_a_bla_brings_its_own_radius(self):
@@ -348,14 +415,25 @@ class TestMeasuredLinesOnly:
         (lambda: check(simple(), 1.0, solver="MOSEK"), "solver must be one of"),
         (lambda: check(simple(), 1.0, w_P=control.tf([1], [1, 0])), "w_P must be stable"),
         (lambda: check(simple(), 1.0, w_P=control.tf([1, 1, 1], [1, 2])), "w_P must be proper"),
-        (lambda: check(simple(), control.tf([1.0], [1, 0.5], True)), "K must state its sampling time"),
-        (lambda: check(simple(nominal=control.tf([1, 2], [1, 1])), -1.0), "K must leave the loop well posed"),
         (
-            lambda: check(simple(0.1, nominal=control.tf([0.1], [1, -0.9], 0.1)), control.tf([1.0], [1, 0.5], 0.2)),
+            lambda: check(simple(), control.tf([1.0], [1, 0.5], True)),
+            "K must state its sampling time",
+        ),
+        (
+            lambda: check(simple(nominal=control.tf([1, 2], [1, 1])), -1.0),
+            "K must leave the loop well posed",
+        ),
+        (
+            lambda: check(
+                simple(0.1, nominal=control.tf([0.1], [1, -0.9], 0.1)),
+                control.tf([1.0], [1, 0.5], 0.2),
+            ),
             "K must have the sampling time of the nominal model, 0.1 s, got 0.2 s",
         ),
         (
-            lambda: check(simple(0.1, nominal=control.tf([0.1], [1, -0.9], 0.1)), control.tf([1.0], [1, 0.5])),
+            lambda: check(
+                simple(0.1, nominal=control.tf([0.1], [1, -0.9], 0.1)), control.tf([1.0], [1, 0.5])
+            ),
             "got a continuous controller",
         ),
         (
@@ -363,7 +441,9 @@ class TestMeasuredLinesOnly:
             "delay must be a whole number of samples",
         ),
         (
-            lambda: check(simple(), control.tf([0.1], [1, -0.9], 0.1), w_P=control.tf([0.1], [1, -0.9], 0.2)),
+            lambda: check(
+                simple(), control.tf([0.1], [1, -0.9], 0.1), w_P=control.tf([0.1], [1, -0.9], 0.2)
+            ),
             "w_P must be continuous or have the sampling time of the loop",
         ),
     ],
@@ -374,14 +454,25 @@ def test_refusals(call, message):
 
 
 def test_the_worst_performance_stands_with_its_own_frequency():
-    """The largest |w_P S_p|, 1.119 at 2.717 Hz, stood with where the uncertainty may grow least, at 3.561 Hz."""
+    """The largest |w_P S_p|, 1.119 at 2.717 Hz, stood with where the uncertainty may grow least, at
+    3.561 Hz.
+    """
     w, omega = control.tf([0.8, 0.48], [1, 10]), np.geomspace(0.01, 1000, 60)
-    model = UncertaintyModel(LAG, w, "multiplicative", omega, 0.9 * np.abs(w(1j * omega)), perturbation="LTI")
+    model = UncertaintyModel(
+        LAG, w, "multiplicative", omega, 0.9 * np.abs(w(1j * omega)), perturbation="LTI"
+    )
     w_P = control.tf([0.9, 0.72], [1, 0.1])
     report = check(model, 8, w_P=w_P)
-    value, frequency = map(float, re.search(r"performance: (\S+) at (\S+) Hz: demand", unwrapped(str(report))).groups())
+    value, frequency = map(
+        float, re.search(r"performance: (\S+) at (\S+) Hz: demand", unwrapped(str(report))).groups()
+    )
     s = 2j * np.pi * frequency
     S, a, b = perturbed_sensitivity_terms("multiplicative", w(s), G=LAG(s), K=8.0)
     assert np.abs(w_P(s)) * worst_sensitivity(S, a, b) == pytest.approx(value, rel=1e-3)
     assert value == pytest.approx(report.curves.rp.max(), rel=1e-3)
-    assert unwrapped(str(report)).count(f"demand not met for the whole set, missed by a factor {value:.3g}") == 1
+    assert (
+        unwrapped(str(report)).count(
+            f"demand not met for the whole set, missed by a factor {value:.3g}"
+        )
+        == 1
+    )

@@ -1,8 +1,9 @@
-"""A loop that the distortion disc calls stable and that limit-cycles: the check must never call it "robust".
+"""A loop that the distortion disc calls stable and that limit-cycles: the check must never call it
+"robust".
 
-v = sat(u, +-0.6745), y = H v, H = z^-5 0.8/(1 - 0.2 z^-1), u = r - 1.06 y. A disc of two standard deviations of one
-realisation passes the small-gain test; the loop leaves its equilibrium for a limit cycle. The gain of the operator,
-sup |sat(u) - g u|/|g u| = 1, does not pass.
+v = sat(u, +-0.6745), y = H v, H = z^-5 0.8/(1 - 0.2 z^-1), u = r - 1.06 y. A disc of two standard
+deviations of one realisation passes the small-gain test; the loop leaves its equilibrium for a
+limit cycle. The gain of the operator, sup |sat(u) - g u|/|g u| = 1, does not pass.
 """
 
 import control
@@ -41,7 +42,15 @@ def closed_loop(noise):
 
 
 def measured(kind, n_realizations, seed):
-    ms = multisine(kind, fs=1.0, n_samples=4096, f_min=1 / 4096, f_max=0.45, n_realizations=n_realizations, rng=seed)
+    ms = multisine(
+        kind,
+        fs=1.0,
+        n_samples=4096,
+        f_min=1 / 4096,
+        f_max=0.45,
+        n_realizations=n_realizations,
+        rng=seed,
+    )
     rows = ms.u
     streams = [np.tile(u, 3) for u in rows]
     record = record_from_samples(
@@ -60,7 +69,9 @@ def model_of(radius, perturbation):
     nominal = control.StateSpace(H.A, H.B, H.C * GAIN, H.D, 1.0)
     weight = control.StateSpace([], [], [], [[radius]], 1.0)
     omega = np.linspace(0.01, 3.0, 50)
-    return UncertaintyModel(nominal, weight, "multiplicative", omega, np.full(50, radius), 0.95, perturbation)
+    return UncertaintyModel(
+        nominal, weight, "multiplicative", omega, np.full(50, radius), 0.95, perturbation
+    )
 
 
 def test_the_loop_limit_cycles():
@@ -82,22 +93,31 @@ def test_numbers_of_the_disc_and_of_the_operator():
 
 def test_operator_gain_is_one():
     u = np.linspace(1e-3, 1000, 100_000)
-    assert np.max(np.abs(np.clip(u, -LIMIT, LIMIT) - GAIN * u) / (GAIN * u)) == pytest.approx(1.0, abs=0.01)
+    assert np.max(np.abs(np.clip(u, -LIMIT, LIMIT) - GAIN * u) / (GAIN * u)) == pytest.approx(
+        1.0, abs=0.01
+    )
 
 
 def test_spread_of_one_realisation_and_of_the_mean():
-    """On all lines one realisation scatters by 0.44 of the gain, the mean of eight by a third of that."""
+    """On all lines one realisation scatters by 0.44 of the gain, the mean of eight by a third of
+    that.
+    """
     bla = measured("odd", 8, seed=1)
     relative = np.sqrt(np.median(bla.var_distortion / np.abs(bla.G) ** 2))
     assert relative == pytest.approx(0.442, abs=0.04)
-    assert np.sqrt(np.median(bla.var_total / np.abs(bla.G) ** 2)) == pytest.approx(0.442 / np.sqrt(8), abs=0.02)
+    assert np.sqrt(np.median(bla.var_total / np.abs(bla.G) ** 2)) == pytest.approx(
+        0.442 / np.sqrt(8), abs=0.02
+    )
     fit = fit_nominal(bla, n_poles=1, n_zeros=0, dt=1.0, delay=4.0)
     model = uncertainty(bla, fit, order=2)
-    # sqrt(F_0.95(2, 14)) = 1.93 times the spread of one; from the spread of the mean it would be 0.3
+    # sqrt(F_0.95(2, 14)) = 1.93 times the spread of one; from the spread of the mean it would be
+    # 0.3
     assert np.median(model.radius) > 1.73 * 0.44
 
 
-@pytest.mark.parametrize(("kind", "n_realizations"), [("special-odd", 1), ("random-odd", 1), ("special-odd", 4)])
+@pytest.mark.parametrize(
+    ("kind", "n_realizations"), [("special-odd", 1), ("random-odd", 1), ("special-odd", 4)]
+)
 def test_from_record_to_verdict_it_is_never_called_robust(kind, n_realizations):
     bla = measured(kind, n_realizations, seed=3)
     gains = np.abs(bla.G) / np.abs(response(H, bla.omega))

@@ -10,7 +10,8 @@ from robust.margins import disk_margin, disk_margins
 from tests.support.printed import unwrapped
 
 L = control.tf([25], [1, 10, 10, 10])
-#: Two channels of a spinning body under a static controller (the example of python-control's documentation).
+# : Two channels of a spinning body under a static controller (the example of python-control's
+# documentation).
 SPINNING = control.ss([[0, 10], [-10, 0]], np.eye(2), [[1, 10], [-10, 1]], 0) * control.ss(
     [], [], [], [[1, -2], [0, 1]]
 )
@@ -36,15 +37,21 @@ def test_python_control_on_a_single_loop(skew):
     assert 20 * np.log10(smaller) == pytest.approx(gain, rel=1e-5)
 
 
-@pytest.mark.parametrize(("skew", "alpha"), [(0.0, 0.3769872636944), (1.0, 0.3697398698410), (-1.0, 0.3683035923740)])
+@pytest.mark.parametrize(
+    ("skew", "alpha"), [(0.0, 0.3769872636944), (1.0, 0.3697398698410), (-1.0, 0.3683035923740)]
+)
 def test_two_channels_as_slicot_has_them(skew, alpha):
-    """AB13MD through python-control 0.10.2, least over 0.1 to 1000 rad/s; towards zero frequency it falls a little."""
+    """AB13MD through python-control 0.10.2, least over 0.1 to 1000 rad/s; towards zero frequency it
+    falls a little.
+    """
     margin = disk_margin(SPINNING, skew=skew)
     assert alpha * 0.995 < margin.alpha <= alpha
 
 
 def test_on_the_rim_a_pole_stands_on_the_axis():
-    """Perturbations of the size of the margin in both channels: none destabilises, one just about does."""
+    """Perturbations of the size of the margin in both channels: none destabilises, one just about
+    does.
+    """
     margin = disk_margin(SPINNING)
     rng = np.random.default_rng(0)
 
@@ -91,7 +98,9 @@ def test_no_margin_for_an_unstable_loop():
 
 
 def test_refusals():
-    with pytest.raises(ValueError, match="L must have as many inputs as outputs, got 1 inputs and 2 outputs"):
+    with pytest.raises(
+        ValueError, match="L must have as many inputs as outputs, got 1 inputs and 2 outputs"
+    ):
         disk_margin(control.ss([[-1.0]], [[1.0]], [[1.0], [2.0]], 0))
     with pytest.raises(ValueError, match="well posed"):
         disk_margin(control.ss([], [], [], [[-1.0]]))
@@ -114,7 +123,10 @@ SATELLITE = control.ss([[0, 10], [-10, 0]], np.eye(2), [[1, 10], [-10, 1]], np.z
 
 
 def test_a_satellite_bears_anything_in_one_loop_and_little_in_both():
-    """Alone each loop is 1/s: alpha = 2, all gains, 90 degrees. Both at once 1/sqrt(100.5), a tenth."""
+    """Alone each loop is 1/s: alpha = 2, all gains, 90 degrees.
+
+    Both at once 1/sqrt(100.5), a tenth.
+    """
     margins = disk_margins(SATELLITE, np.eye(2))
     for alone in (*margins.inputs, *margins.outputs):
         assert alone.alpha == pytest.approx(2.0, rel=1e-6)
@@ -122,15 +134,23 @@ def test_a_satellite_bears_anything_in_one_loop_and_little_in_both():
     for both in (margins.all_inputs, margins.all_outputs):
         assert both.alpha == pytest.approx(1 / np.sqrt(100.5), rel=1e-5)
     assert margins.everywhere.alpha < margins.all_inputs.alpha
-    assert str(margins).splitlines()[4].startswith("all inputs   disk margin 0.09975: gain -0.87 to +0.87 dB")
+    assert (
+        str(margins)
+        .splitlines()[4]
+        .startswith("all inputs   disk margin 0.09975: gain -0.87 to +0.87 dB")
+    )
 
 
 def test_one_loop_at_a_time_by_closing_the_others_by_hand():
-    """The channel's own loop transfer with all others closed, entry by entry, at inputs and at outputs."""
+    """The channel's own loop transfer with all others closed, entry by entry, at inputs and at
+    outputs.
+    """
     rng = np.random.default_rng(0)
     A = rng.standard_normal((4, 4)) - 3 * np.eye(4)
     G = control.ss(A, rng.standard_normal((4, 2)), rng.standard_normal((3, 4)), np.zeros((3, 2)))
-    K = control.ss(-np.eye(2), rng.standard_normal((2, 3)), 0.5 * rng.standard_normal((2, 2)), np.zeros((2, 3)))
+    K = control.ss(
+        -np.eye(2), rng.standard_normal((2, 3)), 0.5 * rng.standard_normal((2, 2)), np.zeros((2, 3))
+    )
     margins = disk_margins(G, K)
     for side, L in ((margins.inputs, K * G), (margins.outputs, G * K)):
         assert len(side) == L.ninputs
@@ -142,7 +162,9 @@ def test_one_loop_at_a_time_by_closing_the_others_by_hand():
     assert margins.all_inputs.alpha == pytest.approx(disk_margin(K * G).alpha, rel=2e-3)
     assert margins.all_outputs.alpha == pytest.approx(disk_margin(G * K).alpha, rel=2e-3)
     least = min(m.alpha for m in (*margins.inputs, *margins.outputs))
-    assert margins.everywhere.alpha <= min(margins.all_inputs.alpha, margins.all_outputs.alpha) * (1 + 1e-6)
+    assert margins.everywhere.alpha <= min(margins.all_inputs.alpha, margins.all_outputs.alpha) * (
+        1 + 1e-6
+    )
     assert max(margins.all_inputs.alpha, margins.all_outputs.alpha) <= max(
         *(m.alpha for m in (*margins.inputs, *margins.outputs)), least
     )
@@ -157,7 +179,9 @@ def test_gains_and_phases_at_inputs_and_outputs_at_once():
 
     def growth(size, phases):
         factor = (1 + size / 2 * np.exp(1j * phases)) / (1 - size / 2 * np.exp(1j * phases))
-        return np.linalg.eigvals(G.A - G.B @ np.diag(factor[:2]) @ K @ np.diag(factor[2:]) @ G.C).real.max()
+        return np.linalg.eigvals(
+            G.A - G.B @ np.diag(factor[:2]) @ K @ np.diag(factor[2:]) @ G.C
+        ).real.max()
 
     phases = rng.uniform(-np.pi, np.pi, (6000, 4))
     assert max(growth(0.999 * size, p) for p in phases) < 0
@@ -166,20 +190,30 @@ def test_gains_and_phases_at_inputs_and_outputs_at_once():
 
 @pytest.mark.parametrize("unit", [1e-9, 1e-6, 1e6])
 def test_margins_know_no_units(unit):
-    """Positions in metres and forces in newtons: gains of 1e9 N/m beside 1e-9 m/N are no loop without a solution."""
-    G = control.ss(np.diag([-60.0, -90.0]), np.diag([60.0, 90.0]), [[1.0, 0.2], [-0.1, 1.0]], np.zeros((2, 2)))
+    """Positions in metres and forces in newtons: gains of 1e9 N/m beside 1e-9 m/N are no loop
+    without a solution.
+    """
+    G = control.ss(
+        np.diag([-60.0, -90.0]), np.diag([60.0, 90.0]), [[1.0, 0.2], [-0.1, 1.0]], np.zeros((2, 2))
+    )
     K = control.ss(-np.eye(2), np.eye(2), np.diag([30.0, 40.0]), np.diag([1.0, 1.5]))
     G_m, K_m = control.ss(G.A, G.B, unit * G.C, G.D), control.ss(K.A, K.B, K.C / unit, K.D / unit)
     wanted, found = disk_margins(G, K), disk_margins(G_m, K_m)
     for name in ("all_inputs", "all_outputs", "everywhere"):
         assert getattr(found, name).alpha == pytest.approx(getattr(wanted, name).alpha, rel=1e-9)
-    for one, other in zip((*found.inputs, *found.outputs), (*wanted.inputs, *wanted.outputs), strict=True):
+    for one, other in zip(
+        (*found.inputs, *found.outputs), (*wanted.inputs, *wanted.outputs), strict=True
+    ):
         assert one.alpha == pytest.approx(other.alpha, rel=1e-9)
     omega = np.geomspace(0.1, 1e5, 400)
     lines = [control.FrequencyResponseData(plant(1j * omega), omega) for plant in (G, G_m)]
-    of_lines = [disk_margins(one, k).everywhere.alpha for one, k in zip(lines, (K, K_m), strict=True)]
+    of_lines = [
+        disk_margins(one, k).everywhere.alpha for one, k in zip(lines, (K, K_m), strict=True)
+    ]
     assert of_lines[1] == pytest.approx(of_lines[0], rel=1e-9)
-    one_way = control.ss([], [], [], [[1.0, 1.0 / unit], [0.0, 1.0]])  # triangular: what couples counts for nothing
+    one_way = control.ss(
+        [], [], [], [[1.0, 1.0 / unit], [0.0, 1.0]]
+    )  # triangular: what couples counts for nothing
     assert disk_margin(one_way, skew=-1).alpha == pytest.approx(2.0, rel=1e-3)
 
 
@@ -216,10 +250,16 @@ def test_the_report_of_a_matrix_tells_them():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: disk_margin(SATELLITE, channels=[2]), r"channels must be some of 0 to 1, each once, got \[2\]"),
+        (
+            lambda: disk_margin(SATELLITE, channels=[2]),
+            r"channels must be some of 0 to 1, each once, got \[2\]",
+        ),
         (lambda: disk_margin(SATELLITE, channels=[]), "channels must be some of 0 to 1"),
         (lambda: disk_margins(SATELLITE, np.eye(3)), "K must have 2 inputs and 2 outputs"),
-        (lambda: disk_margins(SATELLITE, control.ss(0.5, 1, 1, 0, 0.1)), "K must have 2 inputs and 2 outputs"),
+        (
+            lambda: disk_margins(SATELLITE, control.ss(0.5, 1, 1, 0, 0.1)),
+            "K must have 2 inputs and 2 outputs",
+        ),
         (
             lambda: disk_margins(SATELLITE, control.append(*[control.ss(0.5, 1, 1, 0, 0.1)] * 2)),
             "the sampling time of G",

@@ -1,4 +1,6 @@
-"""A seeded part of `benchmarks.soundness`: families of loops on which checks go wrong, each with its truth."""
+"""A seeded part of `benchmarks.soundness`: families of loops on which checks go wrong, each with
+its truth.
+"""
 
 import warnings
 
@@ -26,31 +28,49 @@ def test_no_wrong_verdict_no_refusal_nothing_open(name, n):
             warnings.simplefilter("ignore")  # of the random designs
             case = FAMILIES[name](rng)
         found, report, _ = judged(case)
-        assert not set(found) & set(WRONG), (found, report.reason, case["form"], case["kind"], case["target"])
+        assert not set(found) & set(WRONG), (
+            found,
+            report.reason,
+            case["form"],
+            case["kind"],
+            case["target"],
+        )
         seen.update(found)
     assert seen & {"violations", "at 0.99"}
 
 
 @pytest.mark.parametrize("dt", [0.0, 0.1])
 def test_every_check_decides_close_to_the_boundary(dt):
-    """K = -1 puts the pole of 1/(s + 1) on the axis, its neighbour does not: every check decides both, and rightly."""
-    G = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]]) if not dt else control.ss([[0.5]], [[1]], [[1]], [[0]], dt)
+    """K = -1 puts the pole of 1/(s + 1) on the axis, its neighbour does not: every check decides
+    both, and rightly.
+    """
+    G = (
+        control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
+        if not dt
+        else control.ss([[0.5]], [[1]], [[1]], [[0]], dt)
+    )
     limit = -1.0 if not dt else -0.5
-    model = UncertaintyModel(G, 1e-17, "multiplicative", np.array([1.0]), np.array([1e-18]), perturbation="LTI")
+    model = UncertaintyModel(
+        G, 1e-17, "multiplicative", np.array([1.0]), np.array([1e-18]), perturbation="LTI"
+    )
     for gain, stable in ((limit, False), (np.nextafter(limit, 0), True)):
         K = control.ss([], [], [], [[gain]], dt)
         nominal = decide_nominal_stability(assemble_loop(model, K, w_P=None, delay=0.0))
         assert nominal.stable == stable
         assert nominal.unstable == nominal.at_boundary == (not stable)
         assert "on the stability boundary or beyond it" in str(nominal) or stable
-        beside = disk_margin(G * control.ss([], [], [], [[gain * (1 - 1e-13 * stable)]], dt))  # the sum rounds
+        beside = disk_margin(
+            G * control.ss([], [], [], [[gain * (1 - 1e-13 * stable)]], dt)
+        )  # the sum rounds
         assert (beside.alpha > 0) == stable
         if stable:
             assert worst_case(model, K).gain.max() > 1e7
         else:
             with pytest.raises(ValueError, match="on the stability boundary or beyond it"):
                 worst_case(model, K)
-    plant = control.ss(G.A, np.hstack([G.B] * 2), G.C, np.zeros((1, 2)), dt, inputs=["u", "d"], outputs=["y"])
+    plant = control.ss(
+        G.A, np.hstack([G.B] * 2), G.C, np.zeros((1, 2)), dt, inputs=["u", "d"], outputs=["y"]
+    )
     for gain, stable in ((limit, False), (limit * (1 - 1e-13), True)):
         K = control.ss([], [], [], [[-gain]], dt, inputs=["y"], outputs=["u"])
         report = check_structure(interconnection([plant, K], {"d": Block("y", "d", 1e-18)}))

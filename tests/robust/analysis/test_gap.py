@@ -36,23 +36,34 @@ def test_nu_gap_does_not_depend_on_the_scale_of_the_states():
 
 
 def test_nu_gap_closed_forms():
-    """Zhou & Doyle, Essentials of Robust Control, 17.2: 0.02, 0.8988, 0.8941; two gains: their chordal distance."""
+    """Zhou & Doyle, Essentials of Robust Control, 17.2:
+
+    0.02, 0.8988, 0.8941; two gains: their chordal distance.
+    """
     a, b, c = control.tf([100], [2, 1]), control.tf([100], [2, -1]), control.tf([100], [1, 2, 1])
     assert nu_gap(a, b) == pytest.approx(0.02, abs=5e-5)
     assert nu_gap(a, c) == pytest.approx(0.8988, abs=5e-5)
     assert nu_gap(b, c) == pytest.approx(0.8941, abs=5e-5)
     assert nu_gap(1.0, 2.0) == pytest.approx(1 / np.sqrt(10))
     assert nu_gap(c, c) < 1e-12
-    assert nu_gap(control.tf([1], [1, -1]), control.tf([-1], [1, -1])) == 1.0  # no winding: as far as can be
+    assert (
+        nu_gap(control.tf([1], [1, -1]), control.tf([-1], [1, -1])) == 1.0
+    )  # no winding: as far as can be
 
 
 @pytest.mark.parametrize("dt", [0.0, 0.1])
 def test_gap_and_margin_hold_each_other(dt):
-    """Vinnicombe: arcsin b(G2, K) >= arcsin b(G1, K) - arcsin gap, and a loop with b > gap stays stable."""
+    """Vinnicombe: arcsin b(G2, K) >= arcsin b(G1, K) - arcsin gap, and a loop with b > gap stays
+    stable.
+    """
     rng = np.random.default_rng(0)
     for _ in range(8):
-        G1 = control.ss(control.tf(rng.uniform(0.5, 3, 1), [1, rng.uniform(-0.5, 2), rng.uniform(0.2, 2)]))
-        G2 = control.ss(control.tf(rng.uniform(0.5, 3, 1), [1, rng.uniform(-0.5, 2), rng.uniform(0.2, 2)]))
+        G1 = control.ss(
+            control.tf(rng.uniform(0.5, 3, 1), [1, rng.uniform(-0.5, 2), rng.uniform(0.2, 2)])
+        )
+        G2 = control.ss(
+            control.tf(rng.uniform(0.5, 3, 1), [1, rng.uniform(-0.5, 2), rng.uniform(0.2, 2)])
+        )
         if dt:
             G1, G2 = sampled(G1, dt), sampled(G2, dt)
         K = ncfsyn(G1).K
@@ -66,8 +77,14 @@ def test_gap_and_margin_hold_each_other(dt):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: nu_gap(sampled(control.ss(BOOK), 0.1), BOOK), "G2 must have the sampling time of G1"),
-        (lambda: ncf_margin(sampled(control.ss(BOOK), 0.1), control.tf([1], [1, 1])), "K must have the sampling time"),
+        (
+            lambda: nu_gap(sampled(control.ss(BOOK), 0.1), BOOK),
+            "G2 must have the sampling time of G1",
+        ),
+        (
+            lambda: ncf_margin(sampled(control.ss(BOOK), 0.1), control.tf([1], [1, 1])),
+            "K must have the sampling time",
+        ),
     ],
 )
 def test_refusals(call, message):

@@ -1,4 +1,6 @@
-"""The nu-gap and the coprime margin of several inputs and outputs: definitions, invariances, what they promise."""
+"""The nu-gap and the coprime margin of several inputs and outputs: definitions, invariances, what
+they promise.
+"""
 
 import control
 import numpy as np
@@ -16,7 +18,11 @@ OMEGA = np.geomspace(1e-3, 1e4, 3000)
 def plant(rng, n, n_y, n_u, *, push=0.5, gain=1.0):
     A = rng.standard_normal((n, n)) - push * np.eye(n)
     return control.StateSpace(
-        A, rng.standard_normal((n, n_u)), gain * rng.standard_normal((n_y, n)), np.zeros((n_y, n_u)), 0
+        A,
+        rng.standard_normal((n, n_u)),
+        gain * rng.standard_normal((n_y, n)),
+        np.zeros((n_y, n_u)),
+        0,
     )
 
 
@@ -37,18 +43,25 @@ def inverse_root(X):
 
 
 def winds(G1, G2, omega):
-    """wno det(1 + G2~ G1) + eta(G1) - eta(G2): zero where the winding condition holds (no poles on the axis)."""
+    """wno det(1 + G2~ G1) + eta(G1) - eta(G2): zero where the winding condition holds (no poles on
+    the axis).
+    """
     g1, g2 = along(G1, omega), along(G2, omega)
     det = np.linalg.det(np.eye(g1.shape[2]) + np.swapaxes(g2, 1, 2).conj() @ g1)
     det = np.concatenate([det[::-1].conj(), det])
-    turns = np.sum(np.angle(det[1:] / det[:-1])) / (2 * np.pi)  # up the axis; closed at infinity, where it is one
+    turns = np.sum(np.angle(det[1:] / det[:-1])) / (
+        2 * np.pi
+    )  # up the axis; closed at infinity, where it is one
     unstable = [int(np.sum(G.poles().real > 0)) for G in (G1, G2)]
-    # up the axis is clockwise about the right half plane: zeros less poles there, -turns, and G2~ has n - eta(G2)
+    # up the axis is clockwise about the right half plane: zeros less poles there, -turns, and G2~
+    # has n - eta(G2)
     return round(-turns) + unstable[0] - unstable[1]
 
 
 def test_by_the_definition():
-    """Chordal distance and winding number on a grid, neither by factors: plants near and far, stable and not."""
+    """Chordal distance and winding number on a grid, neither by factors: plants near and far,
+    stable and not.
+    """
     rng = np.random.default_rng(0)
     seen = set()
     for trial in range(24):
@@ -69,13 +82,21 @@ def test_by_the_definition():
 
 
 def test_beside_one_another():
-    """Plants side by side: the largest of the single gaps, one where any winding fails; the least of the margins."""
+    """Plants side by side: the largest of the single gaps, one where any winding fails; the least
+    of the margins.
+    """
     one = [control.ss(control.tf([1], [1, a])) for a in (1.0, 1.5, -0.2, 3.0)]
     two = [control.ss(control.tf([1.3], [1, a])) for a in (1.2, 1.1, -0.1, 2.0)]
     single = [nu_gap(a, b) for a, b in zip(one, two, strict=True)]
-    assert nu_gap(control.append(*one), control.append(*two)) == pytest.approx(max(single), rel=1e-9)
+    assert nu_gap(control.append(*one), control.append(*two)) == pytest.approx(
+        max(single), rel=1e-9
+    )
     opposite = control.append(*two[:3], -control.ss(control.tf([1], [1, -3])))
-    assert nu_gap(control.append(*one), opposite) == nu_gap(one[3], -control.ss(control.tf([1], [1, -3]))) == 1.0
+    assert (
+        nu_gap(control.append(*one), opposite)
+        == nu_gap(one[3], -control.ss(control.tf([1], [1, -3])))
+        == 1.0
+    )
     K = [control.ss(control.tf([k, 1], [0.1, 1])) for k in (1, 2, 3, 4)]
     wanted = min(ncf_margin(G, k) for G, k in zip(one, K, strict=True))
     assert ncf_margin(control.append(*one), control.append(*K)) == pytest.approx(wanted, rel=1e-9)
@@ -110,7 +131,9 @@ def test_invariances(seed, dt):
 
 @pytest.mark.parametrize("dt", [0.0, 0.1])
 def test_gap_and_margin_hold_each_other(dt):
-    """Vinnicombe: arcsin b(G2, K) >= arcsin b(G1, K) - arcsin gap, and a loop with b > gap stays stable."""
+    """Vinnicombe: arcsin b(G2, K) >= arcsin b(G1, K) - arcsin gap, and a loop with b > gap stays
+    stable.
+    """
     rng = np.random.default_rng(1)
     kept = 0
     for _ in range(8):
@@ -137,9 +160,13 @@ def test_margin_by_its_definition():
         @ S
         @ np.concatenate([np.broadcast_to(np.eye(2), S.shape), g], 2)
     )
-    assert 1 / ncf_margin(G, K) == pytest.approx(np.linalg.norm(four, 2, axis=(1, 2)).max(), rel=1e-4)
+    assert 1 / ncf_margin(G, K) == pytest.approx(
+        np.linalg.norm(four, 2, axis=(1, 2)).max(), rel=1e-4
+    )
     static = np.array([[1.0, 2.0], [0.0, 1.0]])
-    assert ncf_margin(static, np.zeros((2, 2))) == pytest.approx(1 / np.sqrt(1 + np.linalg.norm(static, 2) ** 2))
+    assert ncf_margin(static, np.zeros((2, 2))) == pytest.approx(
+        1 / np.sqrt(1 + np.linalg.norm(static, 2) ** 2)
+    )
 
 
 def test_of_a_measured_set_its_nominal_counts():
@@ -157,7 +184,10 @@ def test_of_a_measured_set_its_nominal_counts():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: nu_gap(np.eye(2), np.ones((2, 3))), "G2 must have 2 outputs and 2 inputs, as G1, got 2 and 3"),
+        (
+            lambda: nu_gap(np.eye(2), np.ones((2, 3))),
+            "G2 must have 2 outputs and 2 inputs, as G1, got 2 and 3",
+        ),
         (lambda: ncf_margin(np.ones((2, 3)), np.eye(2)), "K must have 2 inputs and 3 outputs"),
         (lambda: ncf_margin(np.eye(2), 1.0), "K must have 2 inputs and 2 outputs"),
     ],
@@ -168,14 +198,18 @@ def test_refusals(call, message):
 
 
 def test_a_gap_that_is_nearly_reached_at_the_nyquist_frequency_is_that_of_its_peak():
-    """The norm starts from there, and finds what is a little higher: never less than line by line."""
+    """The norm starts from there, and finds what is a little higher: never less than line by
+    line.
+    """
     omega = np.linspace(0, np.pi, 300)
     for seed in (*range(40, 60), 81, 120, 191, 213):
         rng = np.random.default_rng(seed)
         n, n_u = rng.integers(1, 5), rng.integers(1, 4)
         A = rng.standard_normal((n, n))
         A *= rng.uniform(0.3, 1.1) / np.abs(np.linalg.eigvals(A)).max()
-        B, C, D = rng.standard_normal((n, n_u)), rng.standard_normal((2, n)), rng.standard_normal((2, n_u))
+        B = rng.standard_normal((n, n_u))
+        C = rng.standard_normal((2, n))
+        D = rng.standard_normal((2, n_u))
         first = control.StateSpace(A, B, C, D, 1.0)
         moved = A + 0.1 * rng.standard_normal((n, n))
         second = control.StateSpace(moved, B, C + 0.2 * rng.standard_normal((2, n)), D, 1.0)

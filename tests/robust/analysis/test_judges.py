@@ -1,4 +1,6 @@
-"""One loop of one channel before both judges: closed forms with exact arithmetic, and bounds of mu."""
+"""One loop of one channel before both judges: closed forms with exact arithmetic, and bounds
+of mu.
+"""
 
 from dataclasses import replace
 
@@ -24,12 +26,16 @@ FORMS = ("multiplicative", "additive", "inverse-multiplicative", "inverse-additi
 
 
 def loop_of(form, gain, *, size=1.0, dt=0.0, perturbation="LTI", w_P=None):
-    """Return a lag with a rising weight under an integrating controller, continuous or sampled throughout."""
+    """Return a lag with a rising weight under an integrating controller, continuous or sampled
+    throughout.
+    """
     G, w = (sampled(LAG, dt), control.StateSpace(*small(RISING), dt)) if dt else (LAG, RISING)
     w = control.StateSpace(w.A, w.B, size * w.C, size * w.D, dt)
     K = control.ss(control.tf([gain, gain], [1, 0]))
     K = control.c2d(K, dt, "tustin") if dt else K
-    model = UncertaintyModel(G, w, form, OMEGA, np.abs(response(w, OMEGA)), perturbation=perturbation)
+    model = UncertaintyModel(
+        G, w, form, OMEGA, np.abs(response(w, OMEGA)), perturbation=perturbation
+    )
     return assemble_loop(model, K, w_P=w_P, delay=0.0)
 
 
@@ -43,18 +49,24 @@ def system_of(loop):
     """Return the loop with its perturbation pulled out."""
     inputs, outputs = ((), ()) if loop.w_P is None else (("r",), ("weighted e",))
     block = Block("z", "d", perturbation=loop.model.perturbation)
-    return UncertainSystem(N=loop.perturbation_loop, blocks={loop.form: block}, inputs=inputs, outputs=outputs)
+    return UncertainSystem(
+        N=loop.perturbation_loop, blocks={loop.form: block}, inputs=inputs, outputs=outputs
+    )
 
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("dt", [0.0, T])
 def test_both_judges_find_the_same(form, dt):
-    """Mu of one full block is the size of what it sees: verdicts, margins, worst cases and curves must agree."""
+    """Mu of one full block is the size of what it sees: verdicts, margins, worst cases and curves
+    must agree.
+    """
     verdicts = set()
     for gain, size in ((0.05, 1.0), (0.5, 0.2), (3.0, 1.0), (60.0, 0.2), (400.0, 0.2)):
         loop = loop_of(form, gain, size=size, dt=dt)
         exact, by_mu = judge_exact(loop, Effort()), judge_system(system_of(loop), Effort())
-        assert (exact.verdict, exact.nominally_stable) == (by_mu.verdict, by_mu.nominally_stable), gain
+        assert (exact.verdict, exact.nominally_stable) == (by_mu.verdict, by_mu.nominally_stable), (
+            gain
+        )
         assert exact.proofs.robustly_stable == by_mu.proofs.robustly_stable
         if exact.nominally_stable:
             assert by_mu.margins.rs == pytest.approx(exact.margins.rs, rel=1e-3)
@@ -69,14 +81,18 @@ def test_both_judges_find_the_same(form, dt):
             system = system_of(replace(loop, w_P=one))
             S = set_gain(system.N, system.structure, curve=False)
             assert S.n_lines == 0
-            assert exact.margins.S_worst * (1 - 1e-6) <= S.peak.value <= exact.margins.S_worst * 1.002
+            assert (
+                exact.margins.S_worst * (1 - 1e-6) <= S.peak.value <= exact.margins.S_worst * 1.002
+            )
         verdicts.add(exact.verdict)
     assert {"robust", "not robust"} <= verdicts
 
 
 @pytest.mark.parametrize("perturbation", ["LTI", "statistical", "operator"])
 def test_both_judges_agree_on_performance(perturbation):
-    """The demand is met in both readings: mu of two blocks below one, and |w_P| max |S_p| below one."""
+    """The demand is met in both readings: mu of two blocks below one, and |w_P| max |S_p| below
+    one.
+    """
     for gain, met in ((0.2, True), (0.6, False), (0.02, False)):
         loop = loop_of("multiplicative", gain, perturbation=perturbation, w_P=W_P)
         exact, by_mu = judge_exact(loop, Effort()), judge_system(system_of(loop), Effort())
@@ -86,10 +102,15 @@ def test_both_judges_agree_on_performance(perturbation):
 
 
 def test_a_loop_that_is_no_state_space_has_no_bounds_of_mu():
-    model = UncertaintyModel(LAG, RISING, "multiplicative", OMEGA, np.abs(response(RISING, OMEGA)), perturbation="LTI")
+    model = UncertaintyModel(
+        LAG, RISING, "multiplicative", OMEGA, np.abs(response(RISING, OMEGA)), perturbation="LTI"
+    )
     late = assemble_loop(model, control.ss([], [], [], [[0.5]]), w_P=None, delay=0.01)
     folded = assemble_loop(model, control.ss([], [], [], [[0.5]], T), w_P=None, delay=0.0)
-    for loop, reason in ((late, "the delay of a continuous loop"), (folded, "no inequality covers the aliases")):
+    for loop, reason in (
+        (late, "the delay of a continuous loop"),
+        (folded, "no inequality covers the aliases"),
+    ):
         assert loop.reason_against_system.startswith(reason)
 
 

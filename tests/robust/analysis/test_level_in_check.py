@@ -20,10 +20,8 @@ from tests.support.printed import unwrapped
 
 def test_check_and_report_carry_the_level(tmp_path):
     bla = nlfrf.identify(record_of(1, 1, 0.1))
-    model, signals = (
-        robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2)),
-        LoopSignals(noise=NoiseSignal(0.1, 8.9, 9.1)),
-    )
+    model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2))
+    signals = LoopSignals(noise=NoiseSignal(0.1, 8.9, 9.1))
     report = robust.check(model, 0.5, signals=signals, delay=1e-3)
     alone = robust.analysis.predict_level(model, 0.5, signals, delay=1e-3)
     assert str(report.level) == str(alone)
@@ -36,11 +34,14 @@ def test_check_and_report_carry_the_level(tmp_path):
         assert ">level</th>" in text
         assert "below the measured 0.1" in text
     with pytest.raises(ValueError, match="signals must be left out with a report"):
-        robust.reports.write_report(tmp_path / "report.html", model, 0.5, report=report, signals=signals, delay=1e-3)
+        robust.reports.write_report(
+            tmp_path / "report.html", model, 0.5, report=report, signals=signals, delay=1e-3
+        )
 
 
 def test_a_matrix_has_no_level(tmp_path):
-    G, w = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2))), control.ss([], [], [], [[0.2]])
+    G = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
+    w = control.ss([], [], [], [[0.2]])
     known = {"form": "additive", "omega": OMEGA, "radius": np.full((4, 2), 0.2), "confidence": 0.95}
     model = robust.UncertaintyModel(nominal=G, left=(w, w), right=(w, w), **known)
     signals = LoopSignals(noise=NoiseSignal(0.1, 8.9, 9.1))
@@ -65,14 +66,17 @@ def test_an_unstable_loop_has_no_level_in_its_report():
     ],
 )
 def test_a_plant_on_its_lines_has_no_level(model):
-    with pytest.raises(ValueError, match="model must be an UncertaintyModel with a parametric nominal"):
+    with pytest.raises(
+        ValueError, match="model must be an UncertaintyModel with a parametric nominal"
+    ):
         robust.check(model, 1.0, signals=LoopSignals(noise=NoiseSignal(0.1, 8.9, 9.1)))
 
 
 def test_the_commands_name_signals_too(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     bla = nlfrf.identify(record_of(1, 1, 0.1))
-    model, K = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2)), control.ss([], [], [], [[0.5]], 0.005)
+    model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2))
+    K = control.ss([], [], [], [[0.5]], 0.005)
     robust.save(model, "m.json")
     robust.save(K, "K.json")
     robust.save(0.5, "continuous.json")
@@ -84,16 +88,22 @@ def test_the_commands_name_signals_too(tmp_path, monkeypatch, capsys):
         return stop.value.code or 0, *capsys.readouterr()
 
     signals = LoopSignals(
-        reference=StepSignal(0.2), disturbance=NoiseSignal(0.1, omega_max=2 * np.pi * 60), noise=NoiseSignal(0.0)
+        reference=StepSignal(0.2),
+        disturbance=NoiseSignal(0.1, omega_max=2 * np.pi * 60),
+        noise=NoiseSignal(0.0),
     )
-    level = robust.analysis.predict_level(model, K, replace(signals, noise=NoiseSignal(0.0, omega_max=2 * np.pi * 60)))
-    code, out, _ = told("check m.json K.json --reference-step 0.2 --disturbance 0.1 --noise 0 --up-to 60 --json")
+    level = robust.analysis.predict_level(
+        model, K, replace(signals, noise=NoiseSignal(0.0, omega_max=2 * np.pi * 60))
+    )
+    code, out, _ = told(
+        "check m.json K.json --reference-step 0.2 --disturbance 0.1 --noise 0 --up-to 60 --json"
+    )
     found = json.loads(out)["K.json"]["level"]
     assert (found["u"], found["y"], found["y_state"]) == (level.u, level.y, level.y_state.value)
     code, out, _ = told("check m.json K.json --disturbance 0.1")
-    assert unwrapped(robust.analysis.predict_level(model, K, LoopSignals(disturbance=NoiseSignal(0.1)))) in unwrapped(
-        out
-    )
+    assert unwrapped(
+        robust.analysis.predict_level(model, K, LoopSignals(disturbance=NoiseSignal(0.1)))
+    ) in unwrapped(out)
     monkeypatch.setattr(html, "draw_picture", lambda caption, *_, **__: Picture("#", caption))
     code, _, _ = told("report m.json K.json --disturbance 0.1 -o r.html")
     assert (code, ">level</th>" in (tmp_path / "r.html").read_text(encoding="utf-8")) == (0, True)

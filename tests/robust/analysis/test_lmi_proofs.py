@@ -1,4 +1,6 @@
-"""One loop proved by a matrix from cvxpy: it agrees with exact arithmetic, and says where it has no say."""
+"""One loop proved by a matrix from cvxpy: it agrees with exact arithmetic, and says where it has no
+say.
+"""
 
 import shutil
 import subprocess
@@ -26,7 +28,9 @@ def model(form="multiplicative", *, weight=0.5, plant=LAG, perturbation="LTI"):
     return UncertaintyModel(plant, w, form, lines, np.full(2, 1e-3), perturbation=perturbation)
 
 
-@pytest.mark.parametrize("form", [name for name, form in FORMS.items() if not form.depends_on_units])
+@pytest.mark.parametrize(
+    "form", [name for name, form in FORMS.items() if not form.depends_on_units]
+)
 @pytest.mark.parametrize("solver", [None, "SCS"])
 def test_it_holds_just_under_the_limit_and_fails_just_above(form, solver):
     """rs is in proportion to the weight: at 0.99 of the limit it is proved, at 1.01 by nothing."""
@@ -41,14 +45,22 @@ def test_both_say_which_proved_what():
     report = check(model(), 0.5, w_P=control.tf([0.3], [1]), proof="both")
     found = [(c.subject, c.method, hasattr(c.claim, "storage")) for c in report.proofs.certificates]
     subjects = ("robust stability", "robust performance")
-    assert found == [(s, method, method == SCALED_KYP) for method in (EXACT, SCALED_KYP) for s in subjects]
-    assert "robust performance at all frequencies: yes, scaled KYP, proved, rigorous" in unwrapped(str(report))
+    assert found == [
+        (s, method, method == SCALED_KYP) for method in (EXACT, SCALED_KYP) for s in subjects
+    ]
+    assert "robust performance at all frequencies: yes, scaled KYP, proved, rigorous" in unwrapped(
+        str(report)
+    )
     assert all(c.verify().verified for c in report.proofs.certificates)
 
 
 def test_P_is_a_storage_function_of_the_loop():
-    """The lag and the gain 0.5 with |w| <= 0.2 constant: b = 0.1/(s + 1.5), and P solves its scalar inequality."""
-    one = UncertaintyModel(LAG, control.tf([0.2], [1]), "multiplicative", np.array([1.0]), np.array([0.1]))
+    """The lag and the gain 0.5 with |w| <= 0.2 constant: b = 0.1/(s + 1.5), and P solves its scalar
+    inequality.
+    """
+    one = UncertaintyModel(
+        LAG, control.tf([0.2], [1]), "multiplicative", np.array([1.0]), np.array([0.1])
+    )
     proof = check(one, 0.5, proof="lmi").proofs.certificates[0]
     P = proof.claim.storage
     assert P.shape == (1, 1)
@@ -62,7 +74,12 @@ def test_P_is_a_storage_function_of_the_loop():
     ("given", "K", "options", "reason"),
     [
         (model(), 0.5, {"delay": 0.1}, "the delay of a continuous loop is not a state space"),
-        (model(), control.tf([0.5], [1], 0.01), {}, "no inequality covers the aliases of a continuous plant"),
+        (
+            model(),
+            control.tf([0.5], [1], 0.01),
+            {},
+            "no inequality covers the aliases of a continuous plant",
+        ),
         (model("coprime", weight=0.1), 0.5, {}, "no inequality is set up for the coprime form"),
     ],
 )
@@ -81,13 +98,20 @@ def test_an_operator_needs_one_scaling_and_gets_it():
 def test_a_sampled_loop_goes_to_a_file_and_back(tmp_path):
     plant, K = control.tf([0.1], [1, -0.9], 0.1), control.tf([0.5], [1], 0.1)
     one = UncertaintyModel(
-        plant, control.tf([0.3], [1], 0.1), "additive", np.array([1.0]), np.array([0.1]), perturbation="LTI"
+        plant,
+        control.tf([0.3], [1], 0.1),
+        "additive",
+        np.array([1.0]),
+        np.array([0.1]),
+        perturbation="LTI",
     )
     report = check(one, K, proof="lmi", delay=0.2)
     robust.save(report, tmp_path / "proof.json")
     found = robust.io.verify_certificate(tmp_path / "proof.json", model=one, K=K)
     assert found.proved == ("nominal stability", "robust stability")
-    assert not robust.io.verify_certificate(tmp_path / "proof.json", model=one, K=1.001 * K).verified
+    assert not robust.io.verify_certificate(
+        tmp_path / "proof.json", model=one, K=1.001 * K
+    ).verified
 
 
 def test_a_proof_for_matlab_holds_there(tmp_path):
@@ -118,9 +142,13 @@ def test_refusals(options, message):
 
 @pytest.mark.parametrize("dt", [0.0, 0.1])
 def test_every_interval_of_a_proof_for_matlab_holds_there(dt, tmp_path):
-    """The inequality of each interval, from the file alone; mu of opposed integrals needs a scaling for each."""
+    """The inequality of each interval, from the file alone; mu of opposed integrals needs a scaling
+    for each.
+    """
     claim = certify_intervals(opposed(dt), [(1, 1, "full"), (1, 1, "full")], 0.8).claim
-    robust.io.export_matlab(ChannelsClaim(claims={"mu": claim}, form="", delay=0.0), tmp_path / "proof.mat")
+    robust.io.export_matlab(
+        ChannelsClaim(claims={"mu": claim}, form="", delay=0.0), tmp_path / "proof.mat"
+    )
     (p,) = np.atleast_1d(loadmat(tmp_path / "proof.mat", simplify_cells=True)["content"]["proofs"])
     A, B, CD, n, m = p["A"], p["B"], np.hstack([p["C"], p["D"]]), len(p["A"]), p["D"].shape[1]
     one, pieces = np.eye(n), np.atleast_1d(p["pieces"])
@@ -132,7 +160,11 @@ def test_every_interval_of_a_proof_for_matlab_holds_there(dt, tmp_path):
         (a, b), u = q["ends"], np.eye(n + m)[n:]
         along = 0.5j * f.T @ q["Q"] @ g
         along, square = along + along.conj().T, g.T @ q["Q"] @ g
-        within = along - a * square if np.isinf(b) else (a + b) * along - f.T @ q["Q"] @ f - a * b * square
+        within = (
+            along - a * square
+            if np.isinf(b)
+            else (a + b) * along - f.T @ q["Q"] @ f - a * b * square
+        )
         across = u.T @ np.reshape(q["K"], (m, -1)) @ CD
         M = f.T @ q["P"] @ g + g.T @ q["P"] @ f + within + CD.T @ q["X_L"] @ CD
         M = M - across - across.conj().T - p["level"] ** 2 * u.T @ q["X_R"] @ u

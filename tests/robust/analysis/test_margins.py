@@ -38,15 +38,22 @@ def test_a_weight_with_a_mode_far_below_the_loop(slow):
 def test_ripples_of_a_delay(delay):
     """Many maxima of almost the same height, close together: the largest counts."""
     rng = np.random.default_rng(0)
-    omega = np.concatenate([np.linspace(1e-6, 400 / delay, 200_001), np.geomspace(1e-6, 1e4, 100_001)])
+    omega = np.concatenate(
+        [np.linspace(1e-6, 400 / delay, 200_001), np.geomspace(1e-6, 1e4, 100_001)]
+    )
     for _ in range(4):
         G, K = ([rng.uniform(0.3, 0.9)], [rng.uniform(0.01, 1), 1.0]), ([0.95], [1.0])
         w = ([0.3 * rng.uniform(0.1, 1), 0.2], [1.0, 1.0])
-        assert margin(G, K, w, "additive", delay) <= 1.001 / curve(G, K, w, delay, omega, "additive").max()
+        assert (
+            margin(G, K, w, "additive", delay)
+            <= 1.001 / curve(G, K, w, delay, omega, "additive").max()
+        )
 
 
 def test_a_number_with_a_clock_is_a_sampled_controller():
-    """K = 2 at 50 Hz holds its output: on measured lines the loop has the hold's delay, as it has for any other K."""
+    """K = 2 at 50 Hz holds its output: on measured lines the loop has the hold's delay, as it has
+    for any other K.
+    """
     omega = np.linspace(1, 60, 200)
     plant = control.frd(1 / (1j * omega + 1), omega)
     held = check(plant, control.StateSpace([], [], [], [[2.0]], 0.02))
@@ -57,11 +64,23 @@ def test_a_number_with_a_clock_is_a_sampled_controller():
 
 
 def test_a_response_that_is_no_number_is_no_pole():
-    """At a pole S = 0 and T = 1; where a response failed nothing is known, and nothing may look good there."""
+    """At a pole S = 0 and T = 1; where a response failed nothing is known, and nothing may look
+    good there.
+    """
     omega, one = np.array([1.0, 2.0, 3.0]), np.ones(3, complex)
-    curves = loop_curves("multiplicative", omega, G=np.array([1.0, np.inf, np.nan]) + 0j, K=one, w=0.1 * one, w_P=None)
+    curves = loop_curves(
+        "multiplicative",
+        omega,
+        G=np.array([1.0, np.inf, np.nan]) + 0j,
+        K=one,
+        w=0.1 * one,
+        w_P=None,
+    )
     assert curves.S[:2] == pytest.approx([0.5, 0.0])
     assert curves.rs[:2] == pytest.approx([0.05, 0.1])
     assert np.isnan(curves.S[2])
     assert np.isnan(curves.rs[2])
-    assert find_peak(lambda at: np.where(at > 1, np.nan, 0.1), omega, band=(1.0, 3.0), top=np.inf)[0] == np.inf
+    assert (
+        find_peak(lambda at: np.where(at > 1, np.nan, 0.1), omega, band=(1.0, 3.0), top=np.inf)[0]
+        == np.inf
+    )

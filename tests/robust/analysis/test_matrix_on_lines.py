@@ -9,8 +9,15 @@ from robust.margins import disk_margins
 from tests.support.printed import unwrapped
 
 OMEGA = np.geomspace(0.1, 100, 60)
-G = control.ss(np.diag([-1.0, -2, -3]), [[1.0, 0], [0, 1], [1, 1]], [[1.0, 0.2, 0], [0, 1, 0.3]], np.zeros((2, 2)))
-K = control.ss(np.zeros((2, 2)), np.eye(2), 2 * np.eye(2), 2 * np.eye(2))  # 2 (1 + 1/s) in both loops
+G = control.ss(
+    np.diag([-1.0, -2, -3]),
+    [[1.0, 0], [0, 1], [1, 1]],
+    [[1.0, 0.2, 0], [0, 1, 0.3]],
+    np.zeros((2, 2)),
+)
+K = control.ss(
+    np.zeros((2, 2)), np.eye(2), 2 * np.eye(2), 2 * np.eye(2)
+)  # 2 (1 + 1/s) in both loops
 
 
 def frf(plant, dt=0):
@@ -20,14 +27,18 @@ def frf(plant, dt=0):
 def test_its_peak_and_margins_are_those_of_the_plant():
     w_P = control.tf([0.5], [1])
     report = check(frf(G), K, w_P=w_P)
-    S = np.linalg.inv(np.eye(2) + np.moveaxis(G(1j * OMEGA), 2, 0) @ np.moveaxis(K(1j * OMEGA), 2, 0))
+    S = np.linalg.inv(
+        np.eye(2) + np.moveaxis(G(1j * OMEGA), 2, 0) @ np.moveaxis(K(1j * OMEGA), 2, 0)
+    )
     sizes = np.linalg.norm(S, 2, axis=(1, 2))
     assert (report.verdict, report.nominally_stable) == ("not certified", True)
     assert report.margins.S_worst == pytest.approx(sizes.max(), rel=1e-9)
     assert report.margins.omega_S_worst == OMEGA[sizes.argmax()]
     np.testing.assert_allclose(report.curves.np_, 0.5 * sizes, rtol=1e-9)
     assert "The largest singular value of S on 60 lines is" in unwrapped(str(report))
-    assert report.channels.everywhere.alpha == pytest.approx(disk_margins(frf(G), K).everywhere.alpha, rel=1e-9)
+    assert report.channels.everywhere.alpha == pytest.approx(
+        disk_margins(frf(G), K).everywhere.alpha, rel=1e-9
+    )
 
 
 def test_the_winding_of_the_determinant_decides():
@@ -42,15 +53,25 @@ def test_the_winding_of_the_determinant_decides():
 def test_hold_and_delay_are_put_in():
     K_d = control.ss([], [], [], 2 * np.eye(2), 0.01)
     late = check(frf(G), K_d, delay=0.05)
-    assert late.margins.S_worst > check(frf(G), K_d).margins.S_worst > check(frf(G), 2 * np.eye(2)).margins.S_worst
+    assert (
+        late.margins.S_worst
+        > check(frf(G), K_d).margins.S_worst
+        > check(frf(G), 2 * np.eye(2)).margins.S_worst
+    )
 
 
 @pytest.mark.parametrize(
     ("call", "message"),
     [
         (lambda: check(frf(G), 2.0), "K must have"),
-        (lambda: check(frf(G * np.nan), K), "model must have a finite FRF on every line, got .* at 0.01592 Hz"),
-        (lambda: check(frf(G), control.ss([], [], [], np.eye(2), 0.1)), "K must be sampled fast enough"),
+        (
+            lambda: check(frf(G * np.nan), K),
+            "model must have a finite FRF on every line, got .* at 0.01592 Hz",
+        ),
+        (
+            lambda: check(frf(G), control.ss([], [], [], np.eye(2), 0.1)),
+            "K must be sampled fast enough",
+        ),
     ],
 )
 def test_refusals(call, message):

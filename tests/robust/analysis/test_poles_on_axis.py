@@ -1,4 +1,6 @@
-"""Integrators, undamped modes, resonant controllers, fast clocks: curves, margins, worst cases against polynomials."""
+"""Integrators, undamped modes, resonant controllers, fast clocks: curves, margins, worst cases
+against polynomials.
+"""
 
 import control
 import numpy as np
@@ -21,13 +23,23 @@ LOOPS = {
 
 
 def closed(loop, omega):
-    """S, T, K S, G S as quotients of polynomials: nothing in them is infinite at a pole of G or K."""
+    """S, T, K S, G S as quotients of polynomials: nothing in them is infinite at a pole of G
+    or K.
+    """
     (n, d), (k, h) = loop
     s = 1j * omega
     n, d, k, h = (np.polyval(p, s) for p in (n, d, k, h))
     all_ = d * h + n * k
-    both = np.hypot(np.abs(d), np.abs(n)) * np.hypot(np.abs(h), np.abs(k)) / np.abs(all_)  # |[K; 1] S [1, G]|
-    return {"NCF": both, "S": d * h / all_, "T": n * k / all_, "KS": k * d / all_, "GS": n * h / all_}
+    both = (
+        np.hypot(np.abs(d), np.abs(n)) * np.hypot(np.abs(h), np.abs(k)) / np.abs(all_)
+    )  # |[K; 1] S [1, G]|
+    return {
+        "NCF": both,
+        "S": d * h / all_,
+        "T": n * k / all_,
+        "KS": k * d / all_,
+        "GS": n * h / all_,
+    }
 
 
 CURVE = {
@@ -61,7 +73,9 @@ def test_margins_are_those_of_the_closed_loop(name, form):
     exact = closed(loop, report.curves.omega)
     for curve, name_ in ((report.curves.S, "S"), (report.curves.T, "T")):
         assert curve == pytest.approx(exact[name_], rel=1e-6, abs=1e-9)
-    assert report.curves.rs == pytest.approx(0.6 / peak * np.abs(exact[CURVE[form]]), rel=1e-6, abs=1e-9)
+    assert report.curves.rs == pytest.approx(
+        0.6 / peak * np.abs(exact[CURVE[form]]), rel=1e-6, abs=1e-9
+    )
     assert np.isfinite(report.curves.rp).all()
     assert report.margins.disk == pytest.approx(1 / np.abs(wanted["S"] - 0.5).max(), rel=1e-4)
     assert report.margins.disk == pytest.approx(disk_margin(G * K).alpha, rel=1e-3)
@@ -77,8 +91,8 @@ def test_margins_are_those_of_the_closed_loop(name, form):
 def test_the_same_with_a_clock(name, form):
     """With w = 0.03: max rs by brute force on the sampled loop, poles of both on the unit circle.
 
-    Sampled so fast, what folds down adds less than 1e-3 here, 5e-3 of the additive set. That one rolls off: else it
-    would have no bound.
+    Sampled so fast, what folds down adds less than 1e-3 here, 5e-3 of the additive set. That one
+    rolls off: else it would have no bound.
     """
     loop, dt = LOOPS[name], 0.02
     G, K = control.ss(control.tf(*loop[0])), discretize(control.tf(*loop[1]), dt)
@@ -87,21 +101,30 @@ def test_the_same_with_a_clock(name, form):
     S = 1 / (1 + g * k)
     both = np.sqrt((1 + np.abs(g) ** 2) * (1 + np.abs(k) ** 2)) * S
     curve = {"T": 1 - S, "KS": k * S, "S": S, "GS": g * S, "NCF": both}[CURVE[form]]
-    model = the_model(sampled(G, dt), form, 0.03, dt) if form == "coprime" else the_model(G, form, 0.03)
+    model = (
+        the_model(sampled(G, dt), form, 0.03, dt) if form == "coprime" else the_model(G, form, 0.03)
+    )
     if form == "additive":
         roll_off = control.ss(control.tf([0.03], [0.1, 1]))
-        model = UncertaintyModel(G, roll_off, form, model.omega, model.radius / 2, perturbation="LTI")
+        model = UncertaintyModel(
+            G, roll_off, form, model.omega, model.radius / 2, perturbation="LTI"
+        )
         curve = curve / (0.1j * at + 1)
     report = check(model, K)
     assert report.verdict == "robust", report.reason
-    assert 1 / report.margins.rs == pytest.approx(0.03 * np.abs(curve).max(), rel=1e-2 if form == "additive" else 1e-3)
+    assert 1 / report.margins.rs == pytest.approx(
+        0.03 * np.abs(curve).max(), rel=1e-2 if form == "additive" else 1e-3
+    )
     assert np.isfinite(report.curves.rs).all()
 
 
 @pytest.mark.parametrize("dt", [1e-6, 1e-7])
 def test_an_integrator_in_a_fast_clock(dt):
-    """exp(j w T) rounds to one at the slow end: the integrator of K stands there, T = 1 and S = 0."""
-    G, K = control.ss(control.tf([1.0], [1.0, 1.0])), discretize(control.tf([2.0, 1.0], [1.0, 0.0]), dt)
+    """exp(j w T) rounds to one at the slow end: the integrator of K stands there, T = 1 and S
+    = 0.
+    """
+    G = control.ss(control.tf([1.0], [1.0, 1.0]))
+    K = discretize(control.tf([2.0, 1.0], [1.0, 0.0]), dt)
     report = check(the_model(G, "multiplicative", 0.03), K)
     assert report.verdict == "robust", report.reason
     assert 1 / report.margins.rs == pytest.approx(0.03, rel=1e-3)

@@ -1,4 +1,6 @@
-"""A continuous set of several channels under a sampled controller: against brute force and against one loop."""
+"""A continuous set of several channels under a sampled controller: against brute force and against
+one loop.
+"""
 
 from dataclasses import replace
 
@@ -28,7 +30,9 @@ def number(x):
 
 def made(G, form, left, right):
     radius = np.array([np.abs(response(weight, OMEGA)) for weight in (*left, *right)])
-    return UncertaintyModel(nominal=G, form=form, left=left, right=right, omega=OMEGA, radius=radius, origin=RECORDED)
+    return UncertaintyModel(
+        nominal=G, form=form, left=left, right=right, omega=OMEGA, radius=radius, origin=RECORDED
+    )
 
 
 LAG = control.ss(control.tf([2], [0.3, 1]))
@@ -49,7 +53,10 @@ def test_every_sampled_plant_of_the_continuous_set_is_in_the_sampled_one(form):
     largest = 0.0
     for plant in SETS[form].sample(40, rng=1):
         seen = sampled(plant, T)
-        G, nominal = (np.moveaxis(response_by_channel(part, found.omega), 2, 0) for part in (seen, found.nominal))
+        G, nominal = (
+            np.moveaxis(response_by_channel(part, found.omega), 2, 0)
+            for part in (seen, found.nominal)
+        )
         away = found.normalized_distance(found.omega, G, nominal)
         assert away.max() <= 1 + 1e-6
         largest = max(largest, away.max())
@@ -57,9 +64,13 @@ def test_every_sampled_plant_of_the_continuous_set_is_in_the_sampled_one(form):
 
 
 def test_two_equal_loops_are_one():
-    """G, W and K times one: the bound of mu is rs of one channel, with every alias, but for what the weights add."""
+    """G, W and K times one: the bound of mu is rs of one channel, with every alias, but for what
+    the weights add.
+    """
     w, K = rising(0.2), number(1.5)
-    one = UncertaintyModel(LAG, w, "multiplicative", OMEGA, np.abs(response(w, OMEGA)), origin=RECORDED)
+    one = UncertaintyModel(
+        LAG, w, "multiplicative", OMEGA, np.abs(response(w, OMEGA)), origin=RECORDED
+    )
     two = made(TWICE, "input", (w, w), (number(1.0), number(1.0)))
     discrete = control.StateSpace([], [], [], K.D, T)
     both = control.StateSpace([], [], [], K.D * np.eye(2), T)
@@ -79,7 +90,9 @@ def test_a_report_whose_aliases_are_not_proved_says_that_they_rest_on_a_grid(mon
     K = control.StateSpace([], [], [], 1.5 * np.eye(2), T)
     report = check(ADDITIVE, K)
     assert "in floating point" in report.folding
-    text = "That the weights of the sampled set cover every alias between the frequencies of a grid; "
+    text = (
+        "That the weights of the sampled set cover every alias between the frequencies of a grid; "
+    )
     assert report.not_proved.startswith(text)
     assert "nothing is proved between the samples" in report.reason
     assert not report.proofs.certificates[-1].holds
@@ -89,14 +102,18 @@ def test_the_disc_of_an_entry_is_the_sum_over_its_aliases():
     found = sampled_set(ELEMENTS, T)
     aliases = aliases_of_set("additive", LAG, weight=ROLL, perturbation="LTI", dt=T, delay=0.0)
     exact = aliases.sampled_radius(found.omega, response(sampled(LAG, T), found.omega))
-    np.testing.assert_allclose(found.model.radius[0], exact, rtol=2e-3)  # one takes more aliases in blocks
+    np.testing.assert_allclose(
+        found.model.radius[0], exact, rtol=2e-3
+    )  # one takes more aliases in blocks
     assert np.all(found.model.radius[0] >= exact * (1 - 1e-3))
 
 
 @pytest.mark.attack(every=3)
 @pytest.mark.parametrize("form", SETS)
 def test_the_check_is_that_of_the_sampled_loops(form):
-    """A gain inside the margin leaves every sampled loop stable; families and worst cases see the same set."""
+    """A gain inside the margin leaves every sampled loop stable; families and worst cases see the
+    same set.
+    """
     K = control.StateSpace([], [], [], 1.5 * np.eye(2), T)
     report = check(SETS[form], K)
     assert report.verdict == "statistically robust"
@@ -120,13 +137,19 @@ def test_a_delay_goes_into_the_samples():
 def test_what_reaches_the_sampler_unfiltered_is_refused_with_a_cure():
     K = control.StateSpace([], [], [], 0.1 * np.eye(2), T)
     flat = made(MIXED, "elements", (), (rising(0.1),) * 4)
-    with pytest.raises(ValueError, match=r'model must filter its perturbation before the sampler: .* form="input"'):
+    with pytest.raises(
+        ValueError, match=r'model must filter its perturbation before the sampler: .* form="input"'
+    ):
         check(flat, K)
     with pytest.raises(ValueError, match="model must have a sampled nominal for operators"):
         check(replace(INPUT, perturbation="operator"), K)
 
 
 def test_one_channel_is_folded_alias_by_alias():
-    one = UncertaintyModel(LAG, ROLL, "additive", OMEGA, np.abs(response(ROLL, OMEGA)), perturbation="LTI")
-    with pytest.raises(ValueError, match="model must have several channels to be folded into a sampled set"):
+    one = UncertaintyModel(
+        LAG, ROLL, "additive", OMEGA, np.abs(response(ROLL, OMEGA)), perturbation="LTI"
+    )
+    with pytest.raises(
+        ValueError, match="model must have several channels to be folded into a sampled set"
+    ):
         sampled_set(one, T)

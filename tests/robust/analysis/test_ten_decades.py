@@ -1,4 +1,6 @@
-"""Margins of plants with modes over ten decades and in poor coordinates, held against the loop in 100 digits."""
+"""Margins of plants with modes over ten decades and in poor coordinates, held against the loop in
+100 digits.
+"""
 
 import warnings
 
@@ -45,7 +47,11 @@ def loop_of(seed):
     zeros, poles = roots(rng)
     num = np.real(np.poly(zeros)) if len(zeros) else [1.0]
     companion = rng.random() < 0.5
-    made = control.tf(num, np.real(np.poly(poles))) if companion else from_roots(zeros, poles, 1.0, 0.0)
+    made = (
+        control.tf(num, np.real(np.poly(poles)))
+        if companion
+        else from_roots(zeros, poles, 1.0, 0.0)
+    )
     G = state_space("G", made)
     at = 10 ** rng.uniform(-4, 4)
     if rng.random() < 0.4:
@@ -61,12 +67,20 @@ def loop_of(seed):
         else control.ss([], [], [], [[10 ** rng.uniform(-3, 1)]])
     )
     places = np.concatenate([zeros, poles, control.feedback(G * K, 1).poles()])
-    return G, K, FORMS[int(rng.integers(4))], at, np.unique(np.concatenate([np.abs(places), np.abs(places.imag)]))
+    return (
+        G,
+        K,
+        FORMS[int(rng.integers(4))],
+        at,
+        np.unique(np.concatenate([np.abs(places), np.abs(places.imag)])),
+    )
 
 
 @pytest.mark.parametrize("seed", [96, 437, 682])
 def test_the_margin_is_that_of_the_plant_as_it_is_given(seed):
-    """In doubles the response of these is another one: margins of 3.44 for 0.94, 3.33 for 3.03, 3.44 for 3.40."""
+    """In doubles the response of these is another one: margins of 3.44 for 0.94, 3.33 for 3.03,
+    3.44 for 3.40.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # python-control warns of its own poles
         G, K, form, at, places = loop_of(seed)
@@ -74,7 +88,9 @@ def test_the_margin_is_that_of_the_plant_as_it_is_given(seed):
     lines = np.geomspace(at / 100, at * 100, 20)
     model = UncertaintyModel(G, w, form, lines, np.full(20, 0.3), perturbation="LTI")
     report = check(model, K, certify=False)
-    if not report.nominally_stable:  # the design is by floating point, and another one on another machine
+    if (
+        not report.nominally_stable
+    ):  # the design is by floating point, and another one on another machine
         assert unstable_poles(G, K)
         assert np.isnan(report.margins.rs)
         return
@@ -101,7 +117,9 @@ def test_responses_in_poor_coordinates(dt):
     T = U @ np.diag(np.geomspace(1, 1e9, 4)) @ V
     poor = control.StateSpace(T @ G.A @ np.linalg.inv(T), T @ G.B, G.C @ np.linalg.inv(T), G.D, dt)
     omega = np.array([0.1, 0.9999, 1.0, 5.0, 19.0, 20.0, 30.0])
-    loop = PreciseLoop(poor, control.ss([], [], [], [[0.0]], dt), control.ss([], [], [], [[0.0]], dt), "additive")
+    loop = PreciseLoop(
+        poor, control.ss([], [], [], [[0.0]], dt), control.ss([], [], [], [[0.0]], dt), "additive"
+    )
     with ctx.workprec(BITS):
         exact = np.array([complex(loop.part("G", arb(float(w)))) for w in omega])
     assert trusted_responder(poor)(omega) == pytest.approx(exact, rel=1e-9)

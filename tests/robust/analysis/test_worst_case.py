@@ -1,4 +1,6 @@
-"""The worst plant of a set really is in it and really is that bad; weights by formula; order scan; loop bounds."""
+"""The worst plant of a set really is in it and really is that bad; weights by formula; order scan;
+loop bounds.
+"""
 
 import control
 import numpy as np
@@ -11,7 +13,12 @@ from robust.lti.lti import response
 from robust.margins import nu_gap
 from robust.models import control_weight, delay_weight, makeweight, scan_orders
 from robust.models.sets import forms
-from robust.models.sets.perturbations import all_pass_of_poles, perturbed_plant, random_perturbation, with_phase
+from robust.models.sets.perturbations import (
+    all_pass_of_poles,
+    perturbed_plant,
+    random_perturbation,
+    with_phase,
+)
 from robust.shaping import loop_bounds
 from tests.support.bla import make_bla
 from tests.support.printed import unwrapped
@@ -29,13 +36,16 @@ def model(form="multiplicative", scale=1.0, nominal=LAG, weight=W):
 
 
 @pytest.mark.parametrize(
-    ("form", "kind"), [(form, kind) for form in FORMS for kind in ("continuous", "discrete", "sampled")][:14]
+    ("form", "kind"),
+    [(form, kind) for form in FORMS for kind in ("continuous", "discrete", "sampled")][:14],
 )
 def test_the_worst_plant_lies_in_the_set_and_is_as_bad_as_said(form, kind):
     T = 0.02
     nominal, weight, K = LAG, W, control.tf([3], [1, 2])
     if kind == "discrete":
-        nominal, weight, K = (control.ss(control.sample_system(control.ss(x), T, "bilinear")) for x in (LAG, W, K))
+        nominal, weight, K = (
+            control.ss(control.sample_system(control.ss(x), T, "bilinear")) for x in (LAG, W, K)
+        )
     if kind == "sampled":
         K = control.sample_system(control.ss(K), T, "bilinear")
         weight = weight * control.ss(control.tf([1], [0.05, 1])) if form == "additive" else weight
@@ -48,12 +58,18 @@ def test_the_worst_plant_lies_in_the_set_and_is_as_bad_as_said(form, kind):
     assert set_.contains(worst.plant)
     assert abs(worst.delta) == pytest.approx(1.0)
     # a sampled loop also sees what folds down: aliases that add little are left out of the plant
-    assert worst.achieved == pytest.approx(np.max(report.curves.rp), rel=1e-2 if kind == "sampled" else 2e-4)
-    assert np.max(worst.gain) == pytest.approx(worst.achieved, rel=1e-2 if kind == "sampled" else 2e-3)
+    assert worst.achieved == pytest.approx(
+        np.max(report.curves.rp), rel=1e-2 if kind == "sampled" else 2e-4
+    )
+    assert np.max(worst.gain) == pytest.approx(
+        worst.achieved, rel=1e-2 if kind == "sampled" else 2e-3
+    )
 
 
 def test_the_worst_plant_of_a_sampled_set_puts_every_alias_in_phase():
-    """A light mode above the Nyquist frequency: what it folds down makes most of the worst case, and it is met."""
+    """A light mode above the Nyquist frequency: what it folds down makes most of the worst case,
+    and it is met.
+    """
     w1 = 2 * np.pi * 16
     nominal = LAG + control.ss(control.tf([0.15 * w1**2], [1, 0.02 * w1, w1**2]))
     K = control.ss([], [], [], [[0.5]], 0.05)
@@ -68,11 +84,15 @@ def test_the_worst_plant_of_a_sampled_set_puts_every_alias_in_phase():
             assert worst.plant.nstates >= set_.nominal.nstates + 4
             assert worst.achieved == pytest.approx(worst.gain.max(), rel=0.02)
         else:
-            assert worst.achieved > 30  # but for what aliases of less than 0.3 % add it stands on the boundary
+            assert (
+                worst.achieved > 30
+            )  # but for what aliases of less than 0.3 % add it stands on the boundary
 
 
 @pytest.mark.parametrize("T", [0.0, 0.02])
-@pytest.mark.parametrize(("form", "scale"), [(form, scale) for form in FORMS for scale in (1.0, 40.0)][:9])
+@pytest.mark.parametrize(
+    ("form", "scale"), [(form, scale) for form in FORMS for scale in (1.0, 40.0)][:9]
+)
 def test_the_worst_plant_is_as_bad_as_said_behind_a_delay(form, T, scale):
     K = control.ss(control.tf([3], [1, 2]))
     nominal, weight = LAG, control.ss(control.tf([0.1], [0.5, 1]))
@@ -81,13 +101,17 @@ def test_the_worst_plant_is_as_bad_as_said_behind_a_delay(form, T, scale):
     worst = worst_case(model(form, scale, nominal, weight), K, delay=0.1)
     assert abs(worst.delta) <= 1 + 1e-12
     assert np.isinf(worst.gain.max()) == (scale > 1)
-    if scale > 1:  # on the stability boundary: a pole on the axis where the sensitivity is looked at
+    if (
+        scale > 1
+    ):  # on the stability boundary: a pole on the axis where the sensitivity is looked at
         assert worst.achieved > 1e3
     else:
         assert worst.achieved == pytest.approx(worst.gain.max(), rel=1e-4)
     at = np.array([worst.omega_worst])
     L = response(worst.plant, at) * response(K, at) * np.exp(-0.1j * at)
-    assert 1 / worst.achieved == pytest.approx(np.abs(1 + L)[0], rel=1e-6 if scale == 1 else 0.5, abs=1e-13)
+    assert 1 / worst.achieved == pytest.approx(
+        np.abs(1 + L)[0], rel=1e-6 if scale == 1 else 0.5, abs=1e-13
+    )
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -99,7 +123,9 @@ def test_where_the_set_is_too_large_a_plant_destabilises(form):
         assert np.isinf(worst.gain).any() != stable
         if not stable:
             # the smallest perturbation that reaches the boundary, then a little more
-            assert abs(worst.delta) == pytest.approx(1 / 1.02, rel=1e-3 if form != "coprime" else 0.05)
+            assert abs(worst.delta) == pytest.approx(
+                1 / 1.02, rel=1e-3 if form != "coprime" else 0.05
+            )
             assert worst.achieved > 1e3
         assert worst.stable == stable
 
@@ -112,8 +138,12 @@ def test_worst_case_refuses_an_unstable_loop():
 
 
 def test_sampled_loops_have_the_delay_itself():
-    """At w delay = 40 an approximation has lost the phase, and with it the bound of the whole set."""
-    family = sample_loops(model("multiplicative"), control.tf([0.4], [0.01, 1]), 10, delay=4.0, rng=0)
+    """At w delay = 40 an approximation has lost the phase, and with it the bound of the whole
+    set.
+    """
+    family = sample_loops(
+        model("multiplicative"), control.tf([0.4], [0.01, 1]), 10, delay=4.0, rng=0
+    )
     assert family.stable.all()
     assert np.all(np.abs(family.S) <= family.worst * (1 + 1e-6))
 
@@ -141,7 +171,9 @@ def test_perturbations_have_the_gain_and_the_value_asked_for(dt):
         value = np.exp(1j * rng.uniform(-np.pi, np.pi)) * rng.uniform(0.1, 1)
         at = rng.uniform(1, 300)
         assert abs(response(with_phase(at, value, dt), np.array([at]))[0] - value) < 1e-6
-    assert np.abs(response(all_pass_of_poles(np.array([-2.0 + 3j, -2.0 - 3j]), 1.0, dt), omega)) == pytest.approx(1.0)
+    assert np.abs(
+        response(all_pass_of_poles(np.array([-2.0 + 3j, -2.0 - 3j]), 1.0, dt), omega)
+    ) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("form", FORMS[:4])
@@ -180,13 +212,18 @@ def test_delay_weight_covers_every_delay_and_gain():
         for theta in np.linspace(0, 0.01, 21):
             for k in (1 - gain, 1 + gain):
                 assert np.all(size >= np.abs(k * np.exp(-1j * omega * theta) - 1) * (1 - 1e-9))
-        radius = np.max([np.abs((1 + gain) * np.exp(-1j * omega * t) - 1) for t in np.linspace(0, 0.01, 2001)], axis=0)
+        radius = np.max(
+            [np.abs((1 + gain) * np.exp(-1j * omega * t) - 1) for t in np.linspace(0, 0.01, 2001)],
+            axis=0,
+        )
         assert np.max(size / radius) < 1.06
 
 
 def test_control_weight():
     for order in (1, 2):
-        size = np.abs(response(control_weight(50.0, M_u=4.0, A=0.01, order=order), np.array([1e-6, 1e9])))
+        size = np.abs(
+            response(control_weight(50.0, M_u=4.0, A=0.01, order=order), np.array([1e-6, 1e9]))
+        )
         assert size == pytest.approx([0.25, 100.0], rel=1e-4)
 
 
@@ -197,12 +234,17 @@ def test_makeweight_has_its_three_gains_and_no_other_in_between(dc, high, dt):
     for order in (1, 2, 5):
         W = makeweight(dc, (7.0, 0.8), high, order=order, dt=dt)
         assert W.nstates == order
-        assert np.abs(response(W, np.array([1e-9, 7.0, top]))) == pytest.approx([dc, 0.8, high], rel=1e-6)
+        assert np.abs(response(W, np.array([1e-9, 7.0, top]))) == pytest.approx(
+            [dc, 0.8, high], rel=1e-6
+        )
         size = np.abs(response(W, np.geomspace(1e-3, min(top, 1e6), 500)))
         assert np.all(np.diff(size) * np.sign(high - dc) > -1e-9 * size[1:])
         assert np.all(np.abs(W.poles()) < 1) if dt else np.all(W.poles().real < 0)
         assert np.all(np.abs(W.zeros()) < 1) if dt else np.all(W.zeros().real < 0)
-    steep, flat = (np.abs(response(makeweight(dc, 7.0, high, order=n, dt=dt), np.array([9.0])))[0] for n in (3, 1))
+    steep, flat = (
+        np.abs(response(makeweight(dc, 7.0, high, order=n, dt=dt), np.array([9.0])))[0]
+        for n in (3, 1)
+    )
     assert abs(np.log(steep)) > abs(np.log(flat))
 
 
@@ -250,16 +292,25 @@ def test_the_order_scan_finds_the_order(n):
     [
         (lambda: control_weight(-1.0), "omega_bc must be positive"),
         (lambda: control_weight(1.0, A=2.0), "A must be below M_u"),
-        (lambda: makeweight(1.0, 5.0, 0.1), "the gain at crossover must be between dc = 1 and high = 0.1, got 1"),
+        (
+            lambda: makeweight(1.0, 5.0, 0.1),
+            "the gain at crossover must be between dc = 1 and high = 0.1, got 1",
+        ),
         (lambda: makeweight(10.0, (5.0, 20.0), 0.1), "the gain at crossover must be between"),
-        (lambda: makeweight(10.0, 70.0, 0.1, dt=0.05), "crossover must lie below the Nyquist frequency 62.8319"),
+        (
+            lambda: makeweight(10.0, 70.0, 0.1, dt=0.05),
+            "crossover must lie below the Nyquist frequency 62.8319",
+        ),
         (lambda: makeweight(0.0, 5.0, 0.1), "dc must be positive"),
         (lambda: delay_weight(0.0), "delay must be positive"),
         (lambda: delay_weight(1.0, gain=1.0), "gain must be below 1"),
         (lambda: discretize(control.tf([1], [1, 0.5], 0.1), 0.1), "K must be continuous"),
         (lambda: discretize(1.0, 0.1, prewarp=40.0), "prewarp must lie below the Nyquist"),
         (lambda: discretize(control.tf([1], [1, -20.0]), 0.1), "must have no pole at s = 2/dt"),
-        (lambda: nu_gap(control.tf([1], [1, 1], 0.1), control.tf([1], [1, 0.5], 0.1)), "must have no pole at z = -1"),
+        (
+            lambda: nu_gap(control.tf([1], [1, 1], 0.1), control.tf([1], [1, 0.5], 0.1)),
+            "must have no pole at z = -1",
+        ),
     ],
 )
 def test_refusals(call, message):
@@ -267,7 +318,9 @@ def test_refusals(call, message):
         call()
 
 
-PLANT_2X2 = control.StateSpace([[-1, 0.2], [0, -3]], np.eye(2), [[1, 0.3], [-0.2, 2]], np.zeros((2, 2)))
+PLANT_2X2 = control.StateSpace(
+    [[-1, 0.2], [0, -3]], np.eye(2), [[1, 0.3], [-0.2, 2]], np.zeros((2, 2))
+)
 K_2X2 = control.StateSpace([], [], [], 3 * np.eye(2))
 
 
@@ -282,7 +335,9 @@ def set_of_several(form, size):
     gains = (control.ss([], [], [], [[x]]) for x in (0.5, 0.4))
     right = tuple(map(w, (0.1, 0.05, 0.02, 0.1))) if form == "elements" else tuple(gains)
     radius = np.array([np.abs(response(weight, omega)) for weight in (*left, *right)])
-    return UncertaintyModel(nominal=PLANT_2X2, form=form, left=left, right=right, omega=omega, radius=radius)
+    return UncertaintyModel(
+        nominal=PLANT_2X2, form=form, left=left, right=right, omega=omega, radius=radius
+    )
 
 
 @pytest.mark.attack(every=5)
@@ -310,7 +365,9 @@ def test_no_random_plant_of_several_channels_is_beyond_the_worst(form):
     assert family.S.max() > 1.005 * family.nominal.max()  # and they are not the nominal
     plants = set_.sample(5, rng=1)
     assert all(map(set_.contains, plants))
-    assert max(set_.distance(plant).max() for plant in plants) > 0.7  # some have |Delta| = 1 under a weight above 0.7
+    assert (
+        max(set_.distance(plant).max() for plant in plants) > 0.7
+    )  # some have |Delta| = 1 under a weight above 0.7
 
 
 @pytest.mark.parametrize("form", ["elements", "additive", "input"])
@@ -358,24 +415,34 @@ def test_the_check_of_several_channels_names_the_largest_singular_value():
 
 
 def test_a_stable_loop_with_thin_margins_is_warned_of():
-    """A light mode under a gain is stable with its whole set, and close to instability with one plant of it."""
+    """A light mode under a gain is stable with its whole set, and close to instability with one
+    plant of it.
+    """
     G = control.ss(control.tf([1], [1, 0.4, 1]))
-    set_ = UncertaintyModel(G, control.ss([], [], [], [[0.3]]), "multiplicative", LINES, np.full(3, 0.29))
+    set_ = UncertaintyModel(
+        G, control.ss([], [], [], [[0.3]]), "multiplicative", LINES, np.full(3, 0.29)
+    )
     report = check(set_, 0.8)
     assert report.proofs.robustly_stable
     assert report.margins.S_worst > 2
     found = unwrapped(str(report))
     assert report.summary.startswith("verdict:     STATISTICALLY ROBUST, THIN MARGINS: ")
-    assert f"warning: thin margins: |S| reaches {report.margins.S_worst:.3g} over the set, at" in found
+    assert (
+        f"warning: thin margins: |S| reaches {report.margins.S_worst:.3g} over the set, at" in found
+    )
     assert "To lower |S|: a lower gain" in found
     assert check(set_, 0.8 * 0.9).margins.S_worst < 0.98 * report.margins.S_worst
     assert "thin margins" not in str(check(set_, 1e-3))
 
 
 def test_the_peak_of_the_demand_is_the_peak_that_is_warned_of():
-    """Where w_P allows |S| = 2.5 a smaller one is no thin margin; a demand without a peak leaves the usual limit."""
+    """Where w_P allows |S| = 2.5 a smaller one is no thin margin; a demand without a peak leaves
+    the usual limit.
+    """
     G = control.ss(control.tf([1], [1, 0.4, 1]))
-    set_ = UncertaintyModel(G, control.ss([], [], [], [[0.3]]), "multiplicative", LINES, np.full(3, 0.29))
+    set_ = UncertaintyModel(
+        G, control.ss([], [], [], [[0.3]]), "multiplicative", LINES, np.full(3, 0.29)
+    )
     K = 0.5
     worst = check(set_, K).margins.S_worst
     assert 2.02 < worst < 2.4  # between the customary peak and that of the demand

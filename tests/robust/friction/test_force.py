@@ -1,4 +1,6 @@
-"""Friction without a law: what is read of it against its making, and the bound for bristles with damping."""
+"""Friction without a law: what is read of it against its making, and the bound for bristles with
+damping.
+"""
 
 import warnings
 from dataclasses import replace
@@ -10,7 +12,12 @@ import pytest
 import nlfrf
 from robust import friction_plant, prove_friction
 from robust.friction import Bounded
-from robust.friction.reading.force import LevelPeak, before_coupling, break_away, read_friction_force
+from robust.friction.reading.force import (
+    LevelPeak,
+    before_coupling,
+    break_away,
+    read_friction_force,
+)
 from robust.friction.reading.in_motion import identify_sliding
 
 GRID = {"fs": 4000, "n_samples": 4000}
@@ -23,21 +30,30 @@ LAWS = {
 
 
 def played(law, levels=(0.5, 60), count=9, resolution=50e-9):
-    """Records of the linear motor, 12 kg and 0.55 ms, with a law: in motion at 0.1 m/s both ways, and at rest."""
+    """Records of the linear motor, 12 kg and 0.55 ms, with a law: in motion at 0.1 m/s both ways,
+    and at rest.
+    """
     axis = nlfrf.servo_axis("linear motor")
     axis = replace(axis, motor_friction=LAWS[law] or axis.motor_friction, resolution=resolution)
     return records_of(axis, np.geomspace(*levels, count))
 
 
 def records_of(axis, levels, highest=100):
-    """Records of an axis, in motion at 0.1 m/s both ways, and at rest at levels [N], of lines up to `highest` [Hz]."""
-    fast, slow = ({"f_min": f_min, "f_max": f_max, **GRID} for f_min, f_max in ((5, 200), (2, highest)))
+    """Records of an axis, in motion at 0.1 m/s both ways, and at rest at levels [N], of lines up to
+    `highest` [Hz].
+    """
+    fast, slow = (
+        {"f_min": f_min, "f_max": f_max, **GRID} for f_min, f_max in ((5, 200), (2, highest))
+    )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         ms = nlfrf.multisine(rms=15.0, rng=1, **fast)
-        moving = [nlfrf.rig.simulate_servo(axis, ms, base_velocity=v, n_periods=2) for v in (0.1, -0.1)]
+        moving = [
+            nlfrf.rig.simulate_servo(axis, ms, base_velocity=v, n_periods=2) for v in (0.1, -0.1)
+        ]
         at_rest = [
-            nlfrf.rig.simulate_servo(axis, nlfrf.multisine(rms=rms, rng=2, **slow), n_periods=2) for rms in levels
+            nlfrf.rig.simulate_servo(axis, nlfrf.multisine(rms=rms, rng=2, **slow), n_periods=2)
+            for rms in levels
         ]
     return moving, at_rest
 
@@ -68,7 +84,9 @@ def test_the_speed_over_which_friction_falls_is_read_where_the_axis_slides(monke
 
 
 def test_friction_that_falls_at_the_speed_of_the_motion_is_no_creep(monkeypatch):
-    """Its slope is in the viscous friction of the motion, which is below that of the machine at rest."""
+    """Its slope is in the viscous friction of the motion, which is below that of the machine at
+    rest.
+    """
     k, deflection = np.full(4, 1e5), np.array([0.25, 0.5, 1.0, 2.0])
     strength = 40.0 * deflection / deflection.sum()
     falls = nlfrf.friction.VaryingSliders(stiffness=k, strength=strength, stiction=2.5, vs=0.06)
@@ -82,7 +100,9 @@ def test_friction_that_falls_at_the_speed_of_the_motion_is_no_creep(monkeypatch)
 
 @pytest.mark.parametrize("law", ["LuGre", "Dahl"])
 def test_friction_that_grows_between_the_traces_is_told_and_held(law, monkeypatch):
-    """By 30 % before the axis moves: the traces contradict each other, and the interval holds both frictions."""
+    """By 30 % before the axis moves: the traces contradict each other, and the interval holds both
+    frictions.
+    """
     now = LAWS[law]
     grown = {name: 1.3 * getattr(now, name) for name in ("Fc", "Fs") if hasattr(now, name)}
     monkeypatch.setitem(LAWS, "grown", replace(now, **grown))
@@ -93,19 +113,26 @@ def test_friction_that_grows_between_the_traces_is_told_and_held(law, monkeypatc
         assert ("has grown between the traces" in found.contradiction) == (share > 1)
         assert found.Fs[0] < 20.0 <= share * 20.0 < found.Fs[1] < 1.6 * share * 20.0
     stuck = [one for one in at_rest if np.std(one.u) < 4]
-    assert read_friction_force(moving, (0.1, -0.1), stuck).contradiction == ""  # none of them slides
+    assert (
+        read_friction_force(moving, (0.1, -0.1), stuck).contradiction == ""
+    )  # none of them slides
 
 
-@pytest.mark.parametrize("law", [nlfrf.friction.Dahl(sigma0=1e6, Fc=10.0), nlfrf.friction.Coulomb(Fc=10.0, Fs=10.0)])
+@pytest.mark.parametrize(
+    "law", [nlfrf.friction.Dahl(sigma0=1e6, Fc=10.0), nlfrf.friction.Coulomb(Fc=10.0, Fs=10.0)]
+)
 def test_friction_of_motor_and_load_is_read_as_one(law):
-    """A sharp filter below the antiresonance overshot by up to 18 %, and a coupling passed for a stiffness of friction.
+    """A sharp filter below the antiresonance overshot by up to 18 %, and a coupling passed for a
+    stiffness of friction.
 
     10 N on each, and 1 N/um on each of Dahl's: rigid friction has none.
     """
     axis = replace(nlfrf.servo_axis("belt"), motor_friction=law, load_friction=law, resolution=1e-8)
     moving, at_rest = records_of(axis, np.geomspace(8, 60, 6), highest=12)
     found = read_friction_force(moving, (0.1, -0.1), at_rest, masses=2)
-    assert found.contradiction == ""  # slides that the filter mixes with their neighbours are smaller
+    assert (
+        found.contradiction == ""
+    )  # slides that the filter mixes with their neighbours are smaller
     assert 0.85 * 20 < found.Fs[0] < 20.0 < found.Fs[1] < 1.25 * 20
     if isinstance(law, nlfrf.friction.Dahl):
         assert found.K0[0] < 2e6 < found.K0[1]
@@ -137,13 +164,17 @@ def test_levels_that_stick_show_no_break_away():
 
 
 def test_a_force_that_stops_to_rise_below_coulomb_friction_is_no_break_away():
-    """Where the axis moves by a step of its encoder now and then, the force is that of the step at any level."""
+    """Where the axis moves by a step of its encoder now and then, the force is that of the step at
+    any level.
+    """
     forces = (0.4, 0.4, 0.4, 1.8, 8.0, 10.0, 10.1, 10.2)
     peaks = [LevelPeak(level=2.0**k, peak=peak, error=0.1) for k, peak in enumerate(forces)]
     low, high = break_away(peaks, 8.0)[0]
     assert 9 < low < 10 < high < 11.5
     # peaks that fall with the level were taken where stiction has fallen
-    fallen = [one._replace(peak=min(one.peak, 0.8 * 10)) if one.level > 64 else one for one in peaks]
+    fallen = [
+        one._replace(peak=min(one.peak, 0.8 * 10)) if one.level > 64 else one for one in peaks
+    ]
     assert break_away(fallen, 4.0)[0][1] > 14
 
 
@@ -161,15 +192,19 @@ def test_the_bound_for_bristles_with_damping_is_the_integral_of_the_kernel():
 
 @pytest.mark.parametrize("tau", [0.002, 0.05])
 def test_no_bristles_of_a_sampled_loop_pass_the_bound(tau):
-    """The worst s of a sampled loop, found through its impulse responses, comes near the bound and not above it."""
+    """The worst s of a sampled loop, found through its impulse responses, comes near the bound and
+    not above it.
+    """
     T, mass, steps = 0.01, 1.0, 40
-    plant, controller = friction_plant(mass, 0.0, 0.4), control.ss(control.tf([300.0, -270.0], [1.0, -0.4], T))
+    plant = friction_plant(mass, 0.0, 0.4)
+    controller = control.ss(control.tf([300.0, -270.0], [1.0, -0.4], T))
     bound = prove_friction(plant, controller, Bounded(1.0, tau)).error_bound
     h, periods = T / steps, 400
     flow = np.array([[1.0, (1 - np.exp(-0.4 * h)) / 0.4], [0.0, np.exp(-0.4 * h)]])
     push = np.array([(h - flow[0, 1]) / 0.4, flow[0, 1]]) / mass
 
-    # the kernel of a force that lasts one step, by time invariance from period to period: one run for each offset
+    # the kernel of a force that lasts one step, by time invariance from period to period: one run
+    # for each offset
     kernel = np.zeros(periods * steps)
     for offset in range(steps):
         x, k, u = np.zeros(2), np.zeros(controller.nstates), 0.0
@@ -179,7 +214,9 @@ def test_no_bristles_of_a_sampled_loop_pass_the_bound(tau):
                 k = controller.A @ k + controller.B[:, 0] * x[0]
             x = flow @ x + push * (u - (n == offset))
             if n % steps == steps - 1:
-                kernel[n - offset] = x[0]  # at the end of a period, of a force n - offset steps before
+                kernel[n - offset] = x[
+                    0
+                ]  # at the end of a period, of a force n - offset steps before
     derivative = np.gradient(kernel / h, h)
     worst = h * np.abs(kernel / h + tau * derivative).sum()
     assert worst < 1.01 * bound

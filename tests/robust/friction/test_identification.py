@@ -1,4 +1,6 @@
-"""Machines identified from records at several levels and in motion: against their making, and what is left open."""
+"""Machines identified from records at several levels and in motion: against their making, and what
+is left open.
+"""
 
 import re
 import warnings
@@ -87,9 +89,11 @@ def test_a_sliding_element_holds_what_stribeck_leaves():
 
 
 def test_an_element_drops_at_the_velocity_at_which_it_gives_way():
-    """Along x = sin t it gives way at x = W, drops to what the slider slips at there, and sticks as the motion slows.
+    """Along x = sin t it gives way at x = W, drops to what the slider slips at there, and sticks as
+    the motion slows.
 
-    W is passed between two samples: from the velocity of the later one the force at the turn was up to 4 % of W off.
+    W is passed between two samples: from the velocity of the later one the force at the turn was up
+    to 4 % of W off.
     """
     t = np.linspace(0, np.pi / 2, 61)
     W, rho, vs = np.linspace(0.93, 0.96, 200), 1.5, 0.5
@@ -102,7 +106,9 @@ def test_an_element_drops_at_the_velocity_at_which_it_gives_way():
 
 def test_what_is_no_motion_is_refused():
     law = VaryingSliders(stiffness=[1.0], strength=[2.0])
-    with pytest.raises(ValueError, match="x and v must have the same number of samples, at least one, got 3, 2"):
+    with pytest.raises(
+        ValueError, match="x and v must have the same number of samples, at least one, got 3, 2"
+    ):
         element_forces(law, np.zeros(3), np.zeros(2), fs=1.0)
 
 
@@ -114,18 +120,25 @@ def load_in_motion(n, *, stiction=1.4, vs=0.02):
     rng, grid = np.random.default_rng(3), 2j * np.pi * np.arange(n // 2 + 1)
     spectrum = np.zeros(n // 2 + 1, dtype=complex)
     spectrum[1:25:2] = n / 2 * 4e-4 * np.exp(2j * np.pi * rng.random(12))
-    law = VaryingSliders(stiffness=[3e4, 1e4, 5e3], strength=[6.0, 5.0, 5.0], stiction=stiction, vs=vs)
+    law = VaryingSliders(
+        stiffness=[3e4, 1e4, 5e3], strength=[6.0, 5.0, 5.0], stiction=stiction, vs=vs
+    )
     return law, np.fft.irfft(spectrum, n), np.fft.irfft(grid * spectrum, n)
 
 
 def test_the_force_of_a_load_is_that_of_a_rig():
-    """Against Runge-Kutta steps of the rig, which drop at the end of a step; few steps are off by their square."""
+    """Against Runge-Kutta steps of the rig, which drop at the end of a step; few steps are off by
+    their square.
+    """
     n = 40_000
     law, x, v = load_in_motion(n)
     m, k, c, c2 = LOADED.values()
     load = nlfrf.rig.run(nlfrf.rig.Rig(m, k, law, c + c2), np.tile(k * x + c * v, 2), fs=float(n))
     expected = k * (x - load.x[n:]) + c * (v - load.v[n:])
-    assert np.abs(load_forces(law, x, v, **LOADED, fs=float(n))[0] - expected).max() < 5e-4 * np.abs(expected).max()
+    assert (
+        np.abs(load_forces(law, x, v, **LOADED, fs=float(n))[0] - expected).max()
+        < 5e-4 * np.abs(expected).max()
+    )
     coarse = {}
     for steps in (500, 1000):
         law, x, v = load_in_motion(steps)
@@ -148,18 +161,36 @@ def test_the_force_of_a_load_that_sticks_needs_few_samples():
 
 
 def test_the_slopes_of_the_force_of_a_load_are_its_derivatives():
-    """Against central differences by every parameter, over steps that change no order in which elements give way."""
+    """Against central differences by every parameter, over steps that change no order in which
+    elements give way.
+    """
     n = 8000
     law, x, v = load_in_motion(n, stiction=1.02, vs=0.05)
-    base = [*np.log(list(LOADED.values())[:3]), 15.0, np.log(0.02), np.log(0.05), *np.log(law.stiffness)]
+    base = [
+        *np.log(list(LOADED.values())[:3]),
+        15.0,
+        np.log(0.02),
+        np.log(0.05),
+        *np.log(law.stiffness),
+    ]
     base = np.array([*base, *np.log(law.strength / law.stiffness)])
 
     def force(p, slopes=False):
         k, D = np.exp(p[6:9]), np.exp(p[9:])
-        moved = VaryingSliders(stiffness=k, strength=k * D, stiction=1 + np.exp(p[4]), vs=np.exp(p[5]))
+        moved = VaryingSliders(
+            stiffness=k, strength=k * D, stiction=1 + np.exp(p[4]), vs=np.exp(p[5])
+        )
         m, stiffness, c = np.exp(p[:3])
         return load_forces(
-            moved, x, v, mass=m, stiffness=stiffness, damping=c, viscous=p[3], fs=float(n), slopes=slopes
+            moved,
+            x,
+            v,
+            mass=m,
+            stiffness=stiffness,
+            damping=c,
+            viscous=p[3],
+            fs=float(n),
+            slopes=slopes,
         )
 
     slopes = force(base, slopes=True)
@@ -174,7 +205,9 @@ def test_the_slopes_of_the_force_of_a_load_are_its_derivatives():
 
 def test_what_makes_no_force_of_a_load_is_refused():
     law, x, v = load_in_motion(100)
-    with pytest.raises(ValueError, match="x and v must have the same number of samples, at least one, got 100, 3"):
+    with pytest.raises(
+        ValueError, match="x and v must have the same number of samples, at least one, got 100, 3"
+    ):
         load_forces(law, x, v[:3], **LOADED, fs=1.0)
     with pytest.raises(ValueError, match="sliders must vary with velocity only"):
         load_forces(replace(law, dwell=1.0), x, v, **LOADED, fs=1.0)
@@ -189,7 +222,9 @@ def sprung():
 def motor():
     """The linear motor preset at rest, in closed loop with delay, lag, an encoder and stiction."""
     plan = replace(AT_REST["linear motor"], rms=(1, 15, 30, 60), n_samples=4000)
-    return robust.friction.identify_friction(measure_at_rest(nlfrf.servo_axis("linear motor"), plan, 3), free=True)
+    return robust.friction.identify_friction(
+        measure_at_rest(nlfrf.servo_axis("linear motor"), plan, 3), free=True
+    )
 
 
 def test_a_machine_on_a_spring_is_identified(sprung):
@@ -230,7 +265,9 @@ def test_the_picture_has_every_level_measured_and_fitted(motor):
         measured, fitted = axes.get_lines()[:2]
         expected = sorted((1e6 * level.motion, getattr(level, name)) for level in motor.levels)
         assert np.allclose(np.array(measured.get_data()).T, expected)
-        assert np.allclose(fitted.get_ydata(), measured.get_ydata(), atol=0.02 * np.abs(measured.get_ydata()).max())
+        assert np.allclose(
+            fitted.get_ydata(), measured.get_ydata(), atol=0.02 * np.abs(measured.get_ydata()).max()
+        )
     assert f"N/m, Fs {motor.Fs:.4g} N" in top.get_title()
 
 
@@ -243,9 +280,21 @@ def test_the_class_of_a_fit_holds_the_machine(motor):
 
 
 KINDS = {
-    "sticks": ((0.02, 0.05, 0.1), robust.friction.Gap.HIGHEST_LEVEL_STICKS, "highest level still sticks: it swings"),
-    "slips": ((2.0, 4.0, 8.0), robust.friction.Gap.LOWEST_LEVEL_SLIPS, "lowest level does not stick: it moves"),
-    "equal": ((0.1, 1.0, 1.05), robust.friction.Gap.EQUAL_LEVELS, "count as 2, as neighbours differ by less than 1.3"),
+    "sticks": (
+        (0.02, 0.05, 0.1),
+        robust.friction.Gap.HIGHEST_LEVEL_STICKS,
+        "highest level still sticks: it swings",
+    ),
+    "slips": (
+        (2.0, 4.0, 8.0),
+        robust.friction.Gap.LOWEST_LEVEL_SLIPS,
+        "lowest level does not stick: it moves",
+    ),
+    "equal": (
+        (0.1, 1.0, 1.05),
+        robust.friction.Gap.EQUAL_LEVELS,
+        "count as 2, as neighbours differ by less than 1.3",
+    ),
 }
 
 
@@ -267,17 +316,28 @@ def test_two_masses_are_no_one_mass():
     """A load on a spring, 78 Hz, in a band up to 200 Hz."""
     masses, springs = np.diag([1.0, 0.5]), np.array([[2e5, -1.2e5], [-1.2e5, 1.2e5]])
     law = VaryingSliders(stiffness=[4e4, 2.4e4], strength=[0.5, 0.5])
-    rig = nlfrf.rig.Rig(masses, springs, [law, None], 5e-5 * springs, actuators=[[1.0], [0.0]], sensors=[[1.0, 0.0]])
+    rig = nlfrf.rig.Rig(
+        masses, springs, [law, None], 5e-5 * springs, actuators=[[1.0], [0.0]], sensors=[[1.0, 0.0]]
+    )
     grid = {"fs": 1024, "n_samples": 1024, "f_min": 2, "f_max": 200}
-    played = [nlfrf.multisine("special-odd", rms=rms, rng=i, **grid) for i, rms in enumerate(GOOD[1:])]
+    played = [
+        nlfrf.multisine("special-odd", rms=rms, rng=i, **grid) for i, rms in enumerate(GOOD[1:])
+    ]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        records = [nlfrf.simulate(rig, ms, n_periods=2, n_discard=4, oversampling=4) for ms in played]
+        records = [
+            nlfrf.simulate(rig, ms, n_periods=2, n_discard=4, oversampling=4) for ms in played
+        ]
     fit = robust.friction.identify_friction(records)
     question = next(one for one in fit.questions if one.kind is robust.friction.Gap.OTHER_MACHINE)
     # in which of the wrong minima the search ends is left to the rounding of the machine
-    assert re.search("more than 2 % beyond noise|needs a delay of .* longer than", question.description)
-    assert "take masses=2, or give machine_with_friction the BLAs and a nominal" in question.description
+    assert re.search(
+        "more than 2 % beyond noise|needs a delay of .* longer than", question.description
+    )
+    assert (
+        "take masses=2, or give machine_with_friction the BLAs and a nominal"
+        in question.description
+    )
 
 
 def test_friction_that_creeps_is_no_second_mass():
@@ -294,7 +354,9 @@ def test_friction_that_creeps_is_no_second_mass():
 def belt():
     """The belt preset to beyond its resonance, as motor and load."""
     plan = replace(TWO_MASSES["belt"], rms=(5, 40, 300), n_samples=4000, f_min=2)
-    return robust.friction.identify_friction(measure_at_rest(nlfrf.servo_axis("belt"), plan, 0), free=True, masses=2)
+    return robust.friction.identify_friction(
+        measure_at_rest(nlfrf.servo_axis("belt"), plan, 0), free=True, masses=2
+    )
 
 
 def test_motor_and_load_are_told_apart(belt):
@@ -314,11 +376,16 @@ def test_lines_that_a_step_of_the_encoder_makes_are_left_out_around_the_antireso
     plan = replace(TWO_MASSES["belt"], rms=(300,), n_samples=4000, f_min=2)
     (record,) = measure_at_rest(axis, plan, 0)
     machine = SimpleNamespace(
-        mass=axis.inertia, load_mass=axis.load_inertia, coupling=axis.stiffness, coupling_damping=axis.damping
+        mass=axis.inertia,
+        load_mass=axis.load_inertia,
+        coupling=axis.stiffness,
+        coupling_damping=axis.damping,
     )
     level, antiresonance = motion_of_record(record, 1), np.sqrt(axis.stiffness / axis.load_inertia)
     for step, some in ((1e-9, False), (1e-5, True)):
-        kept = without_noisy_lines(level, replace(record, y=np.round(record.y / step) * step), machine)
+        kept = without_noisy_lines(
+            level, replace(record, y=np.round(record.y / step) * step), machine
+        )
         left_out = np.setdiff1d(level.omega, kept.omega)
         assert bool(left_out.size) == some
         assert kept.U.shape == kept.Y.shape == kept.noise.shape == (1, kept.lines.size)
@@ -328,17 +395,22 @@ def test_lines_that_a_step_of_the_encoder_makes_are_left_out_around_the_antireso
 
 
 def test_friction_at_two_masses_makes_a_class_at_each(belt):
-    axis, found = nlfrf.servo_axis("belt"), robust.friction.machine_with_friction(belt, stiction=1.3)
+    axis = nlfrf.servo_axis("belt")
+    found = robust.friction.machine_with_friction(belt, stiction=1.3)
     for one, law in zip(found.friction, (axis.motor_friction, axis.load_friction), strict=True):
         assert law.stiffness.sum() < one.K0 < 1.3 * law.stiffness.sum()
         assert law.stiction < one.stiction < 1.1 * max(1.3, law.stiction)
     assert found.machine.n_ports == 2
-    assert 1 / found.machine.B_port[2:].diagonal() == pytest.approx([axis.motor_inertia, axis.load_inertia], rel=2e-3)
+    assert 1 / found.machine.B_port[2:].diagonal() == pytest.approx(
+        [axis.motor_inertia, axis.load_inertia], rel=2e-3
+    )
     stiction = (belt.Fs - belt.load_Fs) / (belt.coulomb - belt.load_coulomb)
     assert stiction == pytest.approx(axis.motor_friction.stiction, rel=0.03)
     # an axis that a position loop alone holds comes to rest with every friction of the class
     held = Drive(fs=4000, kv=30, kp=33 * axis.force_constant, kp_unit="N/(m/s)", delay_periods=1)
-    proof = robust.prove_friction(found.machine, cascade(held, output_unit="N"), found.friction, delay=held.delay)
+    proof = robust.prove_friction(
+        found.machine, cascade(held, output_unit="N"), found.friction, delay=held.delay
+    )
     assert proof.verdict == "proved"
     assert proof.certificate.verify().verified
     with pytest.raises(ValueError, match="machine must have one friction port, got 2"):
@@ -348,8 +420,17 @@ def test_friction_at_two_masses_makes_a_class_at_each(belt):
 @pytest.mark.attack
 def test_drive_check_judges_friction_at_motor_and_load(belt):
     axis = nlfrf.servo_axis("belt")
-    settings = Drive(fs=4000, kv=30, kp=33 * axis.force_constant, kp_unit="N/(m/s)", lag=5e-4, delay_periods=1)
-    given = {"actual": False, "stiction": 1.5, "Fs": None, "spring": False, "masses": 2, "fit": belt}
+    settings = Drive(
+        fs=4000, kv=30, kp=33 * axis.force_constant, kp_unit="N/(m/s)", lag=5e-4, delay_periods=1
+    )
+    given = {
+        "actual": False,
+        "stiction": 1.5,
+        "Fs": None,
+        "spring": False,
+        "masses": 2,
+        "fit": belt,
+    }
     found = judge_friction([], settings, **given)
     assert found.proved
     assert len(found.largest) == 2
@@ -388,14 +469,18 @@ def test_the_reaction_of_a_load_without_friction_is_linear():
     m, k, c, c2 = 2.0, 3e4, 60.0, 5.0
     numbers = dict(zip(LOAD, (*np.log([m, k, c]), c2, 0.0, 0.0), strict=True))
     none = np.zeros(0)
-    load = Candidate(terms=Terms(spring=False, load=True), numbers=numbers, stiffness=none, breakaway=none)
+    load = Candidate(
+        terms=Terms(spring=False, load=True), numbers=numbers, stiffness=none, breakaway=none
+    )
     link, inertia = k + 1j * omega * c, -m * omega**2 + 1j * omega * c2
     expected = link * inertia / (link + inertia) * Y
     assert np.abs(reaction_of_load(level, load)[0] - expected).max() < 1e-3 * np.abs(expected).max()
 
 
 def test_the_jackknife_leaves_out_one_block_after_the_other():
-    """Against fits without each block, one of which holds most of what is known; and noise against least squares."""
+    """Against fits without each block, one of which holds most of what is known; and noise against
+    least squares.
+    """
     rng, shape = np.random.default_rng(1), (1, 40)
     omega = 2 * np.pi * np.arange(1.0, 41.0)
     Y = 1e-3 * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape))
@@ -425,11 +510,15 @@ def test_the_jackknife_leaves_out_one_block_after_the_other():
         kept = np.setdiff1d(np.arange(80), np.append(block, block + 40))
         moved.append(np.linalg.lstsq(table[kept], target[kept], rcond=None)[0])
     assert jackknife == pytest.approx(4 / 5 * np.transpose(moved) @ np.array(moved), rel=1e-6)
-    assert alike == pytest.approx(np.linalg.inv(table.T @ table) * (np.abs(left) ** 2).sum() / (80 - 3), rel=1e-6)
+    assert alike == pytest.approx(
+        np.linalg.inv(table.T @ table) * (np.abs(left) ** 2).sum() / (80 - 3), rel=1e-6
+    )
 
 
 def test_an_element_with_stiction_has_two_forces_along_one_motion():
-    """It swings by 0.95 D: it never slips from the middle, and slips at both ends once it has dropped to W/rho."""
+    """It swings by 0.95 D: it never slips from the middle, and slips at both ends once it has
+    dropped to W/rho.
+    """
     n = 1000
     phase = 2 * np.pi * np.arange(n) / n
     one = np.ones((1, 1))
@@ -445,14 +534,22 @@ def test_an_element_with_stiction_has_two_forces_along_one_motion():
         lines=np.array([1]),
     )
     slips, sticks = (
-        element_spectra(replace(level, centred=centred), np.array([1.0]), stiction=1.5, vs=1e-3)[0, 0, 0]
+        element_spectra(replace(level, centred=centred), np.array([1.0]), stiction=1.5, vs=1e-3)[
+            0, 0, 0
+        ]
         for centred in (False, True)
     )
     assert sticks == pytest.approx(-0.95, rel=1e-3)  # a spring
     assert slips.imag**2 > 0.05  # it dissipates
     machine = Candidate(
         terms=Terms(spring=False, stiction=True),
-        numbers={"mass": 0.0, "damping": 0.0, "delay": 0.0, "log_excess": np.log(0.5), "log_vs": np.log(1e-3)},
+        numbers={
+            "mass": 0.0,
+            "damping": 0.0,
+            "delay": 0.0,
+            "log_excess": np.log(0.5),
+            "log_vs": np.log(1e-3),
+        },
         stiffness=np.array([1.0]),
         breakaway=np.array([1.0]),
     )
@@ -468,11 +565,15 @@ SIGNS = {
 
 @pytest.mark.parametrize(("delay_periods", "sign"), SIGNS.items())
 def test_a_load_far_above_the_band_makes_no_class(delay_periods, sign):
-    """A ball screw below a third of its antiresonance leaves 0.8 % of the force, and Fs was read 3.5 % low."""
+    """A ball screw below a third of its antiresonance leaves 0.8 % of the force, and Fs was read
+    3.5 % low.
+    """
     axis = nlfrf.servo_axis("ball screw")
     drive = replace(axis.drive, delay_periods=delay_periods, kp=70, kv=12)
     records = measure_at_rest(
-        replace(axis, drive=drive), replace(AT_REST["ball screw"], rms=(20, 150, 1200), n_samples=4000), 0
+        replace(axis, drive=drive),
+        replace(AT_REST["ball screw"], rms=(20, 150, 1200), n_samples=4000),
+        0,
     )
     fit = robust.friction.identify_friction(records, free=True)
     assert [question.kind for question in fit.questions] == [robust.friction.Gap.FLEXIBLE]
@@ -515,19 +616,27 @@ def test_an_axis_in_motion_tells_motor_and_load():
 
 def test_what_makes_no_fit_is_refused():
     records = levels((0.05, 1.0, 4.0), n_periods=2)
-    with pytest.raises(ValueError, match="records must hold at least three levels, from sticking to sliding, got 2"):
+    with pytest.raises(
+        ValueError, match="records must hold at least three levels, from sticking to sliding, got 2"
+    ):
         robust.friction.identify_friction(records[:2])
-    with pytest.raises(ValueError, match="records must be a list of Records with one input and output, got"):
+    with pytest.raises(
+        ValueError, match="records must be a list of Records with one input and output, got"
+    ):
         robust.friction.identify_friction([1.0, 2.0, 3.0])
     with pytest.raises(ValueError, match="masses must be 1, or 2 for a motor and a load, got 3"):
         robust.friction.identify_friction(records, masses=3)
     turned = [replace(record, y=-record.y) for record in records]
-    with pytest.raises(ValueError, match=r"the output falls when the input rises\. Reverse the sign of the sensor"):
+    with pytest.raises(
+        ValueError, match=r"the output falls when the input rises\. Reverse the sign of the sensor"
+    ):
         robust.friction.identify_friction(turned)
     scaled = [replace(record, output_units=("mm",), input_units=("N",)) for record in records]
     with pytest.raises(ValueError, match="records must be in m/N"):
         robust.friction.identify_friction(scaled)
-    with pytest.raises(ValueError, match="velocities must be one for each of the 3 records, none zero"):
+    with pytest.raises(
+        ValueError, match="velocities must be one for each of the 3 records, none zero"
+    ):
         robust.friction.identify_sliding(records, (0.1, 0.0, 0.2))
     with pytest.raises(ValueError, match="records must be a list of Records"):
         robust.friction.identify_sliding([], ())
@@ -539,10 +648,8 @@ def test_levels_under_a_soft_drive_are_read():
     """One of the sets of `benchmarks.read_machine --sets`, played and traced as files."""
     chosen = LevelSet(soft=True, f_max=100.0, n_discard=1, rms=(0.3, 4.0, 60.0))
     assert chosen in SETS
-    fit, truth = (
-        robust.friction.identify_friction(measure_set(chosen, 1), free=True),
-        truth_of(nlfrf.servo_axis("linear motor")),
-    )
+    fit = robust.friction.identify_friction(measure_set(chosen, 1), free=True)
+    truth = truth_of(nlfrf.servo_axis("linear motor"))
     assert judge_set(fit, truth) is Outcome.RIGHT
     assert judge_set(replace(fit, Fs=1.02 * truth["Fs"]), truth) is Outcome.WRONG
     assert judge_set(replace(fit, stds=fit.stds | {"Fs": np.inf}), truth) is Outcome.REFUSED

@@ -1,4 +1,6 @@
-"""The class of friction from records: what it holds and refuses, its units, and the command with its certificate."""
+"""The class of friction from records: what it holds and refuses, its units, and the command with
+its certificate.
+"""
 
 import json
 import re
@@ -61,7 +63,10 @@ def test_a_margin_is_on_the_upper_end(records, found):
     fit = identify_once(records)
     for margin in (1.0, 2.0):
         K0 = robust.friction.machine_with_friction(fit, margin=margin).friction[0].K0
-        assert pytest.approx(margin * fit.interval("K0")[1] + fit.stiffness - found.stiffness_low) == K0
+        assert (
+            pytest.approx(margin * fit.interval("K0")[1] + fit.stiffness - found.stiffness_low)
+            == K0
+        )
     with pytest.raises(ValueError, match=r"margin must be at least 1, got 0\.9"):
         robust.friction.machine_with_friction(fit, margin=0.9)
 
@@ -77,26 +82,39 @@ def test_an_axis_that_turns_is_read_in_its_own_units(records):
 
 
 def test_levels_of_one_axis_have_one_unit(records):
-    with pytest.raises(ValueError, match="records must be of one axis, got positions in m and in rad"):
-        robust.friction.machine_with_friction([records[0], records[1], replace(records[2], **ROTARY)])
+    with pytest.raises(
+        ValueError, match="records must be of one axis, got positions in m and in rad"
+    ):
+        robust.friction.machine_with_friction(
+            [records[0], records[1], replace(records[2], **ROTARY)]
+        )
 
 
 def test_what_makes_no_class_is_refused(records):
     blas = [nlfrf.identify(record) for record in records]
-    with pytest.raises(ValueError, match="blas must be BLAs alone or Records alone, got 2 and 1: a BLA has lost"):
+    with pytest.raises(
+        ValueError, match="blas must be BLAs alone or Records alone, got 2 and 1: a BLA has lost"
+    ):
         robust.friction.machine_with_friction([*blas[:2], records[2]])
-    with pytest.raises(ValueError, match="nominal must be left out with Records, which are read as one mass"):
+    with pytest.raises(
+        ValueError, match="nominal must be left out with Records, which are read as one mass"
+    ):
         robust.friction.machine_with_friction(records, nominal=control.tf([1], [1, 2, 8e4]))
     with pytest.raises(ValueError, match="free must be left out with BLAs"):
         robust.friction.machine_with_friction(blas, free=True)
     with pytest.raises(ValueError, match="records must hold at least three levels"):
         robust.friction.machine_with_friction(records[:2])
-    with pytest.raises(ValueError, match="blas must be BLAs with one input and output, or Records, in a list, got 1"):
+    with pytest.raises(
+        ValueError,
+        match="blas must be BLAs with one input and output, or Records, in a list, got 1",
+    ):
         robust.friction.machine_with_friction(1.0)
 
 
 def test_a_spring_that_a_free_axis_cannot_have_leaves_K0_open():
-    """What never slips of a free axis is friction: the class was made of its elements, without 109 of 144 kN/m."""
+    """What never slips of a free axis is friction: the class was made of its elements, without 109
+    of 144 kN/m.
+    """
     stuck = levels((0.02, 0.05, 0.1))
     fit = robust.friction.identify_friction(stuck, free=True)
     assert np.isinf(fit.stds["K0"])
@@ -105,20 +123,30 @@ def test_a_spring_that_a_free_axis_cannot_have_leaves_K0_open():
 
 
 def test_an_element_between_two_swings_is_no_spring_of_the_machine():
-    """The highest level swings beyond one of its two elements: k was read a quarter of K0 too high."""
+    """The highest level swings beyond one of its two elements: k was read a quarter of K0 too
+    high.
+    """
     case = draw_case(160, seed=1)
     swings = records_of(case, 160, (0.04, 0.12, 0.6))
-    with pytest.raises(ValueError, match=r"the highest level still sticks: .* of Fs breaks away beyond 0\.2 of that"):
+    with pytest.raises(
+        ValueError,
+        match=r"the highest level still sticks: .* of Fs breaks away beyond 0\.2 of that",
+    ):
         robust.friction.machine_with_friction(swings)
 
 
 def test_records_in_motion_among_those_at_rest_are_refused():
     """In motion friction is a constant force, which the measured swing does not show."""
-    axis, grid = nlfrf.servo_axis("linear motor"), {"fs": 4000, "n_samples": 4000, "f_min": 2, "f_max": 300}
-    played = [nlfrf.multisine("special-odd", rms=rms, rng=i, **grid) for i, rms in enumerate((1, 15, 20))]
+    axis = nlfrf.servo_axis("linear motor")
+    grid = {"fs": 4000, "n_samples": 4000, "f_min": 2, "f_max": 300}
+    played = [
+        nlfrf.multisine("special-odd", rms=rms, rng=i, **grid) for i, rms in enumerate((1, 15, 20))
+    ]
     still = [nlfrf.rig.simulate_servo(axis, ms, n_periods=3, n_discard=2) for ms in played[:2]]
     moving = nlfrf.rig.simulate_servo(axis, played[2], base_velocity=0.1, n_periods=3, n_discard=1)
-    with pytest.raises(ValueError, match=r"fit must leave neither .* one mass with Maxwell slip leaves"):
+    with pytest.raises(
+        ValueError, match=r"fit must leave neither .* one mass with Maxwell slip leaves"
+    ):
         robust.friction.machine_with_friction([*still, moving], free=True)
 
 
@@ -139,7 +167,13 @@ def run(records, monkeypatch, capsys, tmp_path):
         nlfrf.save(record, f"{name}.npz")
         nlfrf.save(nlfrf.identify(record), f"{name}-known.npz")
         columns = [record.u.ravel(), record.y.ravel()]
-        np.savetxt(f"{name}.csv", np.transpose(columns), delimiter=",", header="force [N],place [m]", comments="")
+        np.savetxt(
+            f"{name}.csv",
+            np.transpose(columns),
+            delimiter=",",
+            header="force [N],place [m]",
+            comments="",
+        )
     robust.save(pid(20e3, 3e5, 60.0), "K.json")
 
     def run(line):
@@ -175,7 +209,9 @@ def test_the_command_proves_from_records(run, tmp_path):
 
 def test_the_command_reads_traces_by_the_options_of_identify(run, tmp_path):
     given = "--input force --output place --fs 1024 --period 2048 --hold band-limited"
-    code, out, err = run(f"robust prove low.csv mid.csv high.csv K.json --stiction 1.2 {given} -o proof.txt")
+    code, out, err = run(
+        f"robust prove low.csv mid.csv high.csv K.json --stiction 1.2 {given} -o proof.txt"
+    )
     assert code == 0, err
     assert "identified from 3 records of 0.05 to 5 N rms" in unwrapped(out)
     source = json.loads((tmp_path / "proof.certificate.json").read_text())["read from"]["files"][0]
@@ -192,8 +228,14 @@ def test_the_command_reads_traces_by_the_options_of_identify(run, tmp_path):
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
-        ("low.npz mid.npz high-known.npz K.json", "BLAs alone or records alone, got the BLAs high-known.npz and the"),
-        ("low.npz mid.npz K.json --stiffness 8e4", "records at three levels, from sticking to sliding, got 2 records"),
+        (
+            "low.npz mid.npz high-known.npz K.json",
+            "BLAs alone or records alone, got the BLAs high-known.npz and the",
+        ),
+        (
+            "low.npz mid.npz K.json --stiffness 8e4",
+            "records at three levels, from sticking to sliding, got 2 records",
+        ),
         (
             "low-known.npz mid-known.npz high-known.npz K.json --fs 1024 --free",
             "must be records for --fs and --free, got BLAs",
@@ -213,5 +255,8 @@ def test_whoever_follows_a_refusal_gets_a_verdict(run, asked, message):
 def test_a_nominal_is_for_BLAs(run):
     code, _, err = run("robust prove low.npz mid.npz high.npz K.json --nominal m.json")
     assert code == 2
-    assert "nominal must be left out with records, which are read as one mass with a delay" in unwrapped(err)
+    assert (
+        "nominal must be left out with records, which are read as one mass with a delay"
+        in unwrapped(err)
+    )
     assert "nlfrf identify low.npz -o low-bla.npz" in unwrapped(err)

@@ -1,4 +1,6 @@
-"""Certificates as files: verified as written; a changed number fails the digest, or the proof where it breaks it."""
+"""Certificates as files: verified as written; a changed number fails the digest, or the proof where
+it breaks it.
+"""
 
 import copy
 import json
@@ -21,7 +23,9 @@ K = control.ss(control.sample_system(control.tf([0.3, 1.0], [1, 0]), 0.01))
 
 
 def make_model(weight=WEIGHT, **more):
-    return UncertaintyModel(G, weight, more.pop("form", "multiplicative"), OMEGA, OMEGA * 0.02, **more)
+    return UncertaintyModel(
+        G, weight, more.pop("form", "multiplicative"), OMEGA, OMEGA * 0.02, **more
+    )
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +69,9 @@ def changed(entries, path, value):
 
 
 def test_any_changed_entry_fails_the_digest(handed, tmp_path):
-    """Every number by one unit in its last place, every word, every truth value: nothing is left out."""
+    """Every number by one unit in its last place, every word, every truth value: nothing is left
+    out.
+    """
     entries = json.loads(handed.read_text())
     count = 0
     for path, leaf in leaves(entries):
@@ -80,7 +86,10 @@ def test_any_changed_entry_fails_the_digest(handed, tmp_path):
             verify_certificate(tmp_path / "changed.json")
         count += 1
     assert count > 40
-    for more in (entries | {"note": "mine"}, {name: item for name, item in entries.items() if name != "found"}):
+    for more in (
+        entries | {"note": "mine"},
+        {name: item for name, item in entries.items() if name != "found"},
+    ):
         (tmp_path / "changed.json").write_text(json.dumps(more))
         with pytest.raises(ValueError, match="whose digest does not fit"):
             verify_certificate(tmp_path / "changed.json")
@@ -106,7 +115,9 @@ def resigned(entries, folder):
         (("delay",), 0.5, ""),
     ],
 )
-def test_with_its_digest_recomputed_it_is_verified_only_where_true(handed, tmp_path, path, factor, failed):
+def test_with_its_digest_recomputed_it_is_verified_only_where_true(
+    handed, tmp_path, path, factor, failed
+):
     entries = json.loads(handed.read_text())
     there = entries["claim"]
     for step in path:
@@ -116,7 +127,9 @@ def test_with_its_digest_recomputed_it_is_verified_only_where_true(handed, tmp_p
     assert found.verified == (not failed)
     assert [name.partition(",")[0] for name, _ in found.failed][:1] == [failed][: bool(failed)]
     same = verify_certificate(resigned(more, tmp_path), model=make_model(), K=K)
-    named = {"plant": "the model", "weight": "the model", "controller": "the controller"}.get(path[0])
+    named = {"plant": "the model", "weight": "the model", "controller": "the controller"}.get(
+        path[0]
+    )
     assert (named in [name for name, _ in same.failed]) == (named is not None)
     assert not same.verified or named is None
 
@@ -176,15 +189,20 @@ def test_what_would_not_be_read_back_is_not_written(suffix, tmp_path):
 def test_a_report_without_a_proof_is_refused(tmp_path):
     report = check(make_model(), 0.1, certify=False)
     with pytest.raises(
-        ValueError, match="report must contain a proof that can be repeated, got the verdict 'not certified'"
+        ValueError,
+        match="report must contain a proof that can be repeated, got the verdict 'not certified'",
     ):
         save(report, tmp_path / "none.json")
 
 
-@pytest.mark.parametrize("form", ["multiplicative", "additive", "inverse-multiplicative", "inverse-additive"])
+@pytest.mark.parametrize(
+    "form", ["multiplicative", "additive", "inverse-multiplicative", "inverse-additive"]
+)
 @pytest.mark.parametrize("perturbation", ["LTI", "operator"])
 def test_what_check_proves_is_verified(form, perturbation):
-    """Continuous and sampled, with a delay, linear and nonlinear perturbations; never for a mu certificate."""
+    """Continuous and sampled, with a delay, linear and nonlinear perturbations; never for a mu
+    certificate.
+    """
     w_P = performance_weight(0.02, M_S=6, A=0.9)
     for controller, delay in ((0.5, 0.0), (0.5, 0.02), (K, 0.01)):
         # under a sampled controller a weight has to fall off
@@ -200,14 +218,18 @@ def test_what_check_proves_is_verified(form, perturbation):
 
 @pytest.mark.parametrize("n", [6, pytest.param(20, marks=pytest.mark.attack)])
 def test_random_loops_that_check_certifies_are_verified(n):
-    """All of them, with hold, delay and four forms; `benchmarks.bench_verification` does the same with 500."""
+    """All of them, with hold, delay and four forms; `benchmarks.bench_verification` does the same
+    with 500.
+    """
     rng, count = np.random.default_rng(4), 0
     while count < n:
         case = random_case(rng)
         if not case["stable"] or case["target"] >= 1:
             continue
         radius = 0.5 * np.abs(tf_response(case["w"], OMEGA))
-        model = UncertaintyModel(case["G"], case["w"], case["form"], OMEGA, radius, perturbation="LTI")
+        model = UncertaintyModel(
+            case["G"], case["w"], case["form"], OMEGA, radius, perturbation="LTI"
+        )
         for certificate in check(model, case["K"], delay=case["delay"]).proofs.certificates:
             if certificate.holds:
                 found = certificate.verify()

@@ -44,7 +44,10 @@ def some_models():
     fit = fit_nominal(bla(), n_poles=2, n_zeros=0)
     discrete = fit_nominal(late_bla(), n_poles=2, n_zeros=1, dt=0.01, delay=0.02)
     yield "continuous", uncertainty(bla(), fit, order=3)
-    yield "discrete with delay", uncertainty(late_bla(), discrete, form="additive", order=4, simultaneous=True)
+    yield (
+        "discrete with delay",
+        uncertainty(late_bla(), discrete, form="additive", order=4, simultaneous=True),
+    )
     yield "FRF", uncertainty(bla(), frd(bla()), order=4, below=10.0)
     yield (
         "made directly",
@@ -79,7 +82,10 @@ def assert_same_system(a, b):
         assert same(a.frdata, b.frdata)
         assert same(a.omega, b.omega)
     else:
-        assert all(same(getattr(a, m), getattr(b, m)) and getattr(a, m).shape == getattr(b, m).shape for m in "ABCD")
+        assert all(
+            same(getattr(a, m), getattr(b, m)) and getattr(a, m).shape == getattr(b, m).shape
+            for m in "ABCD"
+        )
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -126,7 +132,9 @@ def test_a_controller_comes_back_to_the_bit(K, tmp_path):
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "K.json").read_bytes()
     omega = np.array([0.1, 1.0, 10.0])
     wanted = (
-        np.full(3, 2.5) if isinstance(K, float) else np.squeeze(K(np.exp(1j * omega * K.dt) if K.dt else 1j * omega))
+        np.full(3, 2.5)
+        if isinstance(K, float)
+        else np.squeeze(K(np.exp(1j * omega * K.dt) if K.dt else 1j * omega))
     )
     assert response(back, omega) == pytest.approx(wanted, rel=1e-12)
 
@@ -135,13 +143,33 @@ def damaged(text):
     content = json.loads(text)
     yield "truncated", text[: len(text) // 2], "must be a whole JSON file"
     yield "empty", "", "must be a whole JSON file"
-    yield "another schema", json.dumps(content | {"schema": "nlfrf-bla"}), "must hold a model, got .*, which is a BLA"
+    yield (
+        "another schema",
+        json.dumps(content | {"schema": "nlfrf-bla"}),
+        "must hold a model, got .*, which is a BLA",
+    )
     yield "newer", json.dumps(content | {"version": 2}), "must hold version 1"
-    yield "no weight", json.dumps({k: v for k, v in content.items() if k != "weight"}), "must hold a whole robust-model"
+    yield (
+        "no weight",
+        json.dumps({k: v for k, v in content.items() if k != "weight"}),
+        "must hold a whole robust-model",
+    )
     yield "a list", "[1, 2]", "must hold robust-model or"
-    yield "wrong shapes", json.dumps(content | {"radius": [1.0]}), "radius must have one value per frequency"
-    yield "text for numbers", json.dumps(content | {"omega": "many"}), "omega must have type \"array\", got 'many'"
-    yield "no matrix", json.dumps(content | {"weight": {"kind": "ss", "dt": 0}}), "must hold a whole robust-model"
+    yield (
+        "wrong shapes",
+        json.dumps(content | {"radius": [1.0]}),
+        "radius must have one value per frequency",
+    )
+    yield (
+        "text for numbers",
+        json.dumps(content | {"omega": "many"}),
+        "omega must have type \"array\", got 'many'",
+    )
+    yield (
+        "no matrix",
+        json.dumps(content | {"weight": {"kind": "ss", "dt": 0}}),
+        "must hold a whole robust-model",
+    )
     yield (
         "ragged",
         json.dumps(content | {"nominal": content["nominal"] | {"A": [[1.0], [1.0, 2.0]]}}),
@@ -153,8 +181,16 @@ def damaged(text):
         json.dumps(content | {"nominal": content["nominal"] | {"kind": "zpk"}}),
         "nominal must be as its schema says, got .*'kind': 'zpk'",
     )
-    yield "no truth value", json.dumps(content | {"simultaneous": "no"}), 'simultaneous must have type "boolean"'
-    yield "no system", json.dumps(content | {"nominal": 3}), "nominal must be as its schema says, got 3"
+    yield (
+        "no truth value",
+        json.dumps(content | {"simultaneous": "no"}),
+        'simultaneous must have type "boolean"',
+    )
+    yield (
+        "no system",
+        json.dumps(content | {"nominal": 3}),
+        "nominal must be as its schema says, got 3",
+    )
 
 
 @pytest.mark.parametrize("case", range(14))
@@ -180,7 +216,9 @@ def test_binary_rubbish_and_missing_files(tmp_path):
 def test_nothing_is_left_of_a_file_that_could_not_be_written(tmp_path, monkeypatch):
     save(models()["continuous"], tmp_path / "m.json")
     before = (tmp_path / "m.json").read_bytes()
-    monkeypatch.setattr("pathlib.Path.write_text", lambda *a, **k: (_ for _ in ()).throw(OSError("disk full")))
+    monkeypatch.setattr(
+        "pathlib.Path.write_text", lambda *a, **k: (_ for _ in ()).throw(OSError("disk full"))
+    )
     with pytest.raises(OSError, match="disk full"):
         save(models()["FRF"], tmp_path / "m.json")
     assert (tmp_path / "m.json").read_bytes() == before
@@ -191,20 +229,26 @@ def test_sections_run_like_the_controller():
     rng = np.random.default_rng(0)
     K = control.ss(
         control.tf(
-            np.poly([0.9, 0.5 + 0.3j, 0.5 - 0.3j]).real * 0.7, np.poly([1.0, 0.95, 0.8 + 0.5j, 0.8 - 0.5j]).real, 0.01
+            np.poly([0.9, 0.5 + 0.3j, 0.5 - 0.3j]).real * 0.7,
+            np.poly([1.0, 0.95, 0.8 + 0.5j, 0.8 - 0.5j]).real,
+            0.01,
         )
     )
     u = rng.normal(size=300)
     t = np.arange(300) * 0.01
     y = control.forced_response(K, t, u).outputs
     assert sosfilt(controller_sections(K), u) == pytest.approx(y, rel=1e-8, abs=1e-8)
-    assert controller_sections(control.ss([], [], [], [[3.0]], 0.1)).tolist() == [[3, 0, 0, 1, 0, 0]]
+    assert controller_sections(control.ss([], [], [], [[3.0]], 0.1)).tolist() == [
+        [3, 0, 0, 1, 0, 0]
+    ]
     with pytest.raises(ValueError, match="K must be discrete to have sections"):
         controller_sections(control.tf([1], [1, 1]))
 
 
 def run(sections, z):
-    """Response of sections from their own coefficients, added up without rounding; z is z^-1 - 1."""
+    """Response of sections from their own coefficients, added up without rounding; z is z^-1
+    - 1.
+    """
     w = [Fraction(z.real), Fraction(z.imag)]
     out = 1.0 + 0j
     for row in sections:
@@ -227,7 +271,9 @@ def test_sections_keep_what_is_slow(dt):
     K = discretize(pid(2.0, 3.0, 0.1, filter_time=0.01), dt)
     for omega in np.geomspace(1e-3, 1.0, 7):
         wanted = response(K, np.array([omega]))[0]
-        assert abs(run(controller_sections(K), np.expm1(-1j * omega * dt)) / wanted - 1) < 1e-8 * max(1, 1e-4 / dt)
+        assert abs(
+            run(controller_sections(K), np.expm1(-1j * omega * dt)) / wanted - 1
+        ) < 1e-8 * max(1, 1e-4 / dt)
     slow = np.array([1.0, 3.0, 10.0]) * dt * 1e-2
     chain = control.ss([], [], [], 1.0, dt)
     for p in (*slow, 0.3):
@@ -242,7 +288,9 @@ def test_sections_that_lose_what_is_slow_are_refused():
     """A resonance at 1e-8 rad a sample: the sum of its coefficients, 2e-16, is rounding."""
     q = 1e-8
     K = control.ss([[1 - q, q], [-q, 1 - q]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]], 1e-4)
-    with pytest.raises(ValueError, match="K must be accurate as sections made of its roots, got an error of"):
+    with pytest.raises(
+        ValueError, match="K must be accurate as sections made of its roots, got an error of"
+    ):
         controller_sections(K)
 
 
@@ -276,7 +324,9 @@ def test_matlab_gets_polynomials_only_where_they_hold_the_system(dt, tmp_path):
 def test_matlab_gets_plain_structs_to_the_bit(name, tmp_path):
     model = models()[name]
     export_matlab(model, tmp_path / "my model.mat")
-    content = loadmat(tmp_path / "my model.mat", squeeze_me=False, struct_as_record=False)["content"][0, 0]
+    content = loadmat(tmp_path / "my model.mat", squeeze_me=False, struct_as_record=False)[
+        "content"
+    ][0, 0]
     assert same(content.freq[:, 0], model.omega)
     assert same(content.radius[:, 0], model.radius)
     assert same(content.response[:, 0], model.at(model.omega))
@@ -284,7 +334,9 @@ def test_matlab_gets_plain_structs_to_the_bit(name, tmp_path):
     assert getattr(content, "class")[0] == model.perturbation
     weight = content.weight[0, 0]
     for m in "ABCD":
-        assert same(np.reshape(getattr(weight, m), getattr(model.weight, m).shape), getattr(model.weight, m))
+        assert same(
+            np.reshape(getattr(weight, m), getattr(model.weight, m).shape), getattr(model.weight, m)
+        )
     s = np.exp(1j * model.omega * model.weight.dt) if model.weight.dt else 1j * model.omega
     ratio = np.polyval(weight.num.ravel(), s) / np.polyval(weight.den.ravel(), s)
     assert ratio == pytest.approx(response(model.weight, model.omega), rel=1e-6)
@@ -308,7 +360,11 @@ def test_matlab_gets_controllers_too(tmp_path):
 
 @pytest.mark.parametrize(
     ("file", "function"),
-    [("K_FILE.mat", "load_K_FILE"), ("it's NAME.mat", "load_it_s_NAME"), ("Größe.mat", "load_Gr__e")],
+    [
+        ("K_FILE.mat", "load_K_FILE"),
+        ("it's NAME.mat", "load_it_s_NAME"),
+        ("Größe.mat", "load_Gr__e"),
+    ],
 )
 def test_a_loader_is_matlab_whatever_its_file_is_called(file, function, tmp_path):
     export_matlab(control.tf([1, -0.5], [1, -0.9], 0.01), tmp_path / file)

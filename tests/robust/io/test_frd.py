@@ -1,4 +1,6 @@
-"""An FRF of python-control becomes a `Bla` and comes back: numbers, frequencies, names, sampling time."""
+"""An FRF of python-control becomes a `Bla` and comes back: numbers, frequencies, names, sampling
+time.
+"""
 
 import control
 import numpy as np
@@ -15,8 +17,13 @@ OMEGA = 2 * np.pi * np.geomspace(1, 100, 24)
 @pytest.mark.parametrize("named", [True, False])
 def test_an_frf_survives_the_way_there_and_back(n_y, n_u, named):
     rng = np.random.default_rng(10 * n_y + n_u)
-    G = rng.standard_normal((n_y, n_u, OMEGA.size)) + 1j * rng.standard_normal((n_y, n_u, OMEGA.size))
-    names = {"inputs": [f"force {i}" for i in range(n_u)], "outputs": [f"position {j}" for j in range(n_y)]}
+    G = rng.standard_normal((n_y, n_u, OMEGA.size)) + 1j * rng.standard_normal(
+        (n_y, n_u, OMEGA.size)
+    )
+    names = {
+        "inputs": [f"force {i}" for i in range(n_u)],
+        "outputs": [f"position {j}" for j in range(n_y)],
+    }
     frf = control.frd(G, OMEGA, **(names if named else {}))
     bla = bla_from_frd(frf, std=0.1, input_units=["N"] * n_u, output_units=["m"] * n_y)
     again = robust.frd(bla)

@@ -29,7 +29,8 @@ def saved(path, content):
 
 
 def random_roots(rng, n):
-    real, pairs = rng.uniform(-0.9, 0.9, n % 2), rng.uniform(0.1, 0.9, n // 2) * np.exp(1j * rng.uniform(0, 3, n // 2))
+    real = rng.uniform(-0.9, 0.9, n % 2)
+    pairs = rng.uniform(0.1, 0.9, n // 2) * np.exp(1j * rng.uniform(0, 3, n // 2))
     return order_roots(np.concatenate([real, pairs, pairs.conj()]))
 
 
@@ -48,9 +49,19 @@ def test_every_way_of_saving_is_the_same_controller(tmp_path, n, dt):
         {"A": K.A, "B": K.B, "C": K.C, "D": K.D, "Ts": dt},
         {"K": {"A": K.A, "B": K.B, "C": K.C, "D": K.D, "E": np.zeros((0, 0)), **beside}},
         {"num": num, "den": den, "Ts": dt},
-        {"S": {"Numerator": cell(padded), "Denominator": cell(den), "Variable": "z" if dt else "s", **beside}},
+        {
+            "S": {
+                "Numerator": cell(padded),
+                "Denominator": cell(den),
+                "Variable": "z" if dt else "s",
+                **beside,
+            }
+        },
         {"z": zeros[:, None], "p": poles[:, None], "k": gain, "Ts": dt},
-        {"K": {"Z": cell(zeros[:, None]), "P": cell(poles[:, None]), "K": gain, **beside}, "x": np.arange(3.0)},
+        {
+            "K": {"Z": cell(zeros[:, None]), "P": cell(poles[:, None]), "K": gain, **beside},
+            "x": np.arange(3.0),
+        },
     ]
     if dt:  # leading zeros count in powers of 1/z, trailing ones do not
         contents.append({"K": {"num": padded, "den": den, "Variable": "z^-1"}, "Ts": dt})
@@ -60,7 +71,9 @@ def test_every_way_of_saving_is_the_same_controller(tmp_path, n, dt):
         np.testing.assert_allclose(response(found, OMEGA), expected, rtol=1e-9)
 
 
-@pytest.mark.parametrize(("n", "n_y", "n_u"), [(1, 2, 3), (3, 2, 1), (2, 1, 2), (4, 3, 3), (0, 2, 2)])
+@pytest.mark.parametrize(
+    ("n", "n_y", "n_u"), [(1, 2, 3), (3, 2, 1), (2, 1, 2), (4, 3, 3), (0, 2, 2)]
+)
 def test_several_channels_keep_their_shape(tmp_path, n, n_y, n_u):
     rng = np.random.default_rng(5)
     A, B, C, D = (rng.normal(size=shape) for shape in ((n, n), (n, n_u), (n_y, n), (n_y, n_u)))
@@ -82,7 +95,10 @@ def test_of_several_structs_the_one_called_k_counts(tmp_path):
         (MATRICES, "Ts must be the sampling time"),
         ({**MATRICES, "Ts": -1.0}, "Ts must be the sampling time"),
         ({"K": {**MATRICES, "Ts": T, "InputDelay": 1.0}}, "inputdelay must be zero"),
-        ({"K": {**MATRICES, "Ts": T, "TimeUnit": "minutes"}}, "TimeUnit must be seconds in 'K.mat', got minutes"),
+        (
+            {"K": {**MATRICES, "Ts": T, "TimeUnit": "minutes"}},
+            "TimeUnit must be seconds in 'K.mat', got minutes",
+        ),
         ({"K": {**MATRICES, "Ts": T, "E": 2.0}}, "E must be the identity"),
         ({**MATRICES, "Ts": T, "B": np.ones((2, 2))}, r"B must have the shape \(1, 4\)"),
         ({"num": [1.0, 2.0, 3.0], "den": [1.0, 2.0], "Ts": T}, "proper"),
@@ -98,7 +114,11 @@ def test_what_is_no_controller_is_refused_in_one_line(tmp_path, content, message
 
 
 def test_damaged_files_and_those_of_version_73_are_refused(tmp_path):
-    for name, content in (("a.mat", b"garbage" * 50), ("b.mat", b"MATLAB 7.3 MAT-file" + bytes(600)), ("c.mat", b"")):
+    for name, content in (
+        ("a.mat", b"garbage" * 50),
+        ("b.mat", b"MATLAB 7.3 MAT-file" + bytes(600)),
+        ("c.mat", b""),
+    ):
         (tmp_path / name).write_bytes(content)
         with pytest.raises(ValueError, match="path must"):
             load_controller(tmp_path / name)

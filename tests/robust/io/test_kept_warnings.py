@@ -1,4 +1,6 @@
-"""Every page that is made from a record shows what was warned of it, and claims no probability without a word."""
+"""Every page that is made from a record shows what was warned of it, and claims no probability
+without a word.
+"""
 
 import json
 import re
@@ -26,18 +28,26 @@ from robust.reports.shaping_page.page import page_content, page_text
 
 HOSTILE = 'channel "<b>&co" stood still'
 CONDITION = "subject to the warnings, "
-PLANT = control.ss(control.tf([1.0], [1 / 125.6**2, 0.1 / 125.6, 1.0]))  # the resonance of `recorded`
+PLANT = control.ss(
+    control.tf([1.0], [1 / 125.6**2, 0.1 / 125.6, 1.0])
+)  # the resonance of `recorded`
 MASS = control.ss(control.tf([1.0], [1.0, 0.4, 80e3]))
 
 
 def recorded(level=np.inf, n_periods=2):
-    """A resonance at 20 Hz behind a weak cube; below a level the input is clipped, so that its peaks are low."""
+    """A resonance at 20 Hz behind a weak cube; below a level the input is clipped, so that its
+    peaks are low.
+    """
     ms = multisine(fs=512, n_samples=1024, f_min=2, f_max=60, rms=1, rng=3)
     w, s = 2 * np.pi * 20, 2j * np.pi * np.fft.rfftfreq(1024, 1 / 512)
     u = np.clip(ms.u[0], -level, level)
     y = np.fft.irfft(np.fft.rfft(u + 0.02 * u**3) * w**2 / (s**2 + 0.1 * w * s + w**2), 1024)
-    y = np.stack([y] * n_periods) + 1e-3 * np.random.default_rng(4).standard_normal((n_periods, 1024))
-    return Record(u=np.stack([u] * n_periods)[None], y=y[None], fs=512, lines=ms.lines, hold="band-limited")
+    y = np.stack([y] * n_periods) + 1e-3 * np.random.default_rng(4).standard_normal(
+        (n_periods, 1024)
+    )
+    return Record(
+        u=np.stack([u] * n_periods)[None], y=y[None], fs=512, lines=ms.lines, hold="band-limited"
+    )
 
 
 def shown(make, *args, **kwargs):
@@ -51,7 +61,9 @@ def shown(make, *args, **kwargs):
 
 @pytest.fixture(scope="module")
 def run():
-    """BLA, nominal, model, controller and report of a record that is warned of, and all that was shown of them."""
+    """BLA, nominal, model, controller and report of a record that is warned of, and all that was
+    shown of them.
+    """
     record = replace(shown(recorded, 1.0)[0], warnings=(HOSTILE,))  # whose clipped input is known
     bla, said = shown(identify, record)
     nominal, of_fit = shown(fit_nominal, bla, n_poles=3, n_zeros=0)
@@ -110,13 +122,17 @@ def picture_without_drawing(caption, *_, **__):
 def shown_on(path):
     """The list under the verdict of a page, as it stands in the file."""
     page = path.read_text(encoding="utf-8")
-    return page, re.findall(r"<li>(.*)</li>", page[page.index("<header>") : page.index("</header>")])
+    return page, re.findall(
+        r"<li>(.*)</li>", page[page.index("<header>") : page.index("</header>")]
+    )
 
 
 def test_the_page_shows_each_escaped(run, tmp_path, monkeypatch):
     monkeypatch.setattr(pages_html, "draw_picture", picture_without_drawing)
     bla, nominal, model, K, report, _ = run
-    robust.reports.write_report(tmp_path / "r.html", model, K, bla=bla, nominal=nominal, report=report)
+    robust.reports.write_report(
+        tmp_path / "r.html", model, K, bla=bla, nominal=nominal, report=report
+    )
     page, listed = shown_on(tmp_path / "r.html")
     assert listed == [escape(text).replace("&quot;", "&#34;") for text in report.warnings]
     assert "<b>" not in page
@@ -125,12 +141,16 @@ def test_the_page_shows_each_escaped(run, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("checked_before", [False, True])
-def test_the_page_of_an_older_model_shows_what_its_bla_knows(run, tmp_path, monkeypatch, checked_before):
+def test_the_page_of_an_older_model_shows_what_its_bla_knows(
+    run, tmp_path, monkeypatch, checked_before
+):
     monkeypatch.setattr(pages_html, "draw_picture", picture_without_drawing)
     bla, nominal, model, K, *_ = run
     older = replace(model, warnings=())
     given = {"report": check(older, K)} if checked_before else {}
-    report = robust.reports.write_report(tmp_path / "r.html", older, K, bla=bla, nominal=nominal, **given)
+    report = robust.reports.write_report(
+        tmp_path / "r.html", older, K, bla=bla, nominal=nominal, **given
+    )
     assert set(report.warnings) >= {*bla.warnings, *nominal.warnings}
     page, listed = shown_on(tmp_path / "r.html")
     assert len(listed) == len(report.warnings)
@@ -173,7 +193,9 @@ def test_of_several_channels_too(tmp_path, monkeypatch):
     robust.save(model, tmp_path / "m.json")
     read = robust.load(tmp_path / "m.json")
     assert read.warnings == frm.warnings == tuple(said)
-    report = robust.reports.write_report(tmp_path / "r.html", read, control.ss([], [], [], 0.1 * np.eye(2)))
+    report = robust.reports.write_report(
+        tmp_path / "r.html", read, control.ss([], [], [], 0.1 * np.eye(2))
+    )
     assert report.warnings == read.warnings
     assert shown_on(tmp_path / "r.html")[1] == [escape(text) for text in said]
     assert CONDITION in str(report)
@@ -205,7 +227,9 @@ def test_a_proof_with_friction_keeps_what_its_model_is_subject_to(tmp_path):
         warnings=(HOSTILE,),
     )
     robust.save(model, tmp_path / "m.json")
-    given = MachineFiles(files=(tmp_path / "m.json",), controller=tmp_path / "K.json", stiffness=64e3)
+    given = MachineFiles(
+        files=(tmp_path / "m.json",), controller=tmp_path / "K.json", stiffness=64e3
+    )
     basis, said = shown(read_basis, given)
     assert said == [HOSTILE]
     assert basis.warnings == (HOSTILE,)
@@ -227,7 +251,9 @@ def test_a_command_says_again_what_stands_in_the_files_that_it_reads(run, tmp_pa
 
 
 def test_the_page_to_shape_a_loop_in_has_them(run):
-    content = page_content(run[2], w_P=None, K=None, dt=0.0, delay=0.0, sources=PartSources(title="x"))
+    content = page_content(
+        run[2], w_P=None, K=None, dt=0.0, delay=0.0, sources=PartSources(title="x")
+    )
     assert content["warnings"] == [*run[2].warnings]
     assert "<b>" not in page_text(content)
 
@@ -252,7 +278,9 @@ def test_exports_and_validations_keep_them(run, tmp_path):
     bla, _, model, _, report, _ = run
     nlfrf.export_csv(bla, tmp_path / "bla.csv")
     head = (tmp_path / "bla.csv").read_text(encoding="utf-8").splitlines()
-    assert head[: len(bla.warnings)] == [f"# warning: {' '.join(text.split())}" for text in bla.warnings]
+    assert head[: len(bla.warnings)] == [
+        f"# warning: {' '.join(text.split())}" for text in bla.warnings
+    ]
     assert head[len(bla.warnings)].startswith("f [Hz],Re G")
     robust.io.export_matlab(model, tmp_path / "m.mat")
     held = loadmat(tmp_path / "m.mat", simplify_cells=True)["content"]["warnings"]

@@ -1,4 +1,6 @@
-"""Models and controllers of several inputs and outputs: exact to the bit, refused where not whole, read by MATLAB."""
+"""Models and controllers of several inputs and outputs: exact to the bit, refused where not whole,
+read by MATLAB.
+"""
 
 import json
 import re
@@ -18,7 +20,12 @@ from robust.models.sets.records import JointProbability, Origin
 from robust.proofs.exact.claim_files import content_digest
 
 OMEGA = np.array([1.0, 3.0, 10.0])
-G = control.ss([[-1.0, 0.3], [0.0, -2.0]], [[1.0, 0.1], [0.2, 1 / 3]], [[1.0, 0.0], [0.1, 2.0]], [[0.0, 0], [0.0, 0.1]])
+G = control.ss(
+    [[-1.0, 0.3], [0.0, -2.0]],
+    [[1.0, 0.1], [0.2, 1 / 3]],
+    [[1.0, 0.0], [0.1, 2.0]],
+    [[0.0, 0], [0.0, 0.1]],
+)
 
 
 def weights(n, dt=0):
@@ -51,7 +58,9 @@ def test_a_model_comes_back_to_the_bit(form, tmp_path):
         assert getattr(back, name) == getattr(one, name), name
     assert (back.origin.extrapolation, back.origin.source) == ("flat", "a record")
     assert (back.joint.frf, np.isnan(back.joint.bla)) == (0.97, True)
-    for a, b in zip((back.nominal, *back.left, *back.right), (one.nominal, *one.left, *one.right), strict=True):
+    for a, b in zip(
+        (back.nominal, *back.left, *back.right), (one.nominal, *one.left, *one.right), strict=True
+    ):
         assert a.dt == b.dt
         assert all(np.array_equal(getattr(a, part), getattr(b, part)) for part in "ABCD")
     robust.save(back, tmp_path / "again.json")
@@ -63,7 +72,11 @@ def test_a_model_comes_back_to_the_bit(form, tmp_path):
 def test_files_that_are_not_whole_are_refused_in_one_line(tmp_path):
     robust.save(MODELS["additive"], tmp_path / "m.json")
     whole = json.loads((tmp_path / "m.json").read_text())
-    assert (whole["schema"], whole["version"], whole["units"]["omega"]) == ("robust-matrix-model", 1, "rad/s")
+    assert (whole["schema"], whole["version"], whole["units"]["omega"]) == (
+        "robust-matrix-model",
+        1,
+        "rad/s",
+    )
 
     def refusal(**changes):
         content = {name: part for name, part in (whole | changes).items() if part != "gone"}
@@ -73,7 +86,12 @@ def test_files_that_are_not_whole_are_refused_in_one_line(tmp_path):
         assert "\n" not in str(error.value)
         return str(error.value)
 
-    for name in set(whole) - {"units", "delay", "hold", "fs"}:  # for people, and what files of before do not say
+    for name in set(whole) - {
+        "units",
+        "delay",
+        "hold",
+        "fs",
+    }:  # for people, and what files of before do not say
         refusal(**{name: "gone"})
         refusal(**{name: {"some": "thing"}})
     assert "path must hold version 1 of robust-matrix-model" in refusal(version=2)
@@ -81,7 +99,10 @@ def test_files_that_are_not_whole_are_refused_in_one_line(tmp_path):
     assert "left and right must hold 2 and 2 weights" in refusal(left=whole["left"][:1])
     assert 'simultaneous must have type "boolean"' in refusal(simultaneous=1)
     assert 'inputs[0] must have type "string", got 1' in refusal(inputs=[1, 2])
-    assert 'form must be one of "elements", "additive", "input", "output", "inverse-additive", ' in refusal(form=3)
+    assert (
+        'form must be one of "elements", "additive", "input", "output", "inverse-additive", '
+        in refusal(form=3)
+    )
     text = (tmp_path / "m.json").read_text()
     for cut in (10, len(text) // 2, len(text) - 3):
         (tmp_path / "cut.json").write_text(text[:cut])
@@ -90,7 +111,9 @@ def test_files_that_are_not_whole_are_refused_in_one_line(tmp_path):
     robust.save(K, tmp_path / "K.json")
     with pytest.raises(ValueError, match=r"path must hold a model, got .* which is a controller"):
         load_model(tmp_path / "K.json")
-    with pytest.raises(ValueError, match=r"thing must be a multisine, .* an uncertainty model, .* got '1'"):
+    with pytest.raises(
+        ValueError, match=r"thing must be a multisine, .* an uncertainty model, .* got '1'"
+    ):
         robust.save("1", tmp_path / "n.json")
 
 
@@ -132,19 +155,29 @@ def test_matlab_reads_a_model(form, tmp_path):
 @pytest.mark.skipif(shutil.which("octave") is None, reason="Octave is not installed")
 @pytest.mark.parametrize("form", MODELS)
 def test_the_loader_makes_the_same_plants(form, tmp_path):
-    """Run by Octave, with numbers in the place of systems: responses at 2 rad/s, 0.3 for every perturbation."""
+    """Run by Octave, with numbers in the place of systems: responses at 2 rad/s, 0.3 for every
+    perturbation.
+    """
     one = MODELS[form]
     robust.io.export_matlab(one, tmp_path / "stage.mat")
-    (tmp_path / "ss.m").write_text("function s = ss(A, B, C, D, T)\ns = C*((2i*eye(size(A)) - A)\\B) + D;\nend\n")
+    (tmp_path / "ss.m").write_text(
+        "function s = ss(A, B, C, D, T)\ns = C*((2i*eye(size(A)) - A)\\B) + D;\nend\n"
+    )
     (tmp_path / "ultidyn.m").write_text("function d = ultidyn(name, n)\nd = 0.3*ones(n);\nend\n")
     command = "Gu = load_stage(); printf('%.15g ', real(Gu), imag(Gu))"
     done = subprocess.run(
-        ["octave", "-q", "--eval", command], cwd=tmp_path, capture_output=True, text=True, check=False
+        ["octave", "-q", "--eval", command],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     numbers = np.array(done.stdout.split(), dtype=float)
     found = (numbers[:4] + 1j * numbers[4:]).reshape(2, 2).T
     Delta = 0.3 * (np.eye(4) if form == "elements" else np.ones((2, 2)))
-    np.testing.assert_allclose(found, response_by_channel(one.perturbed(Delta), np.array([2.0]))[:, :, 0], rtol=1e-12)
+    np.testing.assert_allclose(
+        found, response_by_channel(one.perturbed(Delta), np.array([2.0]))[:, :, 0], rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize(("form", "dt"), [*((form, 0.0) for form in MODELS), ("input", 1e-3)])
@@ -162,7 +195,9 @@ def test_a_proof_of_several_channels_is_verified_from_its_file(form, dt, tmp_pat
     aliases = ("every alias in the weights",) * bool(dt)
     assert found.proved == ("nominal stability", "robust stability", "robust performance", *aliases)
     other = robust.io.verify_certificate(path, model=one, K=1.01 * C)
-    assert "the loop of model and controller: NOT verified: not the one of the certificate" in str(other)
+    assert "the loop of model and controller: NOT verified: not the one of the certificate" in str(
+        other
+    )
     with pytest.raises(ValueError, match="model and K must be given together"):
         robust.io.verify_certificate(path, K=C)
     text = path.read_text()
@@ -176,7 +211,9 @@ def test_a_proof_whose_level_is_lowered_and_signed_anew_is_not_verified(tmp_path
     robust.save(robust.check(MODELS["input"], 0.3 * np.eye(2)), path)
     content = json.loads(path.read_text())
     content["claim"]["claims"]["robust stability"]["level"] = 0.01
-    content["digest"] = content_digest({name: entry for name, entry in content.items() if name != "digest"})
+    content["digest"] = content_digest(
+        {name: entry for name, entry in content.items() if name != "digest"}
+    )
     path.write_text(json.dumps(content))
     found = robust.io.verify_certificate(path)
     assert found.proved == ("nominal stability",)

@@ -1,4 +1,6 @@
-"""The report of several inputs and outputs: every number on the page stands in a value that was handed to it."""
+"""The report of several inputs and outputs: every number on the page stands in a value that was
+handed to it.
+"""
 
 import re
 from functools import cache
@@ -62,11 +64,15 @@ W_P = robust.lti.discretize(robust.performance_weight(0.1, M_S=4.0, A=0.1), T)
 )
 def test_every_number_on_the_page_is_held(K, w_P, tmp_path, monkeypatch):
     monkeypatch.setattr(pages_html, "draw_picture", lambda caption, *_, **__: Picture("#", caption))
-    report = robust.reports.write_report(tmp_path / "r.html", rig_model(), K, bla=rig_frm(), nominal=rig_fit(), w_P=w_P)
+    report = robust.reports.write_report(
+        tmp_path / "r.html", rig_model(), K, bla=rig_frm(), nominal=rig_fit(), w_P=w_P
+    )
     again = robust.check(rig_model(), K, w_P=w_P)
     page = Reader((tmp_path / "r.html").read_text(encoding="utf-8"))
     assert page.ids == ["verdict", "bla", "nominal", "set", "loop", "check", "worst", "settings"]
-    text = page.text.rpartition("Worst case")[0]  # behind it what worst_case found, and the machine that wrote it
+    text = page.text.rpartition("Worst case")[
+        0
+    ]  # behind it what worst_case found, and the machine that wrote it
     rows = [
         rig_frm(),
         describe_directions(rig_frm()),
@@ -75,7 +81,11 @@ def test_every_number_on_the_page_is_held(K, w_P, tmp_path, monkeypatch):
         again,
         *([again.channels] if again.channels else []),
     ]
-    said = [row.strip() for value in rows for row in str(value).removeprefix("nominal model: ").splitlines()]
+    said = [
+        row.strip()
+        for value in rows
+        for row in str(value).removeprefix("nominal model: ").splitlines()
+    ]
     said += [
         again.reason,
         again.proved,
@@ -87,21 +97,36 @@ def test_every_number_on_the_page_is_held(K, w_P, tmp_path, monkeypatch):
     ]
     seen = robust.validate(rig_model(), rig_frm())
     said.append(f"{seen.n_outside_set} of {seen.n_lines} lines of the BLA lie outside")
-    said += [format_margin_factor(again.margins.rs), *([again.channels.least()] if again.nominally_stable else [])]
-    said += [text for fact in (*again.findings, *again.details) for text in (fact.amount, fact.meaning)]
+    said += [
+        format_margin_factor(again.margins.rs),
+        *([again.channels.least()] if again.nominally_stable else []),
+    ]
+    said += [
+        text for fact in (*again.findings, *again.details) for text in (fact.amount, fact.meaning)
+    ]
     for system in (rig_model().nominal, K):
         said.append(f"{system.nstates} states, sampled at 256 Hz")
         s = np.log(system.poles().astype(complex)) / T
         said += [
-            f"{abs(p) / 2 / np.pi:.4g} Hz, damping {round(-p.real / abs(p), 6) + 0.0:.3g}" for p in s if abs(p) > 1e-6
+            f"{abs(p) / 2 / np.pi:.4g} Hz, damping {round(-p.real / abs(p), 6) + 0.0:.3g}"
+            for p in s
+            if abs(p) > 1e-6
         ]
         said += [f"{abs(p) / 2 / np.pi:.4g} Hz" for p in s if abs(p) > 1e-6]
-    for known in sorted({" ".join(one.split()) for one in said if one.strip()}, key=len, reverse=True):
+    for known in sorted(
+        {" ".join(one.split()) for one in said if one.strip()}, key=len, reverse=True
+    ):
         text = text.replace(known, " # ")
     text = re.sub(r"Written \S+ \S+ \S+|0 to reset|0 Hz \(integrator\)|95 %", " ", text)
-    text = re.sub(r"\b[1-8]\. (?=Verdict|Best|Nominal|Uncertainty|Controller|Check|Worst|Versions|$)", " ", text)
+    text = re.sub(
+        r"\b[1-8]\. (?=Verdict|Best|Nominal|Uncertainty|Controller|Check|Worst|Versions|$)",
+        " ",
+        text,
+    )
     assert [text[max(0, m.start() - 40) : m.end() + 20] for m in NUMBER.finditer(text)] == []
-    assert report.verdict == again.verdict == ("statistically robust" if K is SMALL else "not robust")
+    assert (
+        report.verdict == again.verdict == ("statistically robust" if K is SMALL else "not robust")
+    )
     assert report.verdict in text.lower()
     for row in str(rig_frm()).splitlines():
         assert " ".join(row.split()) in page.text
@@ -109,23 +134,51 @@ def test_every_number_on_the_page_is_held(K, w_P, tmp_path, monkeypatch):
 
 def test_pictures_are_in_the_file_and_refusals_leave_none(tmp_path):
     report = robust.check(rig_model(), SMALL)
-    robust.reports.write_report(tmp_path / "r.html", rig_model(), SMALL, record=rig_record(), report=report)
+    robust.reports.write_report(
+        tmp_path / "r.html", rig_model(), SMALL, record=rig_record(), report=report
+    )
     page = Reader((tmp_path / "r.html").read_text(encoding="utf-8"))
     assert len(page.images) == 9
-    assert all(address.startswith(("data:image/svg+xml;base64,", "#")) for address in page.addresses)
+    assert all(
+        address.startswith(("data:image/svg+xml;base64,", "#")) for address in page.addresses
+    )
     with pytest.raises(ValueError, match="w_P must be that of the report"):
         robust.reports.write_report(tmp_path / "n.html", rig_model(), SMALL, report=report, w_P=W_P)
     with pytest.raises(ValueError, match="delay must be in the nominal for several channels"):
         robust.reports.write_report(tmp_path / "n.html", rig_model(), SMALL, delay=0.1)
     single = robust.UncertaintyModel(
-        control.tf([1], [1, 1]), control.tf([0.1], [1]), "multiplicative", rig_frm().omega[:2], np.array([0.05, 0.05])
+        control.tf([1], [1, 1]),
+        control.tf([0.1], [1]),
+        "multiplicative",
+        rig_frm().omega[:2],
+        np.array([0.05, 0.05]),
     )
     alone = robust.check(single, 2.0)
     for model, K, parts, message in (
-        (rig_model(), SMALL, {"report": alone}, "report must be the result of check for this model and this K"),
-        (rig_model(), SMALL, {"bla": rig_frm().entry(0, 0)}, "of several inputs or outputs, got one of one input"),
-        (rig_model(), SMALL, {"report": report, "nominal": 3}, "nominal must be of type NominalFit"),
-        (single, 2.0, {"report": report}, "report must be the result of check for this model and this K"),
+        (
+            rig_model(),
+            SMALL,
+            {"report": alone},
+            "report must be the result of check for this model and this K",
+        ),
+        (
+            rig_model(),
+            SMALL,
+            {"bla": rig_frm().entry(0, 0)},
+            "of several inputs or outputs, got one of one input",
+        ),
+        (
+            rig_model(),
+            SMALL,
+            {"report": report, "nominal": 3},
+            "nominal must be of type NominalFit",
+        ),
+        (
+            single,
+            2.0,
+            {"report": report},
+            "report must be the result of check for this model and this K",
+        ),
         (single, 2.0, {"bla": rig_frm()}, "of one input and output, got one of 2 x 2"),
     ):
         with pytest.raises(ValueError, match=message):
@@ -138,6 +191,8 @@ def test_a_report_of_another_loop_is_refused(tmp_path):
     report = robust.check(rig_model(), SMALL)
     wider = robust.uncertainty(rig_frm(), rig_fit(), form="additive", order=2, confidence=0.999)
     for model, K in ((rig_model(), 1.01 * SMALL), (rig_model(), -SMALL), (wider, SMALL)):
-        with pytest.raises(ValueError, match="report must be the result of check for this model and this K"):
+        with pytest.raises(
+            ValueError, match="report must be the result of check for this model and this K"
+        ):
             robust.reports.write_report(tmp_path / "r.html", model, K, report=report)
     assert not list(tmp_path.iterdir())

@@ -72,7 +72,9 @@ def test_what_was_put_in_comes_out_and_the_lines_are_the_controller(gains, dt):
 def test_both_forms_are_the_same_controller():
     seen = pid_gains(pid(2.0, 3.0, 0.1, filter_time=0.01), unit="mm/V")
     s = 7j
-    ideal = seen.kp * (1 + 1 / (seen.integral_time * s) + seen.derivative_time * s / (seen.filter_time * s + 1))
+    ideal = seen.kp * (
+        1 + 1 / (seen.integral_time * s) + seen.derivative_time * s / (seen.filter_time * s + 1)
+    )
     assert ideal == pytest.approx(complex(pid(2.0, 3.0, 0.1, filter_time=0.01)(s)), rel=1e-9)
     assert "Kp = 2 V/mm, Ki = 3 V/mm/s, Kd = 0.1 V/mm s, Tf = 0.01 s" in unwrapped(seen)
     assert "Ti = 0.666667 s, Td = 0.05 s" in unwrapped(seen)
@@ -96,12 +98,20 @@ def test_what_is_no_pid_is_refused():
 
 def test_a_design_is_a_pid_and_the_commands_print_it(tmp_path, monkeypatch, capsys):
     f = np.arange(1, 80, 2) * 0.3
-    bla = make_bla(lambda s: 200 / (s * s + 30 * s + 900), f, f0=0.3, sigma_distortion=0.002, hold="band-limited")
+    bla = make_bla(
+        lambda s: 200 / (s * s + 30 * s + 900),
+        f,
+        f0=0.3,
+        sigma_distortion=0.002,
+        hold="band-limited",
+    )
     K = design_frf(bla, "PID", M_S=2.0, dt=0.01).K
     seen = pid_gains(K)
     e = np.random.default_rng(1).standard_normal(200)
     _, u, _ = dlsim((K.A, K.B, K.C, K.D, 0.01), e)
-    np.testing.assert_allclose(typed_in(seen.difference_equation(), e), u[:, 0], atol=1e-5 * np.abs(u).max())
+    np.testing.assert_allclose(
+        typed_in(seen.difference_equation(), e), u[:, 0], atol=1e-5 * np.abs(u).max()
+    )
     save(uncertainty(bla, fit_nominal(bla, n_poles=2, n_zeros=0)), tmp_path / "m.json")
     save(K, tmp_path / "K.json")
     monkeypatch.chdir(tmp_path)
@@ -149,7 +159,10 @@ def test_a_controller_that_is_zero(K):
 
 @pytest.mark.parametrize("dt", [0, 1e-3])
 def test_a_controller_of_several_loops_has_the_gains_of_each(dt):
-    gains = [{"kp": 2.0, "ki": 3.0, "kd": 0.1, "filter_time": 0.01}, {"kp": -0.4, "ki": 0.0, "kd": 0.0}]
+    gains = [
+        {"kp": 2.0, "ki": 3.0, "kd": 0.1, "filter_time": 0.01},
+        {"kp": -0.4, "ki": 0.0, "kd": 0.0},
+    ]
     loops = [pid(**one, dt=dt) for one in gains]
     rng = np.random.default_rng(1)
     K = control.append(*loops)
@@ -166,7 +179,8 @@ def test_a_controller_that_couples_its_channels_is_refused():
     K = control.ss([], [], [], [[1.0, 0.2], [0.0, 1.0]], inputs=["x", "y"], outputs=["fx", "fy"])
     for of in (pid_gains, robust.io.controller_sections):
         with pytest.raises(
-            ValueError, match="K must be diagonal, a loop for each channel, got a coupling from y to fx"
+            ValueError,
+            match="K must be diagonal, a loop for each channel, got a coupling from y to fx",
         ):
             of(control.ss(K.A, K.B, K.C, K.D, 0.1, inputs=K.input_labels, outputs=K.output_labels))
     with pytest.raises(ValueError, match="K must have as many inputs as outputs, got 2 and 1"):

@@ -18,7 +18,9 @@ F = np.arange(1, 240) * 0.5
 
 
 def two_masses(spring):
-    """1 kg on a friction spring [N/m] and 8e4 N/m to ground, with 0.5 kg on a belt: a flexible machine."""
+    """1 kg on a friction spring [N/m] and 8e4 N/m to ground, with 0.5 kg on a belt: a flexible
+    machine.
+    """
 
     def G(s):
         carriage = 0.5 * s**2 + 20 * s + 3e5
@@ -49,13 +51,27 @@ def write_files(patch):
     for name, spring in (("low", 5.1e4), ("mid", 5e4), ("high", 0.0)):
         G = two_masses(spring)
         size = np.abs(G(2j * np.pi * F))
-        save(make_bla(G, F, f0=0.5, sigma_noise=1e-3 * size, sigma_distortion=1e-3 * size, rng=1), f"{name}.npz")
-    for name, spring in (("a", 5.1e4), ("b", 5e4), ("c", 0.0)):  # above their resonance: no mass on a spring is seen
+        save(
+            make_bla(G, F, f0=0.5, sigma_noise=1e-3 * size, sigma_distortion=1e-3 * size, rng=1),
+            f"{name}.npz",
+        )
+    for name, spring in (
+        ("a", 5.1e4),
+        ("b", 5e4),
+        ("c", 0.0),
+    ):  # above their resonance: no mass on a spring is seen
         G, f = two_masses(spring), F[F > 75]
         size = np.abs(G(2j * np.pi * f))
-        save(make_bla(G, f, f0=0.5, sigma_noise=1e-3 * size, sigma_distortion=1e-3 * size, rng=1), f"{name}.npz")
+        save(
+            make_bla(G, f, f0=0.5, sigma_noise=1e-3 * size, sigma_distortion=1e-3 * size, rng=1),
+            f"{name}.npz",
+        )
     robust.save(control.ss([], [], [], [[1e3]], 1e-3), "K.json")
-    for how in ("default.json", "sampled.json --zeros 2 --sample-time 0.002", "good.json --zeros 2"):
+    for how in (
+        "default.json",
+        "sampled.json --zeros 2 --sample-time 0.002",
+        "good.json --zeros 2",
+    ):
         assert command(patch, f"robust model high.npz --poles 4 -o {how}") == 0
 
 
@@ -78,7 +94,9 @@ def commands_in(refusal):
     found = re.findall(r"robust (?:prove|model|design) [^;,]*", refusal.strip())
     for name, number in known.items():
         found = [line.replace(name, number) for line in found]
-    return [line.replace("LOW", "low").replace("MID", "mid").replace("HIGH", "high") for line in found]
+    return [
+        line.replace("LOW", "low").replace("MID", "mid").replace("HIGH", "high") for line in found
+    ]
 
 
 @pytest.mark.attack(every=3)
@@ -94,7 +112,10 @@ def commands_in(refusal):
         ("low.npz K.json", "got 1 BLA"),
         ("low.npz mid.npz K.json", "got 2 BLAs"),
         ("a.npz b.npz c.npz K.json", "--nominal nominal.json"),
-        ("low.npz mid.npz high.npz K.json --nominal default.json", "must span from sticking to sliding"),
+        (
+            "low.npz mid.npz high.npz K.json --nominal default.json",
+            "must span from sticking to sliding",
+        ),
         ("low.npz mid.npz high.npz default.json K.json", "got both"),
         ("default.json sampled.json K.json", "must be one model, got 2"),
         ("good.json default.json --stiffness 5e4", "default.json, which is a model"),
@@ -109,10 +130,18 @@ def test_whoever_follows_the_refusals_gets_a_verdict(prove, asked, word):
         commands = commands_in(err)
         assert commands, err
         assert "n_poles" not in err
-        last = next(k for k, one in enumerate(commands) if one.startswith("robust prove") or k == len(commands) - 1)
+        last = next(
+            k
+            for k, one in enumerate(commands)
+            if one.startswith("robust prove") or k == len(commands) - 1
+        )
         for one in commands[: last + 1]:
             code, out, err = prove(one)
         if code != 2:
             break
     assert code in (0, 1), err
-    assert out.startswith(("modal damping", "Assumed")) or "proved" in out or "wrote controller.json" in out
+    assert (
+        out.startswith(("modal damping", "Assumed"))
+        or "proved" in out
+        or "wrote controller.json" in out
+    )

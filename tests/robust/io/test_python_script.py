@@ -1,4 +1,6 @@
-"""The model as a script for python-control: it runs without this package, and its numbers are those of the model."""
+"""The model as a script for python-control: it runs without this package, and its numbers are those
+of the model.
+"""
 
 import json
 import subprocess
@@ -15,7 +17,15 @@ from robust.lti.lti import response, response_by_channel
 
 OMEGA = np.geomspace(0.1, 20, 30)
 SINGLE = ("multiplicative", "additive", "inverse-multiplicative", "inverse-additive", "coprime")
-SEVERAL = ("elements", "additive", "input", "output", "inverse-additive", "inverse-input", "inverse-output")
+SEVERAL = (
+    "elements",
+    "additive",
+    "input",
+    "output",
+    "inverse-additive",
+    "inverse-input",
+    "inverse-output",
+)
 K_ONE, K_TWO = 0.7, [[0.5, 0.1], [-0.2, 0.4]]
 
 #: Runs scripts where neither package can be imported, and prints their numbers.
@@ -42,7 +52,9 @@ CASES = [
 def model_of(form, *, dt, several):
     """Return a set of one channel or of two by two."""
     if several:
-        G = control.ss([[-1.0, 0.2], [0.0, -2.0]], np.eye(2), [[1.0, 0.3], [0.1, 1.0]], 0.1 * np.eye(2))
+        G = control.ss(
+            [[-1.0, 0.2], [0.0, -2.0]], np.eye(2), [[1.0, 0.3], [0.1, 1.0]], 0.1 * np.eye(2)
+        )
     else:
         G = control.ss(control.tf([1.0, 3.0], [1, 0.4, 4.0]))
     w = control.ss(control.tf([0.1, 0.15], [1, 3.0]))
@@ -52,7 +64,9 @@ def model_of(form, *, dt, several):
     if not several:
         radius = 0.99 * np.abs(np.squeeze(w(np.exp(1j * omega * dt) if dt else 1j * omega)))
         return UncertaintyModel(G, w, form, omega, radius)
-    sides = {"left": (), "right": (w,) * 4} if form == "elements" else {"left": (w, w), "right": (w, w)}
+    sides = (
+        {"left": (), "right": (w,) * 4} if form == "elements" else {"left": (w, w), "right": (w, w)}
+    )
     return UncertaintyModel(nominal=G, form=form, omega=omega, **sides)
 
 
@@ -85,27 +99,38 @@ def found(tmp_path_factory):
     words = [sys.executable, "-W", "error", "-c", RUNNER, json.dumps(jobs)]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    return {path.removeprefix(f"{folder}/"): numbers for path, numbers in json.loads(done.stdout).items()}
+    return {
+        path.removeprefix(f"{folder}/"): numbers
+        for path, numbers in json.loads(done.stdout).items()
+    }
 
 
 @pytest.mark.parametrize("case", range(len(CASES)), ids=[f"{f} {s} {dt}" for f, s, dt in CASES])
 def test_the_script_has_the_numbers_of_the_model(case, found):
     form, several, dt = CASES[case]
-    model, numbers, Delta = model_of(form, dt=dt, several=several), found[f"{case}.py"], delta_of(form, several)
+    model = model_of(form, dt=dt, several=several)
+    numbers = found[f"{case}.py"]
+    Delta = delta_of(form, several)
     plants = np.array(numbers["re"]) + 1j * np.array(numbers["im"])
     nominal = np.moveaxis(response_by_channel(model.nominal, OMEGA), 2, 0)
     if form != "coprime":  # its Delta there is one number of another place
-        wanted = response_by_channel(model.perturbed(Delta if several else float(Delta[0, 0])), OMEGA)
+        wanted = response_by_channel(
+            model.perturbed(Delta if several else float(Delta[0, 0])), OMEGA
+        )
         assert np.allclose(plants[0], np.moveaxis(wanted, 2, 0), rtol=1e-9, atol=1e-12)
     for G in plants:
-        away = model.normalized_distance(OMEGA, *((G, nominal) if several else (G[:, 0, 0], nominal[:, 0, 0])))
+        away = model.normalized_distance(
+            OMEGA, *((G, nominal) if several else (G[:, 0, 0], nominal[:, 0, 0]))
+        )
         assert 0.3 < away.max() <= 1 + 1e-6
     assert numbers["stable"] == 20
     if several:
         M = np.moveaxis(response_by_channel(model.loop(np.array(K_TWO)).loop, OMEGA), 2, 0)
         assert np.allclose(numbers["rs"], np.linalg.norm(M, 2, axis=(1, 2)), rtol=1e-8)
     else:
-        G, w, W = (response(system, OMEGA) for system in (model.nominal, model.weight, model.shaping))
+        G, w, W = (
+            response(system, OMEGA) for system in (model.nominal, model.weight, model.shaping)
+        )
         curves = loop_curves(form, OMEGA, G=G, K=np.full(OMEGA.size, K_ONE), w=w, w_P=None, W=W)
         assert np.allclose(numbers["rs"], curves.rs, rtol=1e-8)
 
@@ -118,7 +143,9 @@ def test_it_finds_the_plant_that_is_unstable(found):
 
 def test_its_own_main_runs(tmp_path):
     export_python(model_of("multiplicative", dt=0.0, several=False), tmp_path / "plant.py")
-    done = subprocess.run([sys.executable, str(tmp_path / "plant.py")], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, str(tmp_path / "plant.py")], capture_output=True, text=True, check=True
+    )
     assert "100 of 100 closed loops are stable" in done.stdout
 
 
@@ -129,7 +156,8 @@ def test_refusals(tmp_path):
     frf = control.frd(np.ones(30, complex), OMEGA)
     measured = UncertaintyModel(frf, 0.2, "additive", OMEGA, np.full(30, 0.2))
     with pytest.raises(
-        ValueError, match="model must be an UncertaintyModel with a parametric nominal to be written as a"
+        ValueError,
+        match="model must be an UncertaintyModel with a parametric nominal to be written as a",
     ):
         export_python(measured, tmp_path / "plant.py")
     assert not list(tmp_path.iterdir())

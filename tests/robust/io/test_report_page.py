@@ -1,4 +1,6 @@
-"""The report to hand over: what was found, in one file that asks nobody for anything, and that a browser shows."""
+"""The report to hand over: what was found, in one file that asks nobody for anything, and that a
+browser shows.
+"""
 
 import base64
 import re
@@ -33,7 +35,18 @@ from robust.reports import write_report
 from robust.shaping import crossover_weight, write_shaping_page
 from tests.support.browser import browser
 
-SECTIONS = ["verdict", "record", "bla", "opinion", "nominal", "set", "loop", "check", "worst", "settings"]
+SECTIONS = [
+    "verdict",
+    "record",
+    "bla",
+    "opinion",
+    "nominal",
+    "set",
+    "loop",
+    "check",
+    "worst",
+    "settings",
+]
 
 
 def recorded(level=1.0):
@@ -94,7 +107,9 @@ class Reader(HTMLParser):
             self.ids.append(attrs["id"])
         if tag == "img" and "src" in attrs:
             self.images.append(attrs)
-        self.addresses += [attrs[a] for a in ("src", "href", "action", "data", "srcset") if a in attrs]
+        self.addresses += [
+            attrs[a] for a in ("src", "href", "action", "data", "srcset") if a in attrs
+        ]
 
     def handle_endtag(self, tag):
         assert self.open.pop() == tag
@@ -132,7 +147,14 @@ def test_it_tells_the_whole_run(whole):
     assert page.ids == SECTIONS
     assert "A <bench> & its loop" in page.text  # escaped where it must be
     assert "Second try" in page.text
-    for said in (report.reason, report.proved, report.not_proved, report.next_step, report.context, str(rig_model())):
+    for said in (
+        report.reason,
+        report.proved,
+        report.not_proved,
+        report.next_step,
+        report.context,
+        str(rig_model()),
+    ):
         assert " ".join(said.split()) in page.text
     for number in (report.margins.disk, 1 / report.margins.rs, np.max(report.curves.rp)):
         assert f"{number:.4g}" in page.text
@@ -146,7 +168,9 @@ def test_it_tells_the_whole_run(whole):
 def test_no_address_leaves_the_file(whole):
     page = Reader(whole[0].read_text(encoding="utf-8"))
     assert len(page.images) >= 14
-    assert all(address.startswith(("data:image/svg+xml;base64,", "#")) for address in page.addresses)
+    assert all(
+        address.startswith(("data:image/svg+xml;base64,", "#")) for address in page.addresses
+    )
     for image in page.images:
         svg = base64.b64decode(image["src"].partition(",")[2]).decode("utf-8")
         assert svg.lstrip().startswith("<?xml")
@@ -172,10 +196,12 @@ def test_a_browser_shows_it(whole, tmp_path):
         page.open(whole[0])
         assert page.errors == []
         assert [url for url in page.requests if not url.startswith(("file://", "data:"))] == []
-        assert [url for url in page.requests if url.startswith("file://")] == [whole[0].resolve().as_uri()]
+        assert [url for url in page.requests if url.startswith("file://")] == [
+            whole[0].resolve().as_uri()
+        ]
         shown = page.run(
-            "[...document.querySelectorAll('main img')].map(i => {const b = i.getBoundingClientRect();"
-            " return [i.complete, i.naturalWidth, b.width, b.height]})"
+            "[...document.querySelectorAll('main img')].map(i => {const b ="
+            " i.getBoundingClientRect(); return [i.complete, i.naturalWidth, b.width, b.height]})"
         )
         assert len(shown) >= 14
         for complete, natural, width, height in shown:
@@ -191,7 +217,10 @@ def test_a_browser_shows_it(whole, tmp_path):
         page.run("document.querySelector('button.zoom').click()")
         assert page.run("document.querySelector('dialog').open")
         for _ in range(2):
-            page.run("document.querySelector('dialog').dispatchEvent(new KeyboardEvent('keydown', {key: '+'}))")
+            page.run(
+                "document.querySelector('dialog').dispatchEvent(new KeyboardEvent('keydown', {key:"
+                " '+'}))"
+            )
         assert "scale(1.96)" in page.run("document.querySelector('dialog img').style.transform")
         page.run("document.querySelector('dialog button').click()")
         assert not page.run("document.querySelector('dialog').open")
@@ -205,7 +234,11 @@ def test_a_browser_shows_it(whole, tmp_path):
 
 def test_parts_that_are_not_there_are_named(undrawn, tmp_path):
     lti = UncertaintyModel(
-        control.tf([1], [1, 1]), control.tf([0.1], [1]), "multiplicative", np.array([1.0, 2.0]), np.array([0.05, 0.05])
+        control.tf([1], [1, 1]),
+        control.tf([0.1], [1]),
+        "multiplicative",
+        np.array([1.0, 2.0]),
+        np.array([0.05, 0.05]),
     )
     report = write_report(tmp_path / "r.html", lti, 2.0)
     text = Reader((tmp_path / "r.html").read_text(encoding="utf-8")).text
@@ -247,7 +280,9 @@ def test_refusals_leave_no_file(undrawn, tmp_path):
     with pytest.raises(ValueError, match="model must be an UncertaintyModel"):
         write_report(tmp_path / "report.html", rig_bla(), rig_controller())
     with pytest.raises(FileNotFoundError, match="existing folder"):
-        write_report(tmp_path / "nowhere" / "report.html", rig_model(), 0.01, report=check(rig_model(), 0.01))
+        write_report(
+            tmp_path / "nowhere" / "report.html", rig_model(), 0.01, report=check(rig_model(), 0.01)
+        )
     assert list(tmp_path.iterdir()) == []
 
 
@@ -256,7 +291,10 @@ def test_the_command(undrawn, tmp_path, monkeypatch, capsys):
     save(rig_model(), "m.json")
     save(rig_controller(), "K.json")
     save(rig_record(), "record.npz")
-    command = "robust report m.json K.json --record record.npz --bandwidth 0.3 --peak 2.5 -o r.html --title Bench"
+    command = (
+        "robust report m.json K.json --record record.npz --bandwidth 0.3 --peak 2.5 -o r.html"
+        " --title Bench"
+    )
     monkeypatch.setattr(sys, "argv", command.split())
     with pytest.raises(SystemExit) as stop:
         cli.main()
@@ -272,11 +310,26 @@ def test_the_command_with_a_proof_for_friction(undrawn, tmp_path, monkeypatch, c
     monkeypatch.chdir(tmp_path)
     rig = control.ss(control.tf([1], [1, 0.4, 80e3]))
     lines = np.array([10.0, 1000.0])
-    model = UncertaintyModel(rig, control.tf([0.02], [1]), "multiplicative", lines, np.array([0.01, 0.01]))
+    model = UncertaintyModel(
+        rig, control.tf([0.02], [1]), "multiplicative", lines, np.array([0.01, 0.01])
+    )
     save(model, "m.json")
     save(control.ss([[1.0]], [[1.0]], [[400.0]], [[0.0]], 1e-3), "K.json")
     monkeypatch.setattr(
-        sys, "argv", ["robust", "report", "m.json", "K.json", "--stiffness", "64e3", "--force", "1", "-o", "r.html"]
+        sys,
+        "argv",
+        [
+            "robust",
+            "report",
+            "m.json",
+            "K.json",
+            "--stiffness",
+            "64e3",
+            "--force",
+            "1",
+            "-o",
+            "r.html",
+        ],
     )
     with pytest.raises(SystemExit) as stop:
         cli.main()
@@ -288,8 +341,13 @@ def test_the_command_with_a_proof_for_friction(undrawn, tmp_path, monkeypatch, c
 
 @pytest.mark.filterwarnings("ignore")  # of the models, which are not looked at
 def test_no_name_of_a_file_becomes_a_part_of_the_page(tmp_path):
-    """Names, units, source and title, all hostile: as many scripts as without, no handler, no image."""
-    evil = "</script><script>alert(1)</script><img src=x onerror=alert(1)>\"'&lt; ]]>--><svg onload=alert(1)>"
+    """Names, units, source and title, all hostile: as many scripts as without, no handler, no
+    image.
+    """
+    evil = (
+        "</script><script>alert(1)</script><img src=x onerror=alert(1)>\"'&lt; ]]>--><svg"
+        " onload=alert(1)>"
+    )
 
     class Seen(HTMLParser):
         def __init__(self, path):
@@ -308,7 +366,10 @@ def test_no_name_of_a_file_becomes_a_part_of_the_page(tmp_path):
         names = {"u_name": text, "y_name": text, "u_unit": text, "y_unit": text}
         record = Record(u=u, y=u + 0.05 * u**3, fs=256, lines=ms.lines, **names)
         bla = identify(record)
-        model = replace(uncertainty(bla, fit_nominal(bla, n_poles=1)), origin=Origin(source=text, extrapolation=text))
+        model = replace(
+            uncertainty(bla, fit_nominal(bla, n_poles=1)),
+            origin=Origin(source=text, extrapolation=text),
+        )
         K = control.tf([0.3], [1, 0.1])
         write_report(tmp_path / "r.html", model, K, bla=bla, record=record, title=text, notes=text)
         write_shaping_page(tmp_path / "s.html", model)

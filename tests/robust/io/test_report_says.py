@@ -6,14 +6,26 @@ import control
 import numpy as np
 import pytest
 
-from robust import UncertaintyModel, check, friction_plant, performance_weight, prove_friction, worst_case
+from robust import (
+    UncertaintyModel,
+    check,
+    friction_plant,
+    performance_weight,
+    prove_friction,
+    worst_case,
+)
 from robust.friction import MaxwellSlip
 from robust.reports import write_report
 from robust.reports.parts import describe_roots
 
 PLANT = control.tf([1], [1, 1])
 MODEL = UncertaintyModel(
-    PLANT, control.tf([0.2], [1]), "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]), perturbation="LTI"
+    PLANT,
+    control.tf([0.2], [1]),
+    "multiplicative",
+    np.array([1.0, 2.0]),
+    np.array([0.1, 0.2]),
+    perturbation="LTI",
 )
 
 
@@ -48,9 +60,13 @@ def test_another_delay_than_that_of_the_report_is_refused(tmp_path):
 
 def test_a_report_of_another_loop_is_refused(tmp_path):
     """One page would have told of two controllers."""
-    wider = UncertaintyModel(MODEL.nominal, 1.01 * MODEL.weight, MODEL.form, MODEL.omega, MODEL.radius)
+    wider = UncertaintyModel(
+        MODEL.nominal, 1.01 * MODEL.weight, MODEL.form, MODEL.omega, MODEL.radius
+    )
     for model, K in ((MODEL, 2.001), (wider, 2.0)):
-        with pytest.raises(ValueError, match="report must be the result of check for this model and this K"):
+        with pytest.raises(
+            ValueError, match="report must be the result of check for this model and this K"
+        ):
             write_report(tmp_path / "r.html", model, K, report=check(MODEL, 2.0))
     assert not list(tmp_path.iterdir())
 
@@ -62,7 +78,9 @@ def test_a_report_of_another_set_on_lines_is_refused(tmp_path):
     other = control.frd(1.1 / (1 + 0.1j * omega), omega)
 
     def lines(G=measured, form="multiplicative", radius=0.1):
-        return UncertaintyModel(G, control.tf([1.05 * radius], [1]), form, omega, np.full(40, radius))
+        return UncertaintyModel(
+            G, control.tf([1.05 * radius], [1]), form, omega, np.full(40, radius)
+        )
 
     report = check(lines(), 2.0)
     for model, K in (
@@ -71,7 +89,9 @@ def test_a_report_of_another_set_on_lines_is_refused(tmp_path):
         (lines(form="inverse-multiplicative"), 2.0),
         (lines(radius=0.11), 2.0),
     ):
-        with pytest.raises(ValueError, match="report must be the result of check for this model and this K"):
+        with pytest.raises(
+            ValueError, match="report must be the result of check for this model and this K"
+        ):
             write_report(tmp_path / "r.html", model, K, report=report)
     assert not list(tmp_path.iterdir())
     write_report(tmp_path / "r.html", lines(), 2.0, report=report)
@@ -88,13 +108,17 @@ def test_another_demand_than_that_of_the_report_is_refused(tmp_path):
     w_P = performance_weight(0.5, M_S=3.0, A=0.1)
     for before, asked in ((None, w_P), (w_P, performance_weight(0.4, M_S=3.0, A=0.1))):
         with pytest.raises(ValueError, match="w_P must be that of the report, got another one"):
-            write_report(tmp_path / "r.html", MODEL, 2.0, w_P=asked, report=check(MODEL, 2.0, w_P=before))
+            write_report(
+                tmp_path / "r.html", MODEL, 2.0, w_P=asked, report=check(MODEL, 2.0, w_P=before)
+            )
     assert not list(tmp_path.iterdir())
     write_report(tmp_path / "r.html", MODEL, 2.0, w_P=w_P, report=check(MODEL, 2.0, w_P=w_P))
 
 
 def test_both_verdicts_stand_side_by_side(tmp_path):
-    """A set that the check is content with, a loop that runs away while it slides: the page says both."""
+    """A set that the check is content with, a loop that runs away while it slides: the page says
+    both.
+    """
     rig = control.ss(control.tf([1], [1, 0.4, 80e3]))
     stuck = UncertaintyModel(
         control.ss(control.tf([1], [1, 60, 140e3])),
@@ -117,8 +141,13 @@ def test_both_verdicts_stand_side_by_side(tmp_path):
     row = re.search(r"verdict robust refuted meaning (.*?) because", text).group(1)
     assert "keeps every plant of the set stable, which is proved" in row
     assert "may be another" in row
-    assert f"surely, with any friction of the given force, from a kick of {proof.kick_sure:.3g} m/s" in text
+    assert (
+        f"surely, with any friction of the given force, from a kick of {proof.kick_sure:.3g} m/s"
+        in text
+    )
     write_report(tmp_path / "without.html", stuck, K, report=report)
     assert "Two verdicts" not in plain(tmp_path / "without.html")
-    with pytest.raises(ValueError, match="friction must be of type FrictionProof or NoneType, got 1"):
+    with pytest.raises(
+        ValueError, match="friction must be of type FrictionProof or NoneType, got 1"
+    ):
         write_report(tmp_path / "bad.html", stuck, K, report=report, friction=1)

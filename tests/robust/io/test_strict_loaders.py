@@ -1,4 +1,6 @@
-"""What the loaders accept is what the published schemas accept: files changed by chance, each held against both."""
+"""What the loaders accept is what the published schemas accept: files changed by chance, each held
+against both.
+"""
 
 import copy
 import json
@@ -68,7 +70,12 @@ def written(tmp_path_factory):
 
     for model in [*models().values(), *MATRICES.values()]:
         add(robust.load, model)
-    for K in (control.tf([1.0, 0.1], [1, 0.7, 0.1]), control.tf([0.5, -0.4], [1, -1], 0.01), 2.5, np.eye(2)):
+    for K in (
+        control.tf([1.0, 0.1], [1, 0.7, 0.1]),
+        control.tf([0.5, -0.4], [1, -1], 0.01),
+        2.5,
+        np.eye(2),
+    ):
         add(robust.load, K)
     add(partial(read_claim, kind=LoopClaim), check(make_model(), SAMPLED))
     add(partial(read_claim, kind=ChannelsClaim), check(MATRICES["elements"], 0.1 * np.eye(2)))
@@ -93,14 +100,20 @@ def value(rng, depth=0):
     """Any JSON: numbers, words that mean something here and others, lists and objects of these."""
     if depth < 3 and rng.random() < 0.3:
         inner = [value(rng, depth + 1) for _ in range(rng.randrange(4))]
-        return inner if rng.random() < 0.5 else dict(zip(("kind", "dt", "A", "x"), inner, strict=False))
+        return (
+            inner
+            if rng.random() < 0.5
+            else dict(zip(("kind", "dt", "A", "x"), inner, strict=False))
+        )
     words = ("inf", "-inf", "x", "", "ss", "frf", "LTI", "1.5", "\u202e\x1b[2J")
     numbers = (0, -0.0, 1, 1.0, 2, -1, 0.5, -1e-300, 1e308, 10**400, rng.uniform(-1e3, 1e3))
     return rng.choice((None, True, False, *words, *numbers))
 
 
 def change(content, rng):
-    """Put a value in some place, take an entry out, put one in, one twice, or a list into a list."""
+    """Put a value in some place, take an entry out, put one in, one twice, or a list into a
+    list.
+    """
     content = copy.deepcopy(content)
     *way, last = rng.choice([place for place in places(content) if place])
     there = content
@@ -149,7 +162,9 @@ def change_and_load(written, tmp_path_factory, seed):
     for _ in range(rng.randrange(1, 4)):
         content = change(content, rng)
     if "digest" in content:  # signed by whoever changed it
-        content["digest"] = content_digest({name: entry for name, entry in content.items() if name != "digest"})
+        content["digest"] = content_digest(
+            {name: entry for name, entry in content.items() if name != "digest"}
+        )
     valid = not list(VALIDATORS[schema].iter_errors(content))
     path = tmp_path_factory.getbasetemp() / "changed.json"
     path.write_text(json.dumps(content))
@@ -169,7 +184,10 @@ def test_every_file_as_it_is_written_is_accepted(written, tmp_path):
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ('{"schema": "robust-controller", "schema": "robust-model"}', "a key must occur once, got 'schema' twice"),
+        (
+            '{"schema": "robust-controller", "schema": "robust-model"}',
+            "a key must occur once, got 'schema' twice",
+        ),
         ('{"schema": NaN}', "a number must be finite, got NaN"),
         ('{"schema": 1e999}', "a number must be finite, got 1e999"),
         ('{"schema": -Infinity}', "a number must be finite, got -Infinity"),

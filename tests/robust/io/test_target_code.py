@@ -1,4 +1,6 @@
-"""C and structured text for a target: equal to numpy to the last bit, with bounds of rounding that hold."""
+"""C and structured text for a target: equal to numpy to the last bit, with bounds of rounding that
+hold.
+"""
 
 import ctypes
 import re
@@ -35,7 +37,10 @@ def dk_step():
     """The K-step of a D-K iteration of order 20: six modes, a weight on each side, D of order 3."""
     frequencies = np.array([60.0, 170, 300, 480, 700, 900])
     G = sum(
-        (control.ss(control.tf([0.6**k * w * w], [1, 0.04 * w, w * w])) for k, w in enumerate(frequencies)),
+        (
+            control.ss(control.tf([0.6**k * w * w], [1, 0.04 * w, w * w]))
+            for k, w in enumerate(frequencies)
+        ),
         control.ss([], [], [], [[0.0]]),
     )
     D = control.ss(control.tf(np.poly([-30.0, -200, -900]), np.poly([-60.0, -150, -700])))
@@ -72,7 +77,9 @@ def controllers():
 
 
 def emulate(rounded, e, dtype=None):
-    """Return (n, lanes) outputs: the statements in numpy, each product and each sum rounded to the dtype."""
+    """Return (n, lanes) outputs: the statements in numpy, each product and each sum rounded to the
+    dtype.
+    """
     number = np.dtype(dtype or rounded.dtype).type
     held = {name: np.zeros(e.shape[1], number) for name in rounded.states}
     least, largest = (number(bound) for bound in rounded.limit)
@@ -164,14 +171,20 @@ def test_structured_text_has_the_same_statements(name, dtype, controllers, tmp_p
     assert f": {'LREAL' if dtype == 'float64' else 'REAL'}" in text
 
 
-@pytest.mark.parametrize("name", ["PID with a limit", "notches", "D-K of order 20", "two integrators", "unstable"])
+@pytest.mark.parametrize(
+    "name", ["PID with a limit", "notches", "D-K of order 20", "two integrators", "unstable"]
+)
 def test_the_rounded_controller_is_the_one_that_runs(name, controllers):
-    """In float64 the statements with the coefficients of float32 follow `K` of the result, by its own simulation."""
+    """In float64 the statements with the coefficients of float32 follow `K` of the result, by its
+    own simulation.
+    """
     K, _ = controllers[name]
     rounded = round_controller(K, dtype="float32")
     e = np.random.default_rng(2).standard_normal((400, 1))
     wanted = control.forced_response(rounded.K, inputs=e[:, 0]).outputs
-    assert np.allclose(emulate(rounded, e, "float64")[:, 0], wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
+    assert np.allclose(
+        emulate(rounded, e, "float64")[:, 0], wanted, rtol=0, atol=1e-9 * np.abs(wanted).max()
+    )
     assert rounded.K.dt == K.dt
     omega = np.geomspace(1e-2, 0.9 * np.pi / K.dt, 200)
     wanted = response(control.ss(K), omega)
@@ -181,9 +194,13 @@ def test_the_rounded_controller_is_the_one_that_runs(name, controllers):
 
 @pytest.mark.parametrize("dt", [1e-3, 1e-4, 1e-5])
 def test_slow_poles_keep_their_digits_whatever_the_clock(dt):
-    """In powers of z float32 moves a notch at 1 Hz by 100 % at 100 kHz; here |K| changes by 1e-5 at most."""
+    """In powers of z float32 moves a notch at 1 Hz by 100 % at 100 kHz; here |K| changes by 1e-5 at
+    most.
+    """
     w = 2 * np.pi
-    K = discretize(control.tf([1, 0.02 * w, w * w], [1, 0.8 * w, w * w]) * control.tf([1, 3.0], [1, 1.0]), dt)
+    K = discretize(
+        control.tf([1, 0.02 * w, w * w], [1, 0.8 * w, w * w]) * control.tf([1, 3.0], [1, 1.0]), dt
+    )
     rounded = round_controller(K, dtype="float32")
     assert rounded.coefficient_error < 1e-5
     if dt == 1e-5:
@@ -204,7 +221,11 @@ def exact_l1(A, b, c, n):
 def test_the_gain_is_a_close_bound_of_the_l1_norm(seed):
     rng = np.random.default_rng(seed)
     p = [0.97 * np.exp(1j * rng.uniform(0.05, 2)), rng.uniform(0.2, 0.995), rng.uniform(-0.5, 0.9)]
-    K = control.ss(control.tf(np.poly(rng.uniform(-0.9, 0.9, 3)), np.poly([p[0], np.conj(p[0]), *p[1:]]).real, DT))
+    K = control.ss(
+        control.tf(
+            np.poly(rng.uniform(-0.9, 0.9, 3)), np.poly([p[0], np.conj(p[0]), *p[1:]]).real, DT
+        )
+    )
     rounded = round_controller(K, dtype="float64")
     true = exact_l1(K.A, K.B[:, 0], K.C[0], 8000) + abs(K.D[0, 0])
     assert true * (1 - 1e-9) < rounded.gain < 2 * true
@@ -229,11 +250,21 @@ def test_rounding_stays_within_its_bound_and_is_not_far_below_it(seed):
     )
     K = control.ss([], [], [], [[1.0]], DT)
     for k in range(n):
-        K = control.ss(control.tf(np.poly(z[2 * k : 2 * k + 2]).real, np.poly(p[2 * k : 2 * k + 2]).real, DT)) * K
+        K = (
+            control.ss(
+                control.tf(
+                    np.poly(z[2 * k : 2 * k + 2]).real, np.poly(p[2 * k : 2 * k + 2]).real, DT
+                )
+            )
+            * K
+        )
     rounded = round_controller(K, dtype="float32")
     k = np.arange(1000)
     e = np.column_stack(
-        [*(np.sign(np.sin(np.abs(np.angle(root)) * k + 0.1)) for root in p[::2]), rng.uniform(-1, 1, (1000, 4))]
+        [
+            *(np.sign(np.sin(np.abs(np.angle(root)) * k + 0.1)) for root in p[::2]),
+            rng.uniform(-1, 1, (1000, 4)),
+        ]
     )
     off = np.abs(
         emulate(rounded, e.astype(np.float32)).astype(float)
@@ -243,7 +274,9 @@ def test_rounding_stays_within_its_bound_and_is_not_far_below_it(seed):
 
 
 def test_a_compensated_integral_loses_nothing_that_is_small():
-    """An error of 2e-6 for 1e4 samples beside an integral of 8: a plain sum in float32 stands still."""
+    """An error of 2e-6 for 1e4 samples beside an integral of 8: a plain sum in float32 stands
+    still.
+    """
     rounded = round_controller(control.tf([0.1], [1, -1], DT), dtype="float32")
     e = np.full((10_000, 1), 2e-6)
     e[0] = 80.0
@@ -252,12 +285,19 @@ def test_a_compensated_integral_loses_nothing_that_is_small():
 
 
 @pytest.mark.parametrize(
-    "K", [pid(20.0, 300.0, 0.1, filter_time=2e-3, dt=DT), control.tf([0.02], [1, -0.9999], DT)], ids=["PID", "lag"]
+    "K",
+    [pid(20.0, 300.0, 0.1, filter_time=2e-3, dt=DT), control.tf([0.02], [1, -0.9999], DT)],
+    ids=["PID", "lag"],
 )
 def test_the_integral_comes_back_from_a_limit(K):
-    """A second against the limit; then the output leaves it within a few samples, and not after a second."""
+    """A second against the limit; then the output leaves it within a few samples, and not after a
+    second.
+    """
     e = np.concatenate([np.full((1000, 1), 0.5), np.full((300, 1), -0.05)])
-    held = {limit: emulate(round_controller(K, dtype="float64", limit=limit), e)[:, 0] for limit in (1.0, None)}
+    held = {
+        limit: emulate(round_controller(K, dtype="float64", limit=limit), e)[:, 0]
+        for limit in (1.0, None)
+    }
     assert np.all(held[1.0][150:1000] == 1.0)
     left = 1000 + int(np.argmax(held[1.0][1000:] < 1.0))
     assert left < 1100
@@ -268,7 +308,9 @@ def test_check_proves_the_rounded_controller_again(tmp_path):
     G = control.tf([1.0], [1, 2, 0])
     w = control.tf([0.2, 2], [1, 40])
     omega = np.geomspace(0.1, 100, 50)
-    model = robust.UncertaintyModel(G, w, "multiplicative", omega, 0.99 * np.abs(w(1j * omega)), perturbation="LTI")
+    model = robust.UncertaintyModel(
+        G, w, "multiplicative", omega, 0.99 * np.abs(w(1j * omega)), perturbation="LTI"
+    )
     rounded = export_c(pid(8.0, 4.0, 2.0, filter_time=0.02, dt=0.01), tmp_path / "k.h", limit=5.0)
     assert robust.check(model, rounded.K).proofs.robustly_stable
 
@@ -294,19 +336,28 @@ def test_the_comment_states_units_clock_flags_and_what_is_not_proved(tmp_path):
 @pytest.mark.parametrize("stem", ["2 PID", "größe", "a*)b", "float", "NAME", "_"])
 def test_any_file_name_makes_an_identifier(stem, tmp_path):
     export_structured_text(pid(2.0, 3.0, dt=DT), tmp_path / f"{stem}.st", unit="m*)(*/N")
-    assert (tmp_path / f"{stem}.st").read_text().count("*)") == 3  # its comment, and two behind a variable
+    assert (tmp_path / f"{stem}.st").read_text().count(
+        "*)"
+    ) == 3  # its comment, and two behind a variable
     export_c(pid(2.0, 3.0, dt=DT), tmp_path / f"{stem}.h", unit="m*/N")
     text = (tmp_path / f"{stem}.h").read_text()
     assert text.count("*/") == 1
     if COMPILER:
         source = tmp_path / "x.c"
         source.write_text(text)
-        subprocess.run([COMPILER, "-std=c99", "-Werror", "-c", str(source), "-o", str(tmp_path / "x.o")], check=True)
+        subprocess.run(
+            [COMPILER, "-std=c99", "-Werror", "-c", str(source), "-o", str(tmp_path / "x.o")],
+            check=True,
+        )
 
 
 def test_rounding_that_changes_much_is_warned_of():
-    K = control.tf([1.0], np.poly([np.exp(1j * 0.5) * (1 - 1e-6), np.exp(-1j * 0.5) * (1 - 1e-6)]).real, DT)
-    with pytest.warns(DesignWarning, match="with coefficients in float32, and u by up to .*use dtype='float64'"):
+    K = control.tf(
+        [1.0], np.poly([np.exp(1j * 0.5) * (1 - 1e-6), np.exp(-1j * 0.5) * (1 - 1e-6)]).real, DT
+    )
+    with pytest.warns(
+        DesignWarning, match="with coefficients in float32, and u by up to .*use dtype='float64'"
+    ):
         round_controller(K, dtype="float32")
 
 
@@ -320,15 +371,27 @@ def test_rounding_that_changes_much_is_warned_of():
             {},
             "K must have one input and one output to be written as code, got 2 and 2",
         ),
-        (control.tf([1], [1, -2, 1], DT), {"limit": 1.0}, "limit must be left out for a controller with 2 integrators"),
+        (
+            control.tf([1], [1, -2, 1], DT),
+            {"limit": 1.0},
+            "limit must be left out for a controller with 2 integrators",
+        ),
         (pid(1.0, dt=DT), {"limit": 0.0}, "limit must be positive, got 0"),
-        (pid(1.0, dt=DT), {"limit": (2.0, 1.0)}, "limit must be a positive number, or the least and the largest u"),
+        (
+            pid(1.0, dt=DT),
+            {"limit": (2.0, 1.0)},
+            "limit must be a positive number, or the least and the largest u",
+        ),
         (
             pid(1.0, dt=DT),
             {"limit": (1.0, 2.0, 3.0)},
             "limit must be a positive number, or the least and the largest u",
         ),
-        (pid(1.0, dt=DT), {"dtype": "float16"}, "dtype must be one of 'float32', 'float64', got 'float16'"),
+        (
+            pid(1.0, dt=DT),
+            {"dtype": "float16"},
+            "dtype must be one of 'float32', 'float64', got 'float16'",
+        ),
         (
             control.ss([], [], [], [[1e39]], DT),
             {},

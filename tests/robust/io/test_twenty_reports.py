@@ -1,4 +1,6 @@
-"""Twenty designs, twenty reports: every number on the page, in order, against the value that it was made from."""
+"""Twenty designs, twenty reports: every number on the page, in order, against the value that it was
+made from.
+"""
 
 import re
 from dataclasses import replace
@@ -43,7 +45,14 @@ def plant(s):
 
 def bla_of(level=1.0, seed=0):
     size = np.abs(plant(2j * np.pi * F))
-    return make_bla(lambda s: level * plant(s), F, f0=0.1, sigma_distortion=0.05 * size, rng=seed, hold="band-limited")
+    return make_bla(
+        lambda s: level * plant(s),
+        F,
+        f0=0.1,
+        sigma_distortion=0.05 * size,
+        rng=seed,
+        hold="band-limited",
+    )
 
 
 BLA, LOUD = bla_of(), bla_of(1.1, 1)
@@ -60,7 +69,13 @@ def fit_of_both():
 
 
 LTI = UncertaintyModel(
-    *(control.tf([1], [1, 1]), control.tf([0.2], [1]), "multiplicative", np.array([1.0, 20.0]), np.array([0.1, 0.2])),
+    *(
+        control.tf([1], [1, 1]),
+        control.tf([0.2], [1]),
+        "multiplicative",
+        np.array([1.0, 20.0]),
+        np.array([0.1, 0.2]),
+    ),
     perturbation="LTI",
 )
 W_P = performance_weight(1.5, M_S=2.5, A=0.02)
@@ -73,7 +88,13 @@ def recorded():
     line = np.fft.rfftfreq(1024, 1 / 64)
     y = np.fft.irfft(np.fft.rfft(ms.u[0] + 0.02 * ms.u[0] ** 3) * plant(2j * np.pi * line), 1024)
     y = np.stack([y, y]) + 1e-3 * np.random.default_rng(4).standard_normal((2, 1024))
-    named = {"u_name": "force", "y_name": "position", "u_unit": "N", "y_unit": "mm", "hold": "band-limited"}
+    named = {
+        "u_name": "force",
+        "y_name": "position",
+        "u_unit": "N",
+        "y_unit": "mm",
+        "hold": "band-limited",
+    }
     return Record(u=np.stack([ms.u[0]] * 2)[None], y=y[None], fs=64, lines=ms.lines, **named)
 
 
@@ -108,7 +129,9 @@ def family():
 
 
 def rolled(model):
-    """An additive set with a weight that falls off above the Nyquist frequency: a sampler would see it unfiltered."""
+    """An additive set with a weight that falls off above the Nyquist frequency: a sampler would see
+    it unfiltered.
+    """
     if model.form != "additive":
         return model
     corner = np.pi / T
@@ -131,7 +154,12 @@ def of_form(form):
 DESIGNS = {
     **{name: design for form in FORMS for name, design in of_form(form).items()},
     "delay": lambda: (rig_model(), shaped(T), {"delay": 0.013}, {"nominal": rig_fit()}),
-    "delay and w_P": lambda: (rig_model(), shaped(T), {"delay": 0.013, "w_P": W_P}, {"bla": BLA, "nominal": rig_fit()}),
+    "delay and w_P": lambda: (
+        rig_model(),
+        shaped(T),
+        {"delay": 0.013, "w_P": W_P},
+        {"bla": BLA, "nominal": rig_fit()},
+    ),
     "continuous with delay": lambda: (rig_model(), shaped(0), {"delay": 0.02}, {}),
     "PI, sampled": lambda: (rig_model(), PI, {"w_P": W_P}, {"bla": BLA}),
     "PI, continuous": lambda: (rig_model(), SLOW, {}, {}),
@@ -143,9 +171,19 @@ DESIGNS = {
         {"w_P": W_P},
         {"record": rig_record(), "nominal": fitted()},
     ),
-    "a demand not met": lambda: (rig_model(), PI, {"w_P": performance_weight(30.0, M_S=1.2, A=1e-3)}, {}),
+    "a demand not met": lambda: (
+        rig_model(),
+        PI,
+        {"w_P": performance_weight(30.0, M_S=1.2, A=1e-3)},
+        {},
+    ),
     "unstable": lambda: (rig_model(), 40 * PI, {"w_P": W_P}, {"bla": BLA}),
-    "a gain on an LTI set": lambda: (LTI, 2.0, {"w_P": performance_weight(0.5, M_S=3.0, A=0.5), "delay": 0.02}, {}),
+    "a gain on an LTI set": lambda: (
+        LTI,
+        2.0,
+        {"w_P": performance_weight(0.5, M_S=3.0, A=0.5), "delay": 0.02},
+        {},
+    ),
     "not robust": lambda: (LTI, control.tf([300], [1, 1]), {}, {}),
 }
 
@@ -163,7 +201,9 @@ class Told(dict):
 
     def left(self):
         """What has numbers and was held against nothing."""
-        return {key: text for key, text in self.items() if key not in self.held and NUMBER.search(text)}
+        return {
+            key: text for key, text in self.items() if key not in self.held and NUMBER.search(text)
+        }
 
 
 class Facts(HTMLParser):
@@ -198,9 +238,13 @@ class Facts(HTMLParser):
 
 
 def is_written(token, value):
-    """Whether a number on the page is this value, in one of the ways in which numbers are written there."""
+    """Whether a number on the page is this value, in one of the ways in which numbers are written
+    there.
+    """
     wanted = float(token)
-    written = [f"{value:.{n}g}" for n in (3, 4, 6, 10, 12)] + [f"{value:.{n}f}" for n in (0, 1, 2, 3)]
+    written = [f"{value:.{n}g}" for n in (3, 4, 6, 10, 12)] + [
+        f"{value:.{n}f}" for n in (0, 1, 2, 3)
+    ]
     return any(float(text) == wanted for text in written)
 
 
@@ -250,9 +294,9 @@ def classical(report):
             L = np.interp(omega, report.curves.omega, np.abs(report.curves.G * report.curves.K))
             assert abs(gain * L - 1) < 0.02
     if np.isfinite(seen.bandwidth):
-        assert np.interp(seen.bandwidth, report.curves.omega, np.abs(report.curves.S)) == pytest.approx(
-            np.sqrt(0.5), rel=0.02
-        )
+        assert np.interp(
+            seen.bandwidth, report.curves.omega, np.abs(report.curves.S)
+        ) == pytest.approx(np.sqrt(0.5), rel=0.02)
         out["bandwidth of S"] = [seen.bandwidth / HZ]
     return out
 
@@ -272,7 +316,9 @@ def told_by_the_check(facts, report):
         assert facts["check", "nominal loop"] == "not stable: no margin is given"
         return
     margins, curves = report.margins, report.curves
-    assert 1 / margins.rs == pytest.approx(np.max(curves.rs), rel=1e-3)  # the margin is refined between
+    assert 1 / margins.rs == pytest.approx(
+        np.max(curves.rs), rel=1e-3
+    )  # the margin is refined between
     holds(facts["verdict", "max rs"], 1 / margins.rs, margins.omega_rs / HZ, factor(margins.rs))
     if report.folding:
         assert facts["verdict", "aliases"] == report.folding
@@ -306,14 +352,20 @@ def told_of_the_controller(facts, rows, K, unit):
     holds(facts["loop", "zeros"], *in_hertz(zeros(K), dt))
     if dt:
         np.testing.assert_allclose(
-            [[float(c) for c in row] for row in rows["loop"] if row], controller_sections(K), rtol=1e-11
+            [[float(c) for c in row] for row in rows["loop"] if row],
+            controller_sections(K),
+            rtol=1e-11,
         )
-    said = [f"PID {row}" for row in str(pid_gains(K, unit=unit)).splitlines()] if K.nstates < 2 else []
+    said = (
+        [f"PID {row}" for row in str(pid_gains(K, unit=unit)).splitlines()] if K.nstates < 2 else []
+    )
     assert facts.get(("loop", "gains"), "").splitlines() == said
 
 
 def told_of_the_advice(facts, model, report):
-    """Where the margin is limited, what is assumed there, the shares of the radius, how far the weight lies above."""
+    """Where the margin is limited, what is assumed there, the shares of the radius, how far the
+    weight lies above.
+    """
     key = ("verdict", "next")
     if key not in facts:
         return
@@ -342,14 +394,21 @@ def told_of_the_advice(facts, model, report):
 
 
 def told_of_the_gains(facts, K, unit):
-    """Every gain is that of the controller; the equation for a PLC is held where it is written, by running it."""
+    """Every gain is that of the controller; the equation for a PLC is held where it is written, by
+    running it.
+    """
     key = ("loop", "gains")
     if key not in facts:
         with pytest.raises(ValueError, match="K must be a P"):
             pid_gains(K)
         return
     gains, text = pid_gains(K, unit=unit), facts[key]
-    for name, number in (("Kp", gains.kp), ("Ki", gains.ki), ("Kd", gains.kd), ("Tf", gains.filter_time)):
+    for name, number in (
+        ("Kp", gains.kp),
+        ("Ki", gains.ki),
+        ("Kd", gains.kd),
+        ("Tf", gains.filter_time),
+    ):
         for token in re.findall(rf"\b{name} = ([-+.\de]+)", text):
             assert is_written(token, number)
     assert text.splitlines() == [f"PID {row}" for row in str(gains).splitlines()]
@@ -364,9 +423,15 @@ def told_of_the_worst(facts, model, K, report):
     peak = [worst.achieved] if worst.stable else []
     holds(facts["worst", "worst plant"], *peak, worst.omega_worst / HZ, abs(worst.delta))
     holds(facts["worst", "its poles"], *in_hertz(poles(worst.plant), worst.plant.dt or 0.0))
-    holds(facts["worst", "step, nominal plant"], *of_step(step_response(model.nominal, K, delay=delay)))
+    holds(
+        facts["worst", "step, nominal plant"],
+        *of_step(step_response(model.nominal, K, delay=delay)),
+    )
     if worst.stable:
-        holds(facts["worst", "step, worst plant"], *of_step(step_response(worst.plant, K, delay=delay)))
+        holds(
+            facts["worst", "step, worst plant"],
+            *of_step(step_response(worst.plant, K, delay=delay)),
+        )
     lost = np.sum(~sample_loops(model, K, 25, delay=delay, rng=0).stable)
     holds(facts["worst", "random plants"], 25, lost)
 
@@ -391,16 +456,31 @@ def told_of_the_model(facts, model, given):
         seen = validate(model, bla)
         said = NUMBER.findall(facts["nominal", f"lines in the set{which}"])
         holds(" ".join(said[:2]), seen.n_outside_set, seen.n_lines)
-        change = (seen.p_value, 100 * seen.gain, 100 * seen.frequency, 1e3 * seen.delay, seen.level, seen.p_level)
+        change = (
+            seen.p_value,
+            100 * seen.gain,
+            100 * seen.frequency,
+            1e3 * seen.delay,
+            seen.level,
+            seen.p_level,
+        )
         for token in said[2:]:
-            assert any(is_written(token, number) for number in (*change, seen.n_outside, seen.n_expected)), said
+            assert any(
+                is_written(token, number) for number in (*change, seen.n_outside, seen.n_expected)
+            ), said
         rows = [row.strip() for row in str(bla).splitlines()]
         assert facts["bla", f"BLA{which.replace(', ', ' of ')}"].splitlines() == rows
 
 
 def told_of_the_record(facts):
     u, grid = rig_record().u[0, -1], rig_record().lines
-    counts = [grid.excited.size, grid.excited[0] / 16, grid.excited[-1] / 16, grid.odd.size, grid.even.size]
+    counts = [
+        grid.excited.size,
+        grid.excited[0] / 16,
+        grid.excited[-1] / 16,
+        grid.odd.size,
+        grid.even.size,
+    ]
     rms = np.sqrt(np.mean(u**2))
     holds(facts["record", "excitation"], *counts, rms, np.abs(u).max() / rms)
     assert f"rms {rms:.4g} N," in facts["record", "excitation"]
@@ -417,7 +497,9 @@ def told_of_the_opinion(facts):
 
 def told_of_settings(facts, model, K, report):
     holds(facts["settings", "weight"], model.weight.nstates)
-    holds(facts["settings", "computation delay"], 1e3 * report.given.delay, 1e3 * model.origin.delay)
+    holds(
+        facts["settings", "computation delay"], 1e3 * report.given.delay, 1e3 * model.origin.delay
+    )
     holds(facts["settings", "sampling of the controller"], *([1 / K.dt] if K.dt else []))
     if report.given.demand is None:
         assert facts["settings", "performance weight"] == "none asked for"
@@ -452,7 +534,9 @@ def test_every_number_is_that_of_the_value(name, tmp_path, monkeypatch):
             holds(page.said[section, caption].split(" with its ")[1], 95)
         if caption.startswith("Input spectrum"):
             U = np.abs(np.fft.rfft(rig_record().u[0, -1]))
-            stray = np.delete(U, rig_record().lines.excited).max() / U[rig_record().lines.excited].min()
+            stray = (
+                np.delete(U, rig_record().lines.excited).max() / U[rig_record().lines.excited].min()
+            )
             holds(page.said[section, caption], 100)
             assert 20 * np.log10(stray) < -100
         if " of record " in caption:
@@ -461,7 +545,10 @@ def test_every_number_is_that_of_the_value(name, tmp_path, monkeypatch):
     told = page.said["check", "certificate"] if report.proofs.certificates else ""
     assert told.count(" at all frequencies: ") == len(report.proofs.certificates)
     for certificate in report.proofs.certificates:
-        assert f"{certificate.subject} at all frequencies: {'yes' if certificate.holds else 'no'}" in told
+        assert (
+            f"{certificate.subject} at all frequencies: {'yes' if certificate.holds else 'no'}"
+            in told
+        )
         assert certificate.level == 1.0  # the bound that the page gives to every curve
     assert not page.said.left()
 

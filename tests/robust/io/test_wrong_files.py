@@ -1,4 +1,6 @@
-"""Every command against every kind of file that the commands write: a file in the wrong place is named, and goes on."""
+"""Every command against every kind of file that the commands write: a file in the wrong place is
+named, and goes on.
+"""
 
 import re
 import sys
@@ -59,14 +61,18 @@ def folder(tmp_path_factory):
     """One file of each kind."""
     folder = tmp_path_factory.mktemp("files")
     ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
-    record = nlfrf.Record(u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines)
+    record = nlfrf.Record(
+        u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines
+    )
     nlfrf.save(ms, folder / "ms.npz")
     for name in MEASURED:
         nlfrf.save(record, folder / name)
     for name in BLAS:
         nlfrf.save(nlfrf.identify(record), folder / name)
     G, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
-    model = robust.UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
+    model = robust.UncertaintyModel(
+        G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2])
+    )
     robust.save(model, folder / "model.json")
     robust.save(2.0, folder / "K.json")
     report = robust.check(model, 2.0)
@@ -76,7 +82,9 @@ def folder(tmp_path_factory):
 
 
 @pytest.mark.parametrize(("command", "takes"), COMMANDS)
-def test_a_file_in_the_wrong_place_is_named_with_the_command_that_takes_it(folder, command, takes, monkeypatch, capsys):
+def test_a_file_in_the_wrong_place_is_named_with_the_command_that_takes_it(
+    folder, command, takes, monkeypatch, capsys
+):
     monkeypatch.chdir(folder)
     for file in FILES.keys() - set(takes):
         program, *given = command.format(file).split()
@@ -86,13 +94,18 @@ def test_a_file_in_the_wrong_place_is_named_with_the_command_that_takes_it(folde
         err = capsys.readouterr().err.strip()
         assert (stop.value.code, err.count("\n")) == (2, 0), err
         name, goes_on = FILES[file]
-        assert re.search(rf"path must hold an? .*, got {file}, which is {name}; go on with: {goes_on}", err), err
+        assert re.search(
+            rf"path must hold an? .*, got {file}, which is {name}; go on with: {goes_on}", err
+        ), err
 
 
 def test_a_table_of_someone_else_is_to_be_looked_at(tmp_path):
     (tmp_path / "run.csv").write_text("t,u,y\n0,1,2\n1,2,3\n2,3,4\n")
     with pytest.raises(
         ValueError,
-        match=r"path must hold a multisine, .* a model, .*, got .*run.csv, which is of a kind .* nlfrf inspect",
+        match=(
+            r"path must hold a multisine, .* a model, .*, got .*run.csv, which is of a kind .*"
+            r" nlfrf inspect"
+        ),
     ):
         robust.load(tmp_path / "run.csv")

@@ -1,4 +1,6 @@
-"""The closed loop by its ports, its stability with a delay, its winding number: closed forms, counted roots."""
+"""The closed loop by its ports, its stability with a delay, its winding number: closed forms,
+counted roots.
+"""
 
 import control
 import numpy as np
@@ -17,7 +19,12 @@ from robust.lti.grids import find_peak, loop_grid, refine_peaks, structure_grid
 from robust.lti.lti import evaluate_transfer, response
 from robust.lti.realisation import from_roots, state_space
 from robust.lti.stability import assess_stability as instability
-from robust.lti.stability import connected_components, delay_pole_count, poles_with_rounding, winding_number
+from robust.lti.stability import (
+    connected_components,
+    delay_pole_count,
+    poles_with_rounding,
+    winding_number,
+)
 from tests.support.printed import unwrapped
 
 OMEGA = np.geomspace(1e-2, 1e2, 50)
@@ -41,15 +48,19 @@ def test_ports_of_the_loop():
         ("e", "r"): S,
     }
     for (out, into), curve in wanted.items():
-        assert evaluate_transfer(*closed_loop(G, K, (out,), (into,)), 1j * OMEGA)[:, 0, 0] == pytest.approx(
-            curve, rel=1e-9
-        )
+        assert evaluate_transfer(*closed_loop(G, K, (out,), (into,)), 1j * OMEGA)[
+            :, 0, 0
+        ] == pytest.approx(curve, rel=1e-9)
 
 
 def random_system(rng, n, n_out, n_in):
     A = rng.standard_normal((n, n)) - 2 * np.eye(n)
     return control.StateSpace(
-        A, rng.standard_normal((n, n_in)), rng.standard_normal((n_out, n)), rng.standard_normal((n_out, n_in)), 0
+        A,
+        rng.standard_normal((n, n_in)),
+        rng.standard_normal((n_out, n)),
+        rng.standard_normal((n_out, n_in)),
+        0,
     )
 
 
@@ -65,7 +76,9 @@ def test_ports_of_a_loop_of_three_outputs_and_two_inputs():
             [S @ g, S, g @ k @ S],
             [-S @ g, -S, S],
         ])  # fmt: skip
-        found = evaluate_transfer(*closed_loop(plant, K, ("u", "y", "e"), ("p_in", "p_out", "r")), s)[0]
+        found = evaluate_transfer(
+            *closed_loop(plant, K, ("u", "y", "e"), ("p_in", "p_out", "r")), s
+        )[0]
         np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-12)
         turned = evaluate_transfer(*closed_loop(plant, K, ("e", "u"), ("r", "p_in")), s)[0]
         np.testing.assert_allclose(turned[:3, :3], S, rtol=1e-9, atol=1e-12)
@@ -75,7 +88,9 @@ def test_ports_of_a_loop_of_three_outputs_and_two_inputs():
 def test_a_plant_with_its_weights_is_the_loop_with_them():
     """Closed by any K it is [w_P S; w_u K S; w_T T], and what d, z of the plant see."""
     rng = np.random.default_rng(1)
-    P, K = random_system(rng, 3, 4, 3), random_system(rng, 2, 3, 2)  # (d, u) of 1 + 2 to (z, y) of 1 + 3
+    # (d, u) of 1 + 2 to (z, y) of 1 + 3
+    P = random_system(rng, 3, 4, 3)
+    K = random_system(rng, 2, 3, 2)
     K = control.StateSpace(K.A, K.B[:, [0, 1, 1]], K.C[:2], 0.1 * np.ones((2, 3)), 0)
     weights = [
         ("e", random_system(rng, 1, 2, 3)),
@@ -90,10 +105,20 @@ def test_a_plant_with_its_weights_is_the_loop_with_them():
         S = np.linalg.inv(np.eye(3) + g_yu @ k)
         from_d, from_r = (-S @ g_yd, -k @ S @ g_yd), (S, k @ S)
         columns = []
-        for e, u, direct, output in ((*from_d, g_zd, g_yd), (*from_r, np.zeros((1, 3)), np.zeros((3, 3)))):
+        for e, u, direct, output in (
+            (*from_d, g_zd, g_yd),
+            (*from_r, np.zeros((1, 3)), np.zeros((3, 3))),
+        ):
             y = output + g_yu @ u
             columns.append(
-                np.vstack([direct + g_zu @ u, weights[0][1](s) @ e, weights[1][1](s) @ u, weights[2][1](s) @ y])
+                np.vstack(
+                    [
+                        direct + g_zu @ u,
+                        weights[0][1](s) @ e,
+                        weights[1][1](s) @ u,
+                        weights[2][1](s) @ y,
+                    ]
+                )
             )
         np.testing.assert_allclose(whole(s), np.hstack(columns), rtol=1e-9, atol=1e-11)
         np.testing.assert_allclose(bare(s, squeeze=False), columns[0][:1], rtol=1e-9, atol=1e-11)
@@ -102,7 +127,8 @@ def test_a_plant_with_its_weights_is_the_loop_with_them():
 def test_a_controller_of_another_shape_is_refused():
     rng = np.random.default_rng(2)
     with pytest.raises(
-        ValueError, match="K must have 3 inputs and 2 outputs, one for each output and input of the plant"
+        ValueError,
+        match="K must have 3 inputs and 2 outputs, one for each output and input of the plant",
     ):
         closed_loop(random_system(rng, 2, 3, 2), random_system(rng, 1, 3, 2), ("u",), ("r",))
 
@@ -177,7 +203,10 @@ def test_a_mode_that_no_log_grid_sees_is_on_the_grid():
 
 def test_the_highest_of_a_curve_is_found_between_the_points():
     peak, where = find_peak(
-        lambda w: 1 / np.hypot(1 - w**2, 0.1 * w), np.geomspace(0.01, 100, 60), band=(0.01, 100), top=np.inf
+        lambda w: 1 / np.hypot(1 - w**2, 0.1 * w),
+        np.geomspace(0.01, 100, 60),
+        band=(0.01, 100),
+        top=np.inf,
     )
     assert peak == pytest.approx(1 / (0.1 * np.sqrt(1 - 0.05**2)), rel=1e-6)
     assert where == pytest.approx(np.sqrt(1 - 0.1**2 / 2), rel=1e-3)
@@ -188,7 +217,9 @@ def test_several_curves_are_climbed_together_as_each_alone():
 
     def curves(w):
         corner = np.where(w < 5, w / 5, 5 / w)
-        return np.array([1 / np.hypot(1 - w**2, 1e-4 * w), 1e-3 / np.hypot(1 - (w / 30) ** 2, 0.02 * w), corner])
+        return np.array(
+            [1 / np.hypot(1 - w**2, 1e-4 * w), 1e-3 / np.hypot(1 - (w / 30) ** 2, 0.02 * w), corner]
+        )
 
     points = np.geomspace(0.01, 100, 700)
     points = np.unique(np.concatenate([points, 1 + 1e-4 * np.linspace(-2, 2, 21)]))
@@ -201,7 +232,9 @@ def test_several_curves_are_climbed_together_as_each_alone():
 
 
 def test_states_that_act_on_each_other_are_one_part():
-    """A ring of three, a pair behind it, and one alone, against the definition by powers of the graph."""
+    """A ring of three, a pair behind it, and one alone, against the definition by powers of the
+    graph.
+    """
     A = np.zeros((6, 6))
     A[[1, 2, 0], [0, 1, 2]] = 1.0  # a ring
     A[3, 2] = A[3, 4] = A[4, 3] = 1.0  # a pair that the ring drives

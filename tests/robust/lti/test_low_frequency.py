@@ -1,4 +1,6 @@
-"""What an FRF says of the plant below its first line: integrators at most as its slope, the sign by gain and phase."""
+"""What an FRF says of the plant below its first line: integrators at most as its slope, the sign by
+gain and phase.
+"""
 
 import control
 import numpy as np
@@ -42,11 +44,15 @@ def test_integrators_that_are_known():
     G = control.tf([1], [1, 3, 0])
     given = read_below(BELOW, G(1j * BELOW), n_integrators=1)
     assert [(one.n_integrators, one.sign) for one in given] == [(1, 1)]
-    assert given[0].G[0] == pytest.approx(abs(G(1j * BELOW[0])) * BELOW[0] / given[0].omega[0] * -1j, rel=1e-3)
+    assert given[0].G[0] == pytest.approx(
+        abs(G(1j * BELOW[0])) * BELOW[0] / given[0].omega[0] * -1j, rel=1e-3
+    )
 
 
 def test_the_phase_of_a_mode_below_the_first_line_is_followed():
-    """From above a mode G is near -1/w^2 with no integrator: the way to the first line is a lag of half a turn."""
+    """From above a mode G is near -1/w^2 with no integrator: the way to the first line is a lag of
+    half a turn.
+    """
     last = next(one for one in read_below(BELOW, 1 / (1 - BELOW**2) + 0j) if one.n_integrators == 0)
     assert np.angle(last.G[[0, -1]]) == pytest.approx([0, -np.pi], abs=0.25)
 

@@ -74,7 +74,9 @@ def test_connections_are_what_their_formulas_say(seed, dt):
         (inverse_system(G), 1 / g),
         (feedback(G, F), g / (1 + f * g)),
     ):
-        assert response(system, omega) == pytest.approx(wanted, rel=1e-6, abs=1e-9 * np.abs(wanted).max())
+        assert response(system, omega) == pytest.approx(
+            wanted, rel=1e-6, abs=1e-9 * np.abs(wanted).max()
+        )
 
 
 def test_an_improper_inverse_is_refused():
@@ -93,7 +95,8 @@ def test_linear_fractional_transformations(dt):
     K = random_plant(rng, 2, dt)
     for omega in (0.05, 1.0, 12.0):
         s = np.array([np.exp(1j * omega * dt) if dt else 1j * omega])
-        p, k = evaluate_transfer(P.A, P.B, P.C, P.D, s)[0], evaluate_transfer(K.A, K.B, K.C, K.D, s)[0]
+        p = evaluate_transfer(P.A, P.B, P.C, P.D, s)[0]
+        k = evaluate_transfer(K.A, K.B, K.C, K.D, s)[0]
         low = p[:2, :2] + p[:2, 2:] @ k @ np.linalg.inv(np.eye(1) - p[2:, 2:] @ k) @ p[2:, :2]
         high = p[1:, 1:] + p[1:, :1] @ k @ np.linalg.inv(np.eye(1) - p[:1, :1] @ k) @ p[:1, 1:]
         for system, wanted in ((lower_lft(P, K), low), (upper_lft(P, K), high)):
@@ -110,7 +113,9 @@ def test_numbers_polynomials_and_roots_become_the_same_system():
 
 
 def test_states_of_sizes_beyond_any_integer_are_scaled_in_silence():
-    """A plant of a set with a weight far away: scipy casts scales of 1e23 to integers, and warns."""
+    """A plant of a set with a weight far away: scipy casts scales of 1e23 to integers, and
+    warns.
+    """
     A = np.array([[-1.0, 1e60, 0.0], [1e-60, -2.0, 1.0], [0.0, 1.0, -3.0]])
     scaled, weights = balance_matrix(A)
     np.testing.assert_allclose(scaled * weights[:, None] / weights, A, rtol=1e-12)
@@ -139,7 +144,9 @@ def test_a_matrix_of_transfer_functions_is_one_minimal_system(dt):
     G = control.tf(numerators, denominators, dt, inputs=["a", "b"], outputs=["c", "d"])
     system = multivariable("P", G)
     assert (system.input_labels, system.output_labels, system.dt) == (["a", "b"], ["c", "d"], dt)
-    assert np.sum(np.abs(poles(system) - pole) < 1e-6) == 2  # of rank two: its residue is a full matrix
+    assert (
+        np.sum(np.abs(poles(system) - pole) < 1e-6) == 2
+    )  # of rank two: its residue is a full matrix
     points = np.exp(1j * OMEGA[OMEGA < 3]) if dt else 1j * OMEGA
     for s in points:
         np.testing.assert_allclose(system(s), G(s), rtol=1e-7)
@@ -149,7 +156,9 @@ def test_a_matrix_that_no_state_space_has_is_refused():
     with pytest.raises(ValueError, match="P must be proper, got degree 2 over degree 1"):
         multivariable("P", control.tf([[[1, 0, 0], [1]]], [[[1, 1], [1, 1]]]))
     hidden = control.tf([[[1, -1], [1]]], [[[1, 1, -2], [1, 3]]])  # (s - 1)/((s - 1)(s + 2))
-    with pytest.raises(ValueError, match="P must have no hidden unstable mode, got one that cancels at 1"):
+    with pytest.raises(
+        ValueError, match="P must have no hidden unstable mode, got one that cancels at 1"
+    ):
         multivariable("P", hidden)
     shared = control.tf([[[1, -1], [1]]], [[[1, 1, -2], [1, -1]]])  # another entry shows it
     assert np.isclose(poles(multivariable("P", shared)), 1).any()

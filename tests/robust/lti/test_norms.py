@@ -33,7 +33,9 @@ def test_norm_agrees_with_a_dense_grid():
         on_grid = np.abs(response(system, omega[omega > 0])).max()
         assert on_grid <= norm * (1 + 1e-9)
         assert (
-            np.abs(response(system, np.array([where])))[0] == pytest.approx(norm, rel=1e-9) if np.isfinite(where) else 1
+            np.abs(response(system, np.array([where])))[0] == pytest.approx(norm, rel=1e-9)
+            if np.isfinite(where)
+            else 1
         )
 
 
@@ -56,13 +58,20 @@ def test_the_bilinear_map_keeps_norms_and_comes_back():
 @pytest.mark.parametrize("quick", [False, True])
 @pytest.mark.parametrize("level", [1.1, 1.5, 2.0, 2.9, 3.1, 5.0, 20.0])
 def test_a_riccati_equation_without_a_solution_has_none(level, quick):
-    """One state, -0.6 x + [0.6 3.3 2.3] w and 0.48 u: b x^2 - 2 a x + q = 0 where its discriminant is positive."""
-    a, B, Q, D = -0.6079, np.array([[0.2215, 3.4277, 2.2965, 0.4792]]), 0.1634, np.array([0.5296, 0.0537, -0.4341])
+    """One state, -0.6 x + [0.6 3.3 2.3] w and 0.48 u: b x^2 - 2 a x + q = 0 where its discriminant
+    is positive.
+    """
+    a = -0.6079
+    B = np.array([[0.2215, 3.4277, 2.2965, 0.4792]])
+    Q = 0.1634
+    D = np.array([0.5296, 0.0537, -0.4341])
     S = -0.4042 * np.append(D, 0.0)[None]
     R = np.zeros((4, 4))
     R[:3, :3], R[3, 3] = np.outer(D, D) - level**2 * np.eye(3), 1.0
     inverse = np.linalg.inv(R)
-    b, half, q = (x.item() for x in (B @ inverse @ B.T, a - B @ inverse @ S.T, Q - S @ inverse @ S.T))
+    b, half, q = (
+        x.item() for x in (B @ inverse @ B.T, a - B @ inverse @ S.T, Q - S @ inverse @ S.T)
+    )
     found = stabilising_riccati(np.array([[a]]), B, Q=np.array([[Q]]), R=R, S=S, quick=quick)
     if half**2 + b * q < 0:
         assert found is None

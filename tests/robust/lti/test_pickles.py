@@ -23,7 +23,9 @@ def lag(s):
     return 2 / (s / 60 + 1)
 
 
-BLA = make_bla(lag, np.arange(1.0, 31.0), f0=1.0, sigma_noise=0.01, sigma_distortion=0.03, rng=1, fs=500)
+BLA = make_bla(
+    lag, np.arange(1.0, 31.0), f0=1.0, sigma_noise=0.01, sigma_distortion=0.03, rng=1, fs=500
+)
 FIT = robust.fit_nominal(BLA, n_poles=1)
 MODEL = robust.uncertainty(BLA, FIT, order=2)
 K = robust.shaping.pid(0.5, 4.0)
@@ -61,15 +63,22 @@ def values_of_robust():
         robust.analysis.NoiseSignal(0.3),
         robust.analysis.LevelState.INSIDE,
     )
-    signals = robust.analysis.LoopSignals(disturbance=robust.analysis.NoiseSignal(0.3, omega_max=100.0))
+    signals = robust.analysis.LoopSignals(
+        disturbance=robust.analysis.NoiseSignal(0.3, omega_max=100.0)
+    )
     level = robust.analysis.predict_level(MODEL, K, signals)
     yield from (signals, level, level.signals[0])
-    two = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["u", "pole"], outputs="y")
+    two = control.ss(
+        [[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["u", "pole"], outputs="y"
+    )
     loop = control.ss([], [], [], [[-4.0]], inputs="y", outputs="u")
     block = robust.models.Block("y", "pole", 2.5, kind="real")
     system = robust.models.interconnection([two, loop], {"pole": block})
-    P = control.ss([[-1.0]], [[1, 0, 1]], [[0], [-0.5], [-1]], [[0, 0, 0.5], [0, 0.5, 0], [0, 1, 0]])
-    w, two_by_two = control.ss([], [], [], [[0.5]]), control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
+    P = control.ss(
+        [[-1.0]], [[1, 0, 1]], [[0], [-0.5], [-1]], [[0, 0, 0.5], [0, 0.5, 0], [0, 1, 0]]
+    )
+    w = control.ss([], [], [], [[0.5]])
+    two_by_two = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
     several = robust.UncertaintyModel(
         nominal=two_by_two, form="additive", left=(w, w), right=(w, w), omega=[1.0], radius=0.5 * np.ones((4, 1)),
         confidence=0.95,
@@ -79,32 +88,60 @@ def values_of_robust():
     frm = nlfrf.identify(nlfrf.Record(u=u, y=u + 0.1 * u**3, fs=256, lines=ms.lines))
     yield robust.validate(frm, frm)
     yield robust.analysis.loop_gains(two_by_two, np.eye(2))
-    yield from (several, robust.analysis.breaking_perturbation(several, control.ss([], [], [], np.eye(2))))
+    yield from (
+        several,
+        robust.analysis.breaking_perturbation(several, control.ss([], [], [], np.eye(2))),
+    )
     yield robust.margins.disk_margins(several, np.eye(2))
     yield from (BLA, FIT, MODEL, K, block, system, robust.analysis.check_structure(system))
     yield from (robust.models.scan_orders(BLA, n_poles=(1, 2)), robust.validate(MODEL, BLA))
-    yield from (robust.fit_weight(MODEL.omega, MODEL.radius, order=2), robust.margins.disk_margin(FIT.G * K))
+    yield from (
+        robust.fit_weight(MODEL.omega, MODEL.radius, order=2),
+        robust.margins.disk_margin(FIT.G * K),
+    )
     yield from (robust.check(MODEL, K), robust.check(BLA, K), robust.worst_case(MODEL, K))
     yield from (robust.analysis.sample_loops(MODEL, K, 3, rng=0), robust.ncfsyn(FIT.G, 1.0))
     yield from (robust.hinfsyn(P, 1, 1), robust.dk_iteration(P, DELTA, 1, 1, n_rounds=1))
     PD = control.ss([[0.0]], [[1.0]], [[-60e3]], [[80e3]], 1e-3)
     machine, slip = robust.friction_plant(1.0, 80e3, 0.4), robust.friction.MaxwellSlip(64e3)
-    known = {"mass": 1.0, "mass_std": 0.01, "stiffness_low": 79e3, "stiffness_std": 100.0, "evidence": "three levels"}
+    known = {
+        "mass": 1.0,
+        "mass_std": 0.01,
+        "stiffness_low": 79e3,
+        "stiffness_std": 100.0,
+        "evidence": "three levels",
+    }
     yield from (
         robust.prove_friction(machine, PD, slip),
         robust.friction.MachineWithFriction(machines=(machine,), friction=slip, **known),
     )
     yield robust.prove_friction(machine, 1e3, slip, Fs=1.0, saturation=20.0)
-    yield robust.synthesis.ControllerStructure(n_zeros=3, n_integrators=1, poles=(-0.5 + 50j, -0.5 - 50j))
-    yield from (robust.io.pid_gains(K), robust.step_response(FIT.G, K), robust.check(MODEL, K).classical)
+    yield robust.synthesis.ControllerStructure(
+        n_zeros=3, n_integrators=1, poles=(-0.5 + 50j, -0.5 - 50j)
+    )
+    yield from (
+        robust.io.pid_gains(K),
+        robust.step_response(FIT.G, K),
+        robust.check(MODEL, K).classical,
+    )
     lag, exact = control.tf([1], [1, 1]), control.tf([0.1], [1])
-    small = robust.UncertaintyModel(lag, exact, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
+    small = robust.UncertaintyModel(
+        lag, exact, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI"
+    )
     PI = control.tf([2, 2], [1, 0])
     yield robust.synthesis.feedforward_filter(small, 2.0, control.tf([1], [0.5, 1]))
-    yield from (robust.synthesis.prefilter(small, PI, lag), robust.check(small, PI).proofs.certificates[0].verify())
+    yield from (
+        robust.synthesis.prefilter(small, PI, lag),
+        robust.check(small, PI).proofs.certificates[0].verify(),
+    )
     yield robust.reduce_controller(control.tf([1], [1e-4, 1]) * control.tf([3], [1e-3, 1]), small)
-    yield robust.mu.parameter_margin(control.ss([[-5.0]], [[1.0]], [[1.0]], [[0.0]]), [(1, 1, "real")])
-    yield from (robust.mu.upper(np.full((2, 2, 3), 0.3 + 0j), DELTA), robust.certify_norm(FIT.G, 10.0))
+    yield robust.mu.parameter_margin(
+        control.ss([[-5.0]], [[1.0]], [[1.0]], [[0.0]]), [(1, 1, "real")]
+    )
+    yield from (
+        robust.mu.upper(np.full((2, 2, 3), 0.3 + 0j), DELTA),
+        robust.certify_norm(FIT.G, 10.0),
+    )
 
 
 def same(a, b):
@@ -143,9 +180,15 @@ def test_every_public_value_survives_a_pickle(values):
 
 
 def test_names_of_signals_survive():
-    plant = control.ss([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0, inputs="force", outputs="x", states=["x", "v"])
+    plant = control.ss(
+        [[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0, inputs="force", outputs="x", states=["x", "v"]
+    )
     again = pickle.loads(pickle.dumps(plant))
-    assert (again.input_labels, again.output_labels, again.state_labels) == (["force"], ["x"], ["x", "v"])
+    assert (again.input_labels, again.output_labels, again.state_labels) == (
+        ["force"],
+        ["x"],
+        ["x", "v"],
+    )
 
 
 def peak(K, model=MODEL):
@@ -153,10 +196,14 @@ def peak(K, model=MODEL):
 
 
 def test_a_function_that_names_robust_can_be_sent_to_a_worker():
-    assert cloudpickle.loads(cloudpickle.dumps(lambda K: robust.check(MODEL, K, certify=False)))(K).nominally_stable
+    assert cloudpickle.loads(cloudpickle.dumps(lambda K: robust.check(MODEL, K, certify=False)))(
+        K
+    ).nominally_stable
 
 
-@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of fork, by joblib and dask on some Pythons
+@pytest.mark.filterwarnings(
+    "ignore::DeprecationWarning"
+)  # of fork, by joblib and dask on some Pythons
 def test_models_and_controllers_go_to_workers():
     controllers = [robust.shaping.pid(gain, 4.0) for gain in (0.2, 0.4)] + [0.5]
     here = [peak(K) for K in controllers]
@@ -167,7 +214,9 @@ def test_models_and_controllers_go_to_workers():
 
 
 @pytest.mark.attack
-@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of fork, by joblib and dask on some Pythons
+@pytest.mark.filterwarnings(
+    "ignore::DeprecationWarning"
+)  # of fork, by joblib and dask on some Pythons
 def test_workers_of_joblib_and_dask_take_them_too():
     import dask
     import joblib
@@ -175,4 +224,11 @@ def test_workers_of_joblib_and_dask_take_them_too():
     controllers = [robust.shaping.pid(gain, 4.0) for gain in (0.2, 0.4)] + [0.5]
     here = [peak(K) for K in controllers]
     assert joblib.Parallel(n_jobs=2)(joblib.delayed(peak)(K) for K in controllers) == here
-    assert list(dask.compute(*map(dask.delayed(peak), controllers), scheduler="processes", num_workers=2)) == here
+    assert (
+        list(
+            dask.compute(
+                *map(dask.delayed(peak), controllers), scheduler="processes", num_workers=2
+            )
+        )
+        == here
+    )

@@ -15,7 +15,9 @@ PLANT = control.StateSpace([[0, 1], [-400, -2]], [[0], [400]], [[1, 0]], [[0]], 
 
 @pytest.mark.parametrize("delay", [0.0, 0.004, 0.01, 0.0273])
 def test_the_step_response_at_the_samples(delay):
-    """A step held through the delay: at t = n T the sampled plant gives what the continuous one has then."""
+    """A step held through the delay: at t = n T the sampled plant gives what the continuous one has
+    then.
+    """
     dt = 0.01
     G = sampled(PLANT, dt, delay)
     x, out = np.zeros((G.nstates, 1)), []
@@ -24,7 +26,10 @@ def test_the_step_response_at_the_samples(delay):
         x = G.A @ x + G.B
     t = np.arange(60) * dt - delay
     still = np.linalg.solve(PLANT.A, PLANT.B)
-    wanted = [float((PLANT.C @ (expm(PLANT.A * s) - np.eye(2)) @ still)[0, 0]) if s > 0 else 0.0 for s in t]
+    wanted = [
+        float((PLANT.C @ (expm(PLANT.A * s) - np.eye(2)) @ still)[0, 0]) if s > 0 else 0.0
+        for s in t
+    ]
     assert out == pytest.approx(wanted, abs=1e-9)
 
 
@@ -57,30 +62,42 @@ def test_tustin_is_exact_where_it_is_prewarped():
         z = np.exp(0.4j)
         s = 2 / 0.01 * (z - 1) / (z + 1) if not prewarp else 40 / np.tan(0.2) * (z - 1) / (z + 1)
         assert response(Kd, np.array([40.0]))[0] == pytest.approx((s + 10) / s, rel=1e-9)
-    assert response(discretize(K, 0.01, prewarp=40.0), np.array([40.0]))[0] == pytest.approx((40j + 10) / 40j, rel=1e-9)
+    assert response(discretize(K, 0.01, prewarp=40.0), np.array([40.0]))[0] == pytest.approx(
+        (40j + 10) / 40j, rel=1e-9
+    )
 
 
 def test_riccati_equations():
     rng = np.random.default_rng(1)
     for n in (1, 3, 8):
-        A, B, C = rng.standard_normal((n, n)), rng.standard_normal((n, 2)), rng.standard_normal((2, n))
+        A = rng.standard_normal((n, n))
+        B = rng.standard_normal((n, 2))
+        C = rng.standard_normal((2, n))
         R, S = np.eye(2), np.zeros((n, 2))
         X = stabilising_riccati(A, B, Q=C.T @ C, R=R, S=S)
         assert pytest.approx(solve_continuous_are(A, B, C.T @ C, R), rel=1e-7, abs=1e-9) == X
         assert np.linalg.eigvals(A - B @ B.T @ X).real.max() < 0
     # x' = a x + u: X = a + sqrt(a^2 + q)
     X = stabilising_riccati(
-        np.array([[2.0]]), np.ones((1, 1)), Q=np.array([[5.0]]), R=np.ones((1, 1)), S=np.zeros((1, 1))
+        np.array([[2.0]]),
+        np.ones((1, 1)),
+        Q=np.array([[5.0]]),
+        R=np.ones((1, 1)),
+        S=np.zeros((1, 1)),
     )
     assert pytest.approx(5.0) == X
     assert (
-        stabilising_riccati(np.array([[1.0]]), np.zeros((1, 1)), Q=np.eye(1), R=np.eye(1), S=np.zeros((1, 1))) is None
+        stabilising_riccati(
+            np.array([[1.0]]), np.zeros((1, 1)), Q=np.eye(1), R=np.eye(1), S=np.zeros((1, 1))
+        )
+        is None
     )
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.3])
 def test_a_pole_beyond_floating_point_is_refused(delay):
     with pytest.raises(
-        ValueError, match=r"dt must keep the numbers within floating point, got 1 s with a pole at 1e\+06"
+        ValueError,
+        match=r"dt must keep the numbers within floating point, got 1 s with a pole at 1e\+06",
     ):
         sampled(control.tf([1], [1, -1e6]), 1.0, delay)

@@ -23,7 +23,9 @@ def test_sampled_entry_by_entry(delay):
     whole = sampled(PLANT, DT, delay)
     for j, i in np.ndindex(2, 2):
         one = control.StateSpace(PLANT.A, PLANT.B[:, [i]], PLANT.C[[j]], PLANT.D[[j]][:, [i]])
-        np.testing.assert_allclose(whole(Z)[j, i], sampled(one, DT, delay)(Z), rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(
+            whole(Z)[j, i], sampled(one, DT, delay)(Z), rtol=1e-9, atol=1e-12
+        )
 
 
 def test_discretize_is_tustin():
@@ -33,8 +35,12 @@ def test_discretize_is_tustin():
 
 
 def test_delayed_entry_by_entry():
-    """All inputs behind the same delay: samples in discrete time, an all-pass near exp(-s delay) otherwise."""
+    """All inputs behind the same delay: samples in discrete time, an all-pass near exp(-s delay)
+    otherwise.
+    """
     late = delayed(sampled(PLANT, DT), 2 * DT, order=0)
     np.testing.assert_allclose(late(Z), sampled(PLANT, DT)(Z) * Z**-2.0, rtol=1e-9, atol=1e-12)
     s = 1j * np.linspace(0.1, 5, 9)
-    np.testing.assert_allclose(delayed(PLANT, 0.2, order=6)(s), PLANT(s) * np.exp(-0.2 * s), rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(
+        delayed(PLANT, 0.2, order=6)(s), PLANT(s) * np.exp(-0.2 * s), rtol=1e-6, atol=1e-9
+    )

@@ -1,4 +1,6 @@
-"""Models that go with an operating point: polynomials through given systems, and what is refused."""
+"""Models that go with an operating point: polynomials through given systems, and what is
+refused.
+"""
 
 import control
 import numpy as np
@@ -17,7 +19,9 @@ def test_polynomials_pass_through_the_points():
     model = LpvModel.from_points(systems, at=points)
     for p, system in zip(points, systems, strict=True):
         assert np.allclose(model.at(p).A, system.A, rtol=1e-13, atol=1e-13)
-    assert np.allclose(model.at(0.37).A, spring(1 + 0.37 + 3 * 0.37**3, 2 - 0.37**2).A)  # cubic: everywhere
+    assert np.allclose(
+        model.at(0.37).A, spring(1 + 0.37 + 3 * 0.37**3, 2 - 0.37**2).A
+    )  # cubic: everywhere
     assert not model.B[1:].any(), "what is the same at every point does not go with it, exactly"
 
 
@@ -36,7 +40,10 @@ def test_a_lower_degree_is_the_closest():
         ({"at": [1.0, 0.0]}, "at must be at least two operating points that increase"),
         ({"at": [0.0, 1.0, 2.0]}, "at must have one operating point for each system, got 3 for 2"),
         ({"degree": 2}, "degree must be at most 1 for 2 operating points, got 2"),
-        ({"over": "level"}, r"over must be a position, a load .* got 'level': a BLA at a level is an average"),
+        (
+            {"over": "level"},
+            r"over must be a position, a load .* got 'level': a BLA at a level is an average",
+        ),
         ({"form": "coprime"}, "form must be one of"),
         ({"systems": [spring(1.0), control.ss(-1, 1, 1, 0)]}, "systems must have the same states"),
         ({"systems": [spring(1.0), "plant"]}, "systems must be a control.StateSpace"),

@@ -1,4 +1,6 @@
-"""One model from BLAs at several operating points: what lies between the points, what is paired, what is refused."""
+"""One model from BLAs at several operating points: what lies between the points, what is paired,
+what is refused.
+"""
 
 import control
 import numpy as np
@@ -53,14 +55,17 @@ def test_a_degree_that_is_too_low_shows_in_the_weight_and_the_left_out_point(mod
     blas = [measured(gantry(p), k) for k, p in enumerate(POINTS)]
     line = interpolate(blas, at=POINTS, n_poles=4, degree=0, dt=1e-3)
     omega = 2 * np.pi * F
-    assert np.max(np.abs(response(line.weight, omega))) > 3 * np.max(np.abs(response(model.weight, omega)))
+    assert np.max(np.abs(response(line.weight, omega))) > 3 * np.max(
+        np.abs(response(model.weight, omega))
+    )
 
 
 def test_two_real_poles_are_a_pair_and_one_more_a_section():
     def plant(p):
         slow, fast = 20 + 2 * p, 60 - 5 * p
         return control.ss(
-            control.tf([slow * fast], [1, slow + fast, slow * fast]) * control.tf([300 + 30 * p], [1, 300])
+            control.tf([slow * fast], [1, slow + fast, slow * fast])
+            * control.tf([300 + 30 * p], [1, 300])
         )
 
     points = np.linspace(-1, 1, 5)
@@ -78,7 +83,10 @@ def test_modes_that_may_cross_are_refused():
 
     points = [-1.0, 0.0, 1.0]
     blas = [measured(plant(p), k, 1e-4) for k, p in enumerate(points)]
-    with pytest.raises(ValueError, match=r"at must have more operating points between -1 and 0 mm: the modes at .* Hz"):
+    with pytest.raises(
+        ValueError,
+        match=r"at must have more operating points between -1 and 0 mm: the modes at .* Hz",
+    ):
         interpolate(blas, at=points, n_poles=4, degree=1, unit="mm")
 
 

@@ -1,5 +1,5 @@
-"""Loops that lie on the boundary of robustness as they are written down: no bound of mu claims them, whichever way the
-loop was rounded when it was put together."""
+"""Loops that lie on the boundary of robustness as they are written down: no bound of mu claims
+them, whichever way the loop was rounded when it was put together."""
 
 import control
 import numpy as np
@@ -18,7 +18,9 @@ def turned(rng, A, B, C):
 
 
 def slow_pole(seed):
-    """s + a - r1 d1 - r2 d2 - ..., with a = r1 + r2 + ..., beside faster modes: all parameters at one put s = 0."""
+    """s + a - r1 d1 - r2 d2 - ..., with a = r1 + r2 + ..., beside faster modes: all parameters at
+    one put s = 0.
+    """
     rng = np.random.default_rng(seed)
     n, m = int(rng.integers(2, 5)), int(rng.integers(1, 4))
     r = np.round(rng.uniform(0.1, 1, m), 2)
@@ -27,14 +29,19 @@ def slow_pole(seed):
     names = [f"d{k}" for k in range(m)]
     plant = control.ss(*turned(rng, A, B, C), np.zeros((1, m)), inputs=names, outputs=["y"])
     kinds = ["real"] * (m - 1) + [["real", "full"][seed % 2]]
-    return [plant], {d: Block("y", d, float(size), kind=kind) for d, size, kind in zip(names, r, kinds, strict=True)}
+    return [plant], {
+        d: Block("y", d, float(size), kind=kind)
+        for d, size, kind in zip(names, r, kinds, strict=True)
+    }
 
 
 def light_mode(seed):
     """s^2 + (c - c d) s + w^2: d = 1 takes all of the damping."""
     rng = np.random.default_rng(seed)
     w, c = 10 ** rng.uniform(-2, 3), float(np.round(rng.uniform(0.1, 1), 2))
-    A, B, C = turned(rng, np.array([[0, 1], [-w * w, -c]]), np.array([[0.0], [1.0]]), np.array([[0.0, 1.0]]))
+    A, B, C = turned(
+        rng, np.array([[0, 1], [-w * w, -c]]), np.array([[0.0], [1.0]]), np.array([[0.0, 1.0]])
+    )
     plant = control.ss(A, B, C, [[0.0]], inputs=["d"], outputs=["y"])
     return [plant], {"d": Block("y", "d", c, kind="real")}
 
@@ -44,7 +51,10 @@ def light_mode(seed):
     "seeds",
     [
         range(3),
-        *(pytest.param(seeds, marks=pytest.mark.attack) for seeds in (range(3, 10), range(10, 20), range(100, 110))),
+        *(
+            pytest.param(seeds, marks=pytest.mark.attack)
+            for seeds in (range(3, 10), range(10, 20), range(100, 110))
+        ),
     ],
     ids=lambda seeds: f"{seeds[0]}",
 )
@@ -68,7 +78,9 @@ def test_a_little_inside_it_still_is(seed):
 
 
 def test_the_slack_is_on_mu_and_not_on_a_norm_near_one():
-    """mu(0) = 1 - 1e-7 with a real parameter: below one, and not by the slack that a proof in doubles has."""
+    """mu(0) = 1 - 1e-7 with a real parameter: below one, and not by the slack that a proof in
+    doubles has.
+    """
     for below, holds in ((1e-7, False), (1e-4, True)):
         N = control.ss([[-1.0]], [[1.0]], [[1 - below]], [[0.0]])
         assert robust.mu.certify(N, [(1, 1, "real")]).holds == holds

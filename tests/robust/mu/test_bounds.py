@@ -1,4 +1,6 @@
-"""Both bounds in one call: the same of a system, its frequency response and its array; what is refused."""
+"""Both bounds in one call: the same of a system, its frequency response and its array; what is
+refused.
+"""
 
 import control
 import numpy as np
@@ -12,7 +14,9 @@ from tests.support.distillation import BLOCKS, WITH_PERFORMANCE, controller, pla
 OMEGA = np.geomspace(0.01, 10, 5)
 
 
-@pytest.mark.parametrize(("call", "blocks"), [(robust.mu.bounds, WITH_PERFORMANCE), (robust.mu.worst_gain, BLOCKS)])
+@pytest.mark.parametrize(
+    ("call", "blocks"), [(robust.mu.bounds, WITH_PERFORMANCE), (robust.mu.worst_gain, BLOCKS)]
+)
 def test_a_system_its_response_and_its_array_have_the_same_bounds(call, blocks):
     N = lower_lft(plant(), controller())
     response = along(N, OMEGA)
@@ -35,8 +39,12 @@ def test_the_bounds_are_those_of_the_two_functions_and_meet_on_the_distillation_
     N = lower_lft(plant(), controller())
     found = robust.mu.bounds(N, WITH_PERFORMANCE, OMEGA)
     response = along(N, OMEGA)
-    assert found.upper == pytest.approx(robust.mu.upper(response, WITH_PERFORMANCE).value, rel=1e-12)
-    assert found.lower == pytest.approx(robust.mu.lower(response, WITH_PERFORMANCE).value, rel=1e-12)
+    assert found.upper == pytest.approx(
+        robust.mu.upper(response, WITH_PERFORMANCE).value, rel=1e-12
+    )
+    assert found.lower == pytest.approx(
+        robust.mu.lower(response, WITH_PERFORMANCE).value, rel=1e-12
+    )
     assert found.lower == pytest.approx(found.upper, rel=1e-3)
     for k in range(OMEGA.size):
         closed = np.eye(4) - response[:, :, k] @ found.delta[:, :, k]
@@ -53,13 +61,22 @@ def test_frequencies_are_chosen_where_none_are_given():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: robust.mu.bounds(SP_8_5, [(1, 1)]), "blocks must add up to the 2 outputs and 2 inputs of N"),
+        (
+            lambda: robust.mu.bounds(SP_8_5, [(1, 1)]),
+            "blocks must add up to the 2 outputs and 2 inputs of N",
+        ),
         (
             lambda: robust.mu.bounds(SP_8_5, [(2, 2)], [1.0, 2.0]),
             "omega must have one frequency for each matrix of N, got 2",
         ),
-        (lambda: robust.mu.bounds(SP_8_5, [(2, 2)], [np.inf]), "omega must be a list of finite frequencies"),
-        (lambda: robust.mu.worst_gain(SP_8_5, [(2, 2)]), "blocks must leave some of the 2 outputs and 2 inputs"),
+        (
+            lambda: robust.mu.bounds(SP_8_5, [(2, 2)], [np.inf]),
+            "omega must be a list of finite frequencies",
+        ),
+        (
+            lambda: robust.mu.worst_gain(SP_8_5, [(2, 2)]),
+            "blocks must leave some of the 2 outputs and 2 inputs",
+        ),
         (
             lambda: robust.mu.bounds(control.FrequencyResponseData(SP_8_5, [1.0]), [(2, 2)], [2.0]),
             "omega must hold frequencies of N, which has 1 from 1 to 1 rad/s",

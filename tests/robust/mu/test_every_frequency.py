@@ -1,4 +1,6 @@
-"""Bounds of mu, of the worst gain and of how far the uncertainty may grow hold at every frequency, and are attained."""
+"""Bounds of mu, of the worst gain and of how far the uncertainty may grow hold at every frequency,
+and are attained.
+"""
 
 import control
 import numpy as np
@@ -50,7 +52,9 @@ def test_the_worst_gain_of_a_set_with_an_unstable_plant_is_infinite_and_mu_a_num
     assert 1.2 <= robust.mu.bounds(N[0, 0], real).upper.max() < 1.22
     unstable = control.ss([[1.0]], [[1.0, 1.0]], [[1.0], [1.0]], np.zeros((2, 2)))
     assert np.isinf(robust.mu.worst_gain(unstable, [(1, 1)]).lower.max())
-    found = robust.mu.bounds(unstable[0, 0], [(1, 1, "real")])  # s - 1 - d: a pole at zero where d = -1
+    found = robust.mu.bounds(
+        unstable[0, 0], [(1, 1, "real")]
+    )  # s - 1 - d: a pole at zero where d = -1
     assert found.lower.max() == pytest.approx(1, rel=1e-6)
     assert 1 <= found.upper.max() < 1.05
 
@@ -58,7 +62,9 @@ def test_the_worst_gain_of_a_set_with_an_unstable_plant_is_infinite_and_mu_a_num
 def test_what_was_only_looked_at_says_on_how_many_lines():
     N, real = mode(0.9), [(1, 1, "real")]
     assert "on 3 lines" in str(robust.mu.bounds(N[0, 0], real, [0.5, 1.5, 2.0]))
-    assert "on 2 lines" in str(robust.mu.worst_gain(control.frd(N(1j * np.array([0.5, 2.0])), [0.5, 2.0]), real))
+    assert "on 2 lines" in str(
+        robust.mu.worst_gain(control.frd(N(1j * np.array([0.5, 2.0])), [0.5, 2.0]), real)
+    )
     on_axis = robust.mu.bounds(control.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]]), [(1, 1)])
     assert not on_axis.certificates
     assert "not proved between lines: the system is unstable" in on_axis.reason
@@ -74,7 +80,10 @@ def test_a_matrix_has_one_value_at_every_frequency():
     ("seed", "complex_block"),
     [
         pytest.param(seed, complex_block, marks=() if seed == first else pytest.mark.attack)
-        for complex_block, first in ((False, 2), (True, 0))  # two parameters, and one beside a complex block
+        for complex_block, first in (
+            (False, 2),
+            (True, 0),
+        )  # two parameters, and one beside a complex block
         for seed in range(12)
     ],
 )

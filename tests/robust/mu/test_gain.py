@@ -1,4 +1,6 @@
-"""The worst gain over a set against the same program in cvxpy, skewed mu and perturbations that were drawn."""
+"""The worst gain over a set against the same program in cvxpy, skewed mu and perturbations that
+were drawn.
+"""
 
 import cvxpy
 import numpy as np
@@ -19,7 +21,9 @@ FAMILIES = [
 
 
 def stable_family(blocks, W, seed=0):
-    """Random matrices with two channels of performance, the loop of the blocks at 0.3 to 0.9 of its largest gain."""
+    """Random matrices with two channels of performance, the loop of the blocks at 0.3 to 0.9 of its
+    largest gain.
+    """
     rng = np.random.default_rng(seed)
     rows, cols = size(blocks)
     N = random_matrix(rng, (rows + 2, cols + 2), W)
@@ -27,7 +31,9 @@ def stable_family(blocks, W, seed=0):
 
 
 def gain_by_cvxpy(M, blocks):
-    """min gamma, N^H diag(X_L, I) N + j (G N - N^H G^H) <= diag(X_R, gamma I), with complex variables of its own."""
+    """min gamma, N^H diag(X_L, I) N + j (G N - N^H G^H) <= diag(X_R, gamma I), with complex
+    variables of its own.
+    """
     s = block_structure("blocks", blocks)
     (rows, cols), n = s.shape, M.shape[1]
     x, g, gamma = cvxpy.Variable(len(s.left)), cvxpy.Variable(max(len(s.skew), 1)), cvxpy.Variable()
@@ -39,7 +45,10 @@ def gain_by_cvxpy(M, blocks):
         skew = 1j * E @ S @ M[:rows]
         slack = slack - g[k] * (skew + skew.conj().T)
     X_L = sum(x[k] * L for k, L in enumerate(s.left))
-    positive = [cvxpy.bmat([[cvxpy.real(A), -cvxpy.imag(A)], [cvxpy.imag(A), cvxpy.real(A)]]) for A in (slack, X_L)]
+    positive = [
+        cvxpy.bmat([[cvxpy.real(A), -cvxpy.imag(A)], [cvxpy.imag(A), cvxpy.real(A)]])
+        for A in (slack, X_L)
+    ]
     problem = cvxpy.Problem(cvxpy.Minimize(gamma), [(A + A.T) / 2 >> 0 for A in positive])
     problem.solve(solver="CLARABEL")
     return np.sqrt(gamma.value)
@@ -49,12 +58,16 @@ def gain_by_cvxpy(M, blocks):
 @pytest.mark.filterwarnings("ignore:Solution may be inaccurate")  # the last digits
 def test_the_program_of_cvxpy_has_the_same_value(blocks):
     N = stable_family(blocks, 3)
-    assert gain_bound(N, blocks) == pytest.approx([gain_by_cvxpy(N[:, :, k], blocks) for k in range(3)], rel=1e-5)
+    assert gain_bound(N, blocks) == pytest.approx(
+        [gain_by_cvxpy(N[:, :, k], blocks) for k in range(3)], rel=1e-5
+    )
 
 
 @pytest.mark.parametrize("blocks", FAMILIES, ids=str)
 def test_skewed_mu_is_one_where_the_outputs_are_divided_by_the_gain(blocks):
-    """`robust.mu.upper` finds no smaller one; with real blocks it may find less than the program does."""
+    """`robust.mu.upper` finds no smaller one; with real blocks it may find less than the program
+    does.
+    """
     N = stable_family(blocks, 40, seed=1)
     gain, rows = gain_bound(N, blocks), size(blocks)[0]
     N[rows:] /= gain
@@ -78,7 +91,9 @@ def test_the_worst_case_lies_in_the_set_and_has_its_gain(blocks):
         for kind, row, col in zip(s.kinds, s.rows, s.cols, strict=True):
             of_structure[col, row] = 1
             if kind != "full":
-                assert np.array_equal(delta[col, row], delta[col, row][0, 0] * np.eye(row.stop - row.start))
+                assert np.array_equal(
+                    delta[col, row], delta[col, row][0, 0] * np.eye(row.stop - row.start)
+                )
             assert kind != "real" or not delta[col, row].imag.any()
         assert not delta[of_structure == 0].any()
     assert np.array_equal(found.upper, np.maximum(gain_bound(N, blocks), found.lower))
@@ -86,15 +101,22 @@ def test_the_worst_case_lies_in_the_set_and_has_its_gain(blocks):
 
 
 def test_no_perturbation_that_is_drawn_has_a_larger_gain_than_the_worst_case():
-    """One real number beside a complex one: a scan of the real one, the complex one at any phase."""
+    """One real number beside a complex one: a scan of the real one, the complex one at any
+    phase.
+    """
     N = stable_family([(1, 1, "real"), (1, 1)], 6, seed=3)
     found = robust.mu.worst_gain(N, [(1, 1, "real"), (1, 1)])
-    t, phase = (each.ravel() for each in np.meshgrid(np.linspace(-1, 1, 81), np.exp(2j * np.pi * np.arange(90) / 90)))
+    t, phase = (
+        each.ravel()
+        for each in np.meshgrid(np.linspace(-1, 1, 81), np.exp(2j * np.pi * np.arange(90) / 90))
+    )
     delta = np.zeros((t.size, 2, 2), complex)
     delta[:, 0, 0], delta[:, 1, 1] = t, phase
     for k in range(6):
         M = N[:, :, k]
-        loop = np.linalg.solve(np.eye(2) - M[:2, :2] @ delta, np.broadcast_to(M[:2, 2:], (t.size, 2, 2)))
+        loop = np.linalg.solve(
+            np.eye(2) - M[:2, :2] @ delta, np.broadcast_to(M[:2, 2:], (t.size, 2, 2))
+        )
         drawn = np.linalg.norm(M[2:, 2:] + M[2:, :2] @ delta @ loop, 2, axis=(1, 2)).max()
         assert 0.98 * found.lower[k] <= drawn <= found.lower[k] * (1 + 1e-5)
 

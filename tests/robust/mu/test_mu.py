@@ -1,4 +1,6 @@
-"""The structured singular value against published numbers, closed forms, brute force and its own other side."""
+"""The structured singular value against published numbers, closed forms, brute force and its own
+other side.
+"""
 
 import control
 import numpy as np
@@ -50,7 +52,8 @@ def test_the_distillation_column():
     N = lower_lft(plant(), controller())
     omega = np.unique(np.append(np.geomspace(1e-3, 1e2, 200), 1.46))
     response = along(N, omega)
-    rp, rs = robust.mu.upper(response, WITH_PERFORMANCE).value, robust.mu.upper(response[:2, :2], BLOCKS).value
+    rp = robust.mu.upper(response, WITH_PERFORMANCE).value
+    rs = robust.mu.upper(response[:2, :2], BLOCKS).value
     np_ = np.linalg.svd(np.moveaxis(response[2:, 2:], 2, 0), compute_uv=False)[:, 0]
     assert np_.max() == pytest.approx(0.5, abs=1e-4)
     assert rs.max() == pytest.approx(0.526, abs=2e-3)
@@ -73,9 +76,13 @@ def test_between_the_frequencies_of_the_distillation_column():
     assert "at 0.2" in refused.reason  # 1.46 rad/s are 0.232 Hz
 
 
-@pytest.mark.parametrize("blocks", [[(1, 1)] * 3, [(2, 1), (1, 2), (2, 2)], [(2, 2, "repeated"), (1, 1)]])
+@pytest.mark.parametrize(
+    "blocks", [[(1, 1)] * 3, [(2, 1), (1, 2), (2, 2)], [(2, 2, "repeated"), (1, 1)]]
+)
 def test_bounds_meet_on_three_complex_blocks(blocks):
-    """2 s + f <= 3 (s repeated, f full blocks): mu equals its upper bound (Packard & Doyle 1993)."""
+    """2 s + f <= 3 (s repeated, f full blocks): mu equals its upper bound (Packard & Doyle
+    1993).
+    """
     N = random_matrix(np.random.default_rng(1), size(blocks), 40)
     upper, below = robust.mu.upper(N, blocks), robust.mu.lower(N, blocks)
     assert np.all(below.value <= upper.value * (1 + 1e-9))
@@ -118,11 +125,15 @@ def test_rank_one_in_closed_form():
     blocks = [(1, 1), (2, 2), (2, 2)]
     parts = [np.s_[:1], np.s_[1:3], np.s_[3:]]
     mu = sum(np.linalg.norm(a[p]) * np.linalg.norm(b[p]) for p in parts)
-    assert robust.mu.upper((a @ b.conj().T)[:, :, None], blocks).value[0] == pytest.approx(mu, rel=1e-6)
+    assert robust.mu.upper((a @ b.conj().T)[:, :, None], blocks).value[0] == pytest.approx(
+        mu, rel=1e-6
+    )
 
 
 def test_two_real_numbers_by_brute_force():
-    """The smallest real (d1, d2) in the largest norm with det(I - N D) = 0, on a line search over the square's rays."""
+    """The smallest real (d1, d2) in the largest norm with det(I - N D) = 0, on a line search over
+    the square's rays.
+    """
     rng = np.random.default_rng(5)
     for _ in range(5):
         N = rng.standard_normal((2, 2))
@@ -134,12 +145,16 @@ def test_two_real_numbers_by_brute_force():
         smallest = np.abs(roots[np.abs(roots.imag) < 1e-12].real).min()
         bound = robust.mu.upper(N[:, :, None], [(1, 1, "real"), (1, 1, "real")]).value[0]
         assert bound >= (1 / smallest) * (1 - 1e-6)
-        assert robust.mu.lower(N[:, :, None], [(1, 1, "real")] * 2).value[0] == pytest.approx(1 / smallest, rel=1e-3)
+        assert robust.mu.lower(N[:, :, None], [(1, 1, "real")] * 2).value[0] == pytest.approx(
+            1 / smallest, rel=1e-3
+        )
         assert bound <= 1.15 / smallest
 
 
 def test_one_real_number_beside_a_full_block_by_a_scan():
-    """For each real number in turn the full block is a largest singular value: both bounds meet that."""
+    """For each real number in turn the full block is a largest singular value: both bounds meet
+    that.
+    """
     blocks = [(1, 1, "real"), (2, 2)]
     N = random_matrix(np.random.default_rng(3), (3, 3), 8)
     upper, below = robust.mu.upper(N, blocks).value, robust.mu.lower(N, blocks).value
@@ -174,7 +189,10 @@ def test_real_numbers_of_rank_one_by_a_linear_program(n):
 
 
 def smallest_real_numbers(N, rng, n_starts):
-    """Least of the largest |x_j| with det(I - N diag(x)) = 0, by a search of another kind: SLSQP from many starts."""
+    """Least of the largest |x_j| with det(I - N diag(x)) = 0, by a search of another kind:
+
+    SLSQP from many starts.
+    """
     n = len(N)
 
     def closed(x):
@@ -186,7 +204,10 @@ def smallest_real_numbers(N, rng, n_starts):
     for _ in range(n_starts):
         x = rng.uniform(-1, 1, n) * 10 ** rng.uniform(-1, 0.7)
         found = minimize(
-            lambda x: x[n], [*x, np.abs(x).max()], constraints=[{"type": "eq", "fun": closed}, limits], method="SLSQP"
+            lambda x: x[n],
+            [*x, np.abs(x).max()],
+            constraints=[{"type": "eq", "fun": closed}, limits],
+            method="SLSQP",
         )
         if found.success and np.hypot(*closed(found.x)) < 1e-6:
             sizes.append(np.abs(found.x[:n]).max())
@@ -195,7 +216,9 @@ def smallest_real_numbers(N, rng, n_starts):
 
 @pytest.mark.filterwarnings("ignore:Values in x were outside bounds")
 def test_four_real_numbers_by_a_search_of_another_kind():
-    """Random matrices, and the one of 200 where ascent alone stopped at 0.745 of what the search finds."""
+    """Random matrices, and the one of 200 where ascent alone stopped at 0.745 of what the search
+    finds.
+    """
     N = random_matrix(np.random.default_rng(3), (4, 4), 200)[..., [34, 0, 1, 2, 3, 4]]
     bound = robust.mu.lower(N, [(1, 1, "real")] * 4)
     rng = np.random.default_rng(0)
@@ -209,14 +232,19 @@ def test_four_real_numbers_by_a_search_of_another_kind():
 
 
 def test_real_beats_complex_where_it_should():
-    """A damped oscillator with an uncertain stiffness: as a real number it needs far more than its damping."""
+    """A damped oscillator with an uncertain stiffness: as a real number it needs far more than its
+    damping.
+    """
     zeta, part = 0.01, 0.5
     omega = np.geomspace(0.3, 3, 400)
     N = (-part / (1 - omega**2 + 2j * zeta * omega))[None, None]
-    as_real, as_complex = (robust.mu.upper(N, [(1, 1, *kind)]).value.max() for kind in (("real",), ()))
+    as_real, as_complex = (
+        robust.mu.upper(N, [(1, 1, *kind)]).value.max() for kind in (("real",), ())
+    )
     assert as_complex == pytest.approx(np.abs(N).max(), rel=1e-9)
     assert as_complex > 20
-    # 1 + part delta - omega^2 never vanishes together with the damping: the real bound is zero at every omega > 0
+    # 1 + part delta - omega^2 never vanishes together with the damping: the real bound is zero at
+    # every omega > 0
     assert as_real < 1e-3 * as_complex
 
 
@@ -224,19 +252,29 @@ def test_real_beats_complex_where_it_should():
 @given(st.integers(0, 10**6), st.floats(1e-6, 1e6))
 def test_properties(seed, scale):
     rng = np.random.default_rng(seed)
-    blocks = [[(1, 1), (2, 2)], [(1, 1)] * 3, [(2, 2, "repeated"), (1, 1)], [(1, 1, "real"), (2, 2)]][seed % 4]
+    blocks = [
+        [(1, 1), (2, 2)],
+        [(1, 1)] * 3,
+        [(2, 2, "repeated"), (1, 1)],
+        [(1, 1, "real"), (2, 2)],
+    ][seed % 4]
     N = random_matrix(rng, (3, 3), 2)
     value = robust.mu.upper(N, blocks).value
     matrices = np.moveaxis(N, 2, 0)
-    rho, sigma = np.abs(np.linalg.eigvals(matrices)).max(axis=1), np.linalg.norm(matrices, 2, axis=(1, 2))
+    rho = np.abs(np.linalg.eigvals(matrices)).max(axis=1)
+    sigma = np.linalg.norm(matrices, 2, axis=(1, 2))
     assert np.all(value <= sigma * (1 + 1e-12))
     if seed % 4 != 3:
         assert np.all(value >= rho * (1 - 1e-9))
-    assert robust.mu.upper(scale * N, blocks).value == pytest.approx(scale * value, rel=1e-3 if seed % 4 == 3 else 1e-6)
+    assert robust.mu.upper(scale * N, blocks).value == pytest.approx(
+        scale * value, rel=1e-3 if seed % 4 == 3 else 1e-6
+    )
     d = np.diag([3.0, 0.2, 0.2 if blocks[-1] == (2, 2) else 5.0])
     if blocks[0] != (2, 2, "repeated"):
         moved = np.moveaxis(d @ matrices @ np.linalg.inv(d), 0, 2)
-        assert robust.mu.upper(moved, blocks).value == pytest.approx(value, rel=1e-3 if seed % 4 == 3 else 1e-6)
+        assert robust.mu.upper(moved, blocks).value == pytest.approx(
+            value, rel=1e-3 if seed % 4 == 3 else 1e-6
+        )
 
 
 def test_zero_and_huge_matrices():
@@ -250,12 +288,19 @@ def test_zero_and_huge_matrices():
 
 def test_a_scaling_that_is_no_scaling_proves_nothing():
     N = np.ones((1, 2, 2), complex)
-    assert bound_from_scalings(N, np.zeros((1, 2, 2)), np.full((1, 2, 2), np.nan), np.zeros((1, 2, 2)))[0] == np.inf
+    assert (
+        bound_from_scalings(
+            N, np.zeros((1, 2, 2)), np.full((1, 2, 2), np.nan), np.zeros((1, 2, 2))
+        )[0]
+        == np.inf
+    )
 
 
 @pytest.mark.parametrize("dt", [0, 0.1])
 def test_certificates_of_random_systems(dt):
-    """Just above the peak of the bound they hold, just below it they do not; repeated and real blocks included."""
+    """Just above the peak of the bound they hold, just below it they do not; repeated and real
+    blocks included.
+    """
     rng = np.random.default_rng(6)
     for blocks in ([(1, 1), (2, 1)], [(2, 2, "repeated"), (1, 1)], [(1, 1, "real"), (2, 2)]):
         n_out, n_in = size(blocks)
@@ -266,11 +311,17 @@ def test_certificates_of_random_systems(dt):
             else A - (np.linalg.eigvals(A).real.max() + 0.1) * np.eye(4)
         )
         N = control.StateSpace(
-            A, rng.standard_normal((4, n_in)), rng.standard_normal((n_out, 4)), np.zeros((n_out, n_in)), dt
+            A,
+            rng.standard_normal((4, n_in)),
+            rng.standard_normal((n_out, 4)),
+            np.zeros((n_out, n_in)),
+            dt,
         )
         x = np.geomspace(1e-3, 1e3, 600)
         points = np.exp(2j * np.arctan(x)) if dt else 1j * x
-        peak = robust.mu.upper(np.moveaxis(evaluate_transfer(N.A, N.B, N.C, N.D, points), 0, 2), blocks).value.max()
+        peak = robust.mu.upper(
+            np.moveaxis(evaluate_transfer(N.A, N.B, N.C, N.D, points), 0, 2), blocks
+        ).value.max()
         above = robust.mu.certify(N, blocks, 1.02 * peak)
         assert above.holds, above.reason
         assert not robust.mu.certify(N, blocks, 0.98 * peak).holds
@@ -292,7 +343,9 @@ def test_no_certificate_for_what_is_not_stable(A):
 
 
 @pytest.mark.parametrize("size", [1e-200, 1e200, 1e300])
-@pytest.mark.parametrize("blocks", [[(1, 1), (1, 1)], [(1, 1, "real"), (1, 1)], [(2, 2, "repeated")]])
+@pytest.mark.parametrize(
+    "blocks", [[(1, 1), (1, 1)], [(1, 1, "real"), (1, 1)], [(2, 2, "repeated")]]
+)
 def test_numbers_whose_squares_are_none_have_bounds(size, blocks):
     """At 1e200 the upper bound was nan and the lower zero, at 1e-200 no block was seen."""
     bounds, known = robust.mu.bounds(size * SP_8_5, blocks), robust.mu.bounds(SP_8_5, blocks)
@@ -307,19 +360,40 @@ def test_numbers_whose_squares_are_none_have_bounds(size, blocks):
             lambda: robust.mu.upper(SP_8_5, [(1, 1)]),
             "blocks must add up to the 2 outputs and 2 inputs of N, got 1 rows",
         ),
-        (lambda: robust.mu.upper(SP_8_5, [(2, 1, "real")]), "blocks.0. must be square to be real, got 2 rows and 1"),
-        (lambda: robust.mu.upper(SP_8_5, [(2, 2, "unreal")]), "must be of the kind 'full', 'repeated' or 'real'"),
-        (lambda: robust.mu.upper(SP_8_5, [(0, 2)]), "blocks.0. must be .rows, cols. with whole numbers"),
+        (
+            lambda: robust.mu.upper(SP_8_5, [(2, 1, "real")]),
+            "blocks.0. must be square to be real, got 2 rows and 1",
+        ),
+        (
+            lambda: robust.mu.upper(SP_8_5, [(2, 2, "unreal")]),
+            "must be of the kind 'full', 'repeated' or 'real'",
+        ),
+        (
+            lambda: robust.mu.upper(SP_8_5, [(0, 2)]),
+            "blocks.0. must be .rows, cols. with whole numbers",
+        ),
         (lambda: robust.mu.upper(SP_8_5, "full"), "blocks must be a list"),
-        (lambda: robust.mu.upper(SP_8_5[:, :, 0], [(2, 2)]), "N must be an array .outputs, inputs, frequencies."),
+        (
+            lambda: robust.mu.upper(SP_8_5[:, :, 0], [(2, 2)]),
+            "N must be an array .outputs, inputs, frequencies.",
+        ),
         (
             lambda: robust.mu.upper(control.ss(-1, 1, 1, 0), [(1, 1)]),
             "got a StateSpace; give its response, N.1j . omega., or use",
         ),
         (lambda: robust.mu.lower(SP_8_5 * np.nan, [(2, 2)]), "N must be finite, got 4 nan"),
-        (lambda: robust.mu.upper(SP_8_5[:, :, :0], [(2, 2)]), "and at least one frequency, got the shape .2, 2, 0."),
-        (lambda: robust.mu.certify(control.ss(-1, 1, 1, 0), [(1, 1)], -1.0), "level must be positive"),
-        (lambda: robust.mu.certify(control.ss(-1, 1, 1, 0), [(2, 1)], 1.0), "outputs and 1 inputs of N_ss, got 2 rows"),
+        (
+            lambda: robust.mu.upper(SP_8_5[:, :, :0], [(2, 2)]),
+            "and at least one frequency, got the shape .2, 2, 0.",
+        ),
+        (
+            lambda: robust.mu.certify(control.ss(-1, 1, 1, 0), [(1, 1)], -1.0),
+            "level must be positive",
+        ),
+        (
+            lambda: robust.mu.certify(control.ss(-1, 1, 1, 0), [(2, 1)], 1.0),
+            "outputs and 1 inputs of N_ss, got 2 rows",
+        ),
     ],
 )
 def test_refusals(call, message):
@@ -329,13 +403,17 @@ def test_refusals(call, message):
 
 @pytest.mark.attack
 def test_no_certificate_under_a_perturbation_that_was_found():
-    """Light damping and real blocks: the scalings have G in the thousands, and a test too coarse would pass them."""
+    """Light damping and real blocks: the scalings have G in the thousands, and a test too coarse
+    would pass them.
+    """
     rng = np.random.default_rng(11)
     blocks, seen = [(2, 2, "real"), (1, 1)], 0
     for _ in range(5):
         w, zeta = 10 ** rng.uniform(-1, 1), 10 ** rng.uniform(-4, -2)
         A = np.array([[-zeta * w, w, 0], [-w, -zeta * w, 0], [0, 0, -1.0]])
-        N = control.ss(A, rng.standard_normal((3, 3)), rng.standard_normal((3, 3)), rng.standard_normal((3, 3)))
+        N = control.ss(
+            A, rng.standard_normal((3, 3)), rng.standard_normal((3, 3)), rng.standard_normal((3, 3))
+        )
         omega = w * (1 + zeta * np.linspace(-3, 3, 61))
         response = along(N, omega)
         k = np.argsort(-robust.mu.upper(response, blocks).value)[:2]

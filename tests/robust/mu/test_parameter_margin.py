@@ -1,4 +1,6 @@
-"""Branch and bound over real parameters: closed forms, brute force, boxes that fill the box, stability inside."""
+"""Branch and bound over real parameters: closed forms, brute force, boxes that fill the box,
+stability inside.
+"""
 
 import itertools
 
@@ -23,7 +25,9 @@ def farthest(N, sizes, x):
 
 
 def judge(found, N, sizes, gap=0.05):
-    """What any result has to fulfil: boxes fill the box, all of it is stable, and the worst is on the boundary."""
+    """What any result has to fulfil: boxes fill the box, all of it is stable, and the worst is on
+    the boundary.
+    """
     assert found.met
     assert found.broken <= found.proved * (1 + gap)
     assert all(certificate.holds for certificate in found.certificates)
@@ -54,7 +58,9 @@ def test_two_parameters_against_brute_force():
 
 @pytest.mark.attack
 def test_a_gap_of_27_per_cent_is_closed_by_cutting_the_box():
-    """Three parameters in two places each: mu with real blocks alone proves 0.0423, and 0.0539 breaks the loop."""
+    """Three parameters in two places each: mu with real blocks alone proves 0.0423, and 0.0539
+    breaks the loop.
+    """
     sizes = (2, 2, 2)
     N = loop(np.random.default_rng(2), 6, sizes)
     found = robust.mu.parameter_margin(N, [(2, 2, "real")] * 3)
@@ -74,7 +80,10 @@ def test_a_parameter_that_breaks_between_the_lines_of_any_grid():
 
 
 def test_beside_a_complex_block_and_sampled():
-    """s + 5 - 2.5 d1 + 2 d2 with d2 complex: 5 of 4.5; the same sampled, as the bilinear map keeps it."""
+    """s + 5 - 2.5 d1 + 2 d2 with d2 complex:
+
+    5 of 4.5; the same sampled, as the bilinear map keeps it.
+    """
     N = control.ss([[-5.0]], [[2.5, -2.0]], [[1.0], [1.0]], np.zeros((2, 2)))
     found = robust.mu.parameter_margin(N, [(1, 1, "real"), (1, 1)])
     assert found.met
@@ -99,11 +108,16 @@ def test_the_most_parts_are_said():
         (lambda N: robust.mu.parameter_margin(N, [(1, 1)]), "blocks must contain a real one"),
         (lambda N: robust.mu.parameter_margin(N, [(2, 2, "real")]), "blocks must add up"),
         (
-            lambda N: robust.mu.parameter_margin(control.ss([[1.0]], [[1.0]], [[1.0]], [[0.0]]), [(1, 1, "real")]),
+            lambda N: robust.mu.parameter_margin(
+                control.ss([[1.0]], [[1.0]], [[1.0]], [[0.0]]), [(1, 1, "real")]
+            ),
             "must be stable",
         ),
         (lambda N: robust.mu.parameter_margin(N, [(1, 1, "real")], gap=0), "gap must be positive"),
-        (lambda N: robust.mu.parameter_margin(N, [(1, 1, "real")], max_boxes=0), "max_boxes must be"),
+        (
+            lambda N: robust.mu.parameter_margin(N, [(1, 1, "real")], max_boxes=0),
+            "max_boxes must be",
+        ),
     ],
 )
 def test_refusals(call, message):

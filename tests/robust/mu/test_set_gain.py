@@ -1,4 +1,6 @@
-"""The worst gain over a set at all frequencies: above what any plant of the set has, and near it."""
+"""The worst gain over a set at all frequencies: above what any plant of the set has, and near
+it.
+"""
 
 import control
 import numpy as np
@@ -14,7 +16,9 @@ from robust.mu.set_gain import bound_set_gain
 
 @pytest.mark.parametrize("seed", range(3))
 def test_no_frequency_of_a_dense_grid_has_a_larger_bound(seed):
-    """Modes of damping 1e-4 to 0.1, where a grid of some hundred frequencies sees next to nothing."""
+    """Modes of damping 1e-4 to 0.1, where a grid of some hundred frequencies sees next to
+    nothing.
+    """
     model, K = draw_set(np.random.default_rng([1, seed]))
     system = performance_loop(model, K, None)
     found = bound_set_gain(system.N, system.structure)
@@ -31,7 +35,12 @@ def test_no_frequency_of_a_dense_grid_has_a_larger_bound(seed):
 def test_a_plant_of_the_set_that_may_be_unstable_has_no_bound():
     model, _ = draw_set(np.random.default_rng([1, 0]))
     wide = robust.UncertaintyModel(
-        model.nominal, form="input", left=(2.0, 2.0), right=(1, 1), omega=model.omega, perturbation="LTI"
+        model.nominal,
+        form="input",
+        left=(2.0, 2.0),
+        right=(1, 1),
+        omega=model.omega,
+        perturbation="LTI",
     )
     system = performance_loop(wide, control.ss([], [], [], 5 * np.eye(2)), None)
     assert np.isinf(bound_set_gain(system.N, system.structure).upper)
@@ -40,7 +49,10 @@ def test_a_plant_of_the_set_that_may_be_unstable_has_no_bound():
 def test_without_a_proof_the_number_of_frequencies_is_said():
     model, K = draw_set(np.random.default_rng([1, 0]))
     system = performance_loop(model, K, None)
-    assert bound_set_gain(system.N, system.structure, time_cap=0.0).reason == "undecided: the time limit was reached"
+    assert (
+        bound_set_gain(system.N, system.structure, time_cap=0.0).reason
+        == "undecided: the time limit was reached"
+    )
     proved = set_gain(system.N, system.structure)
     assert proved.n_lines == 0
     assert proved.gain.max() == proved.peak.value == robust.check(model, K).margins.S_worst

@@ -1,4 +1,6 @@
-"""Every picture over frequency marks what was measured, with half a decade beside it, in the units of the record."""
+"""Every picture over frequency marks what was measured, with half a decade beside it, in the units
+of the record.
+"""
 
 from dataclasses import replace
 
@@ -28,7 +30,14 @@ def plant(s):
 
 
 BLA = replace(
-    make_bla(plant, F, f0=0.25, sigma_distortion=0.05 * np.abs(plant(2j * np.pi * F)), rng=0, hold="band-limited"),
+    make_bla(
+        plant,
+        F,
+        f0=0.25,
+        sigma_distortion=0.05 * np.abs(plant(2j * np.pi * F)),
+        rng=0,
+        hold="band-limited",
+    ),
     inputs=("force",),
     outputs=("position",),
     input_units=("N",),
@@ -77,7 +86,11 @@ def test_the_band_is_marked_with_half_a_decade_beside_it(name):
 
 def test_more_is_shown_only_where_something_happens(ax):
     slow = UncertaintyModel(
-        control.tf([1], [1, 1]), control.tf([0.2], [1]), "multiplicative", np.array([10.0, 100.0]), np.full(2, 0.1)
+        control.tf([1], [1, 1]),
+        control.tf([0.2], [1]),
+        "multiplicative",
+        np.array([10.0, 100.0]),
+        np.full(2, 0.1),
     )
     far = check(slow, control.tf([0.05], [1, 0]))  # crosses two decades below the band
     pictures.plot_loop(far, ax=ax)
@@ -102,13 +115,17 @@ def test_legends_are_off_the_data_and_every_entry_has_its_line(name):
         for line in drawn.get_lines():
             if line.get_label() in labels(lowest) and np.size(line.get_xdata()):
                 x, y = np.asarray(line.get_xdata(), float), np.asarray(line.get_ydata(), float)
-                assert np.any((x >= start) & (x <= end) & (y >= low) & (y <= high)), line.get_label()
+                assert np.any((x >= start) & (x <= end) & (y >= low) & (y <= high)), (
+                    line.get_label()
+                )
     plt.close(figure)
 
 
 @pytest.mark.parametrize("name", OVER_FREQUENCY)
 def test_the_legend_explains_the_grey_band_and_every_colour_of_a_curve(name):
-    """Of curves over frequency; a line across all of the picture that says where 0 dB is has none."""
+    """Of curves over frequency; a line across all of the picture that says where 0 dB is has
+    none.
+    """
     figure, ax = plt.subplots(layout="constrained")
     OVER_FREQUENCY[name](ax)
     legend = figure.axes[-1].get_legend()
@@ -122,9 +139,13 @@ def test_the_legend_explains_the_grey_band_and_every_colour_of_a_curve(name):
 
 @pytest.mark.parametrize("width", [4.0, 7.6, 12.0])
 def test_no_title_sticks_out_of_its_figure(width):
-    """The longest titles: a weight with what is assumed outside the band, and the samples of a record."""
+    """The longest titles: a weight with what is assumed outside the band, and the samples of a
+    record.
+    """
     ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rms=1.23456e-5, rng=1)
-    record = nlfrf.Record(u=ms.u[None], y=ms.u[None], fs=128, lines=ms.lines, u_name="current of the drive")
+    record = nlfrf.Record(
+        u=ms.u[None], y=ms.u[None], fs=128, lines=ms.lines, u_name="current of the drive"
+    )
     for draw, content in ((pictures.plot_weight, MODEL), (measured_pictures.plot_samples, record)):
         figure = plt.figure(figsize=(width, 5))
         ax = draw(content, ax=figure.add_axes((0.11, 0.2, 0.87, 0.7)))
@@ -138,7 +159,11 @@ def test_no_title_sticks_out_of_its_figure(width):
 def test_the_bode_picture_holds_measured_points_nominal_and_set():
     top, bottom = pictures.plot_set(MODEL, BLA)
     assert (top.get_xscale(), bottom.get_xscale()) == ("log", "log")
-    points = next(line for line in top.get_lines() if line.get_marker() == "." and np.size(line.get_xdata()) == F.size)
+    points = next(
+        line
+        for line in top.get_lines()
+        if line.get_marker() == "." and np.size(line.get_xdata()) == F.size
+    )
     np.testing.assert_allclose(points.get_ydata(), 20 * np.log10(np.abs(BLA.G)))
     nominal = max(bottom.get_lines(), key=lambda line: np.size(line.get_xdata()))
     at = nominal.get_xdata()
@@ -154,7 +179,9 @@ def test_the_bode_picture_holds_measured_points_nominal_and_set():
 def test_units_and_names_of_the_record_stand_on_every_axis_and_in_every_text():
     ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
     named = {"u_name": "force", "y_name": "position", "u_unit": "N", "y_unit": "m"}
-    record = nlfrf.Record(u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines, **named)
+    record = nlfrf.Record(
+        u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines, **named
+    )
     bla = nlfrf.identify(record)
     drawn = [
         (measured_pictures.plot_bla, bla, "m/N"),

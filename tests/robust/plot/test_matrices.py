@@ -1,4 +1,6 @@
-"""Pictures of sets and loops of several inputs and outputs: they show the numbers that the values hold."""
+"""Pictures of sets and loops of several inputs and outputs: they show the numbers that the values
+hold.
+"""
 
 import control
 import matplotlib
@@ -14,7 +16,12 @@ from robust.lti.lti import response_by_channel
 from tests.support.pictures import labels
 
 OMEGA = np.geomspace(1, 100, 30)
-G = control.ss([[-5.0, 30.0], [-30.0, -5.0]], [[1.0, 0.1], [0.2, 1.0]], [[30.0, 0.0], [1.0, 5.0]], np.zeros((2, 2)))
+G = control.ss(
+    [[-5.0, 30.0], [-30.0, -5.0]],
+    [[1.0, 0.1], [0.2, 1.0]],
+    [[30.0, 0.0], [1.0, 5.0]],
+    np.zeros((2, 2)),
+)
 
 
 def weights(n):
@@ -55,7 +62,9 @@ def test_the_reach_of_an_entry_is_reached_and_not_left(form):
         Delta = Delta / np.linalg.norm(Delta, 2)
         far = np.maximum(far, np.abs(response_by_channel(one.perturbed(Delta), at) - nominal))
     assert np.all(far <= reach * (1 + 1e-9))
-    assert np.all(far > (0.99 if form != "input" else 0.85) * reach)  # of "input" complex ones reach the rest
+    assert np.all(
+        far > (0.99 if form != "input" else 0.85) * reach
+    )  # of "input" complex ones reach the rest
 
 
 @pytest.mark.parametrize("form", MODELS)
@@ -64,11 +73,16 @@ def test_the_set_entry_by_entry(form):
     made = pictures.plot_set(one)
     for (j, i), ax in np.ndenumerate(made):
         f, drawn = curve(ax, "nominal")
-        np.testing.assert_allclose(drawn, 20 * np.log10(np.abs(response_by_channel(G, 2 * np.pi * f)[j, i])))
+        np.testing.assert_allclose(
+            drawn, 20 * np.log10(np.abs(response_by_channel(G, 2 * np.pi * f)[j, i]))
+        )
         band = next(c for c in ax.collections if c.get_label() == "the set")
         x, y = band.get_paths()[0].vertices.T
         at = np.isclose(x, f[300])
-        top = np.abs(response_by_channel(G, 2 * np.pi * f[[300]]))[j, i] + one.entry_radius(2 * np.pi * f[[300]])[j, i]
+        top = (
+            np.abs(response_by_channel(G, 2 * np.pi * f[[300]]))[j, i]
+            + one.entry_radius(2 * np.pi * f[[300]])[j, i]
+        )
         assert y[at].max() == pytest.approx(20 * np.log10(top[0]))
         assert {patch.get_gid() for patch in ax.patches} == {"not measured"}
     assert [ax.get_title() for ax in made[0]] == ["by Fx", "by Fy"]
@@ -109,7 +123,12 @@ def test_singular_values_of_a_loop(ax):
     s = 1j * gains.omega[k]
     L = np.asarray(G(s)) @ (0.1 * np.eye(2))
     S = np.linalg.inv(np.eye(2) + L)
-    for found, wanted in ((gains.L, L), (gains.S, S), (gains.T, np.eye(2) - S), (gains.K_S, 0.1 * S)):
+    for found, wanted in (
+        (gains.L, L),
+        (gains.S, S),
+        (gains.T, np.eye(2) - S),
+        (gains.K_S, 0.1 * S),
+    ):
         np.testing.assert_allclose(found[:, k], np.linalg.svd(wanted, compute_uv=False))
     assert gains.stable
     assert set(OMEGA) <= set(gains.omega)
@@ -122,17 +141,25 @@ def test_singular_values_of_a_loop(ax):
     pictures.plot_loop(bad, ax=ax)
     assert ax.get_title() == "Nominal loop, not stable"
     with pytest.raises(ValueError, match=r"K must have the sampling time of G, 0 s, got 0\.1 s"):
-        robust.analysis.loop_gains(G, control.ss([[0.5, 0], [0, 0.5]], np.eye(2), np.eye(2), np.eye(2), 0.1))
-    sampled = robust.analysis.loop_gains(robust.sampled(G, 0.01), control.ss([], [], [], 0.1 * np.eye(2)))
+        robust.analysis.loop_gains(
+            G, control.ss([[0.5, 0], [0, 0.5]], np.eye(2), np.eye(2), np.eye(2), 0.1)
+        )
+    sampled = robust.analysis.loop_gains(
+        robust.sampled(G, 0.01), control.ss([], [], [], 0.1 * np.eye(2))
+    )
     assert sampled.omega.max() < np.pi / 0.01
 
 
 def test_the_check_of_a_matrix_is_drawn_as_any_other(ax):
-    report = robust.check(MODELS["elements"], K, w_P=control.ss(control.tf([0.1], [1, 1])), certify=False)
+    report = robust.check(
+        MODELS["elements"], K, w_P=control.ss(control.tf([0.1], [1, 1])), certify=False
+    )
     pictures.plot_check(report, ax=ax)
     _, mu = curve(ax, "robust stability, upper bound of mu")
     np.testing.assert_allclose(mu, report.curves.rs[report.curves.omega > 0])
-    assert curve(ax, "reached by a perturbation that was found")[1][0] == pytest.approx(1 / report.margins.broken)
+    assert curve(ax, "reached by a perturbation that was found")[1][0] == pytest.approx(
+        1 / report.margins.broken
+    )
     assert "robust performance" in labels(ax)
     assert ax.get_title() == f"Verdict on stability: {report.verdict}"
     assert {patch.get_gid() for patch in ax.patches} == {"not measured"}

@@ -1,4 +1,6 @@
-"""A set that holds zero: its band has no lower edge, which is hatched and said, and moves no axis."""
+"""A set that holds zero: its band has no lower edge, which is hatched and said, and moves no
+axis.
+"""
 
 import control
 import matplotlib
@@ -23,7 +25,12 @@ def model(gain):
 
 
 def bands(ax):
-    return [path.vertices for band in ax.collections for path in band.get_paths() if len(path.vertices) > 4]
+    return [
+        path.vertices
+        for band in ax.collections
+        for path in band.get_paths()
+        if len(path.vertices) > 4
+    ]
 
 
 @pytest.mark.parametrize(("gain", "over"), [(1.0, True), (0.3, False)])

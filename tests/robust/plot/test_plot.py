@@ -26,7 +26,15 @@ def plant(s):
 
 
 SIZE = np.abs(plant(2j * np.pi * F))
-BLA = make_bla(plant, F, f0=0.25, sigma_noise=5e-3 * SIZE, sigma_distortion=0.05 * SIZE, sigma_even=0.01 * SIZE, rng=0)
+BLA = make_bla(
+    plant,
+    F,
+    f0=0.25,
+    sigma_noise=5e-3 * SIZE,
+    sigma_distortion=0.05 * SIZE,
+    sigma_even=0.01 * SIZE,
+    rng=0,
+)
 SCAN = scan_orders(BLA, n_poles=range(2, 5), relative_degree=2)
 MODEL = uncertainty(BLA, SCAN.fit, order=3)
 K = ncfsyn(MODEL, control.tf([4.0], [1, 0])).K
@@ -56,8 +64,12 @@ def test_budget_adds_up_to_a_hundred(ax):
     shares = {label.partition(":")[0]: label.partition(":")[2] for label in labels(ax)}
     for name, words in (("noise", "noise"), ("odd", "odd distortion"), ("even", "even distortion")):
         share = 100 * np.mean(MODEL.budget[name] / MODEL.radius)
-        assert "measure" in shares[f"{words}, {share:.0f} %"]  # a measurement stands beside each part
-    assert "more poles" in next(text for part, text in shares.items() if part.startswith("misfit of the model"))
+        assert (
+            "measure" in shares[f"{words}, {share:.0f} %"]
+        )  # a measurement stands beside each part
+    assert "more poles" in next(
+        text for part, text in shares.items() if part.startswith("misfit of the model")
+    )
 
 
 def test_loop_and_check(ax):
@@ -74,7 +86,10 @@ def test_loop_and_check(ax):
 
 def test_curves_leave_the_picture_below_without_a_plateau(ax):
     pictures.plot_check(REPORT, ax=ax)
-    for label, curve_ in (("robust stability", REPORT.curves.rs), ("robust performance", REPORT.curves.rp)):
+    for label, curve_ in (
+        ("robust stability", REPORT.curves.rs),
+        ("robust performance", REPORT.curves.rp),
+    ):
         assert np.array_equal(curve(ax, label)[1], curve_)
     low, high = ax.get_ylim()
     assert low >= 1e-3
@@ -102,10 +117,8 @@ def test_nyquist_discs_touch_minus_one_where_rs_says_so(form, ax):
     for angle in np.linspace(0, 2 * np.pi, 13):
         Delta = np.exp(1j * angle)
         G, w = report.curves.G, response(model.weight, report.curves.omega)
-        t, g = (
-            w / np.sqrt(1 - np.minimum(np.abs(w), 0.99) ** 2),
-            G if report.curves.shaping is None else G * report.curves.shaping,
-        )
+        t = w / np.sqrt(1 - np.minimum(np.abs(w), 0.99) ** 2)
+        g = G if report.curves.shaping is None else G * report.curves.shaping
         plants = {
             "multiplicative": G * (1 + w * Delta),
             "additive": G + w * Delta,
@@ -156,26 +169,52 @@ def test_what_rests_where_has_a_bar_a_case_from_the_set_point_on(ax):
 
 
 def test_the_virgin_curve_of_the_elements_is_drawn_over_the_loops(ax):
-    """Two elements, 2 N/um up to 4 N and 1 N/um up to 6 N: 3 N/um, then 1 N/um from 2 um, 10 N from 6 um on."""
+    """Two elements, 2 N/um up to 4 N and 1 N/um up to 6 N:
+
+    3 N/um, then 1 N/um from 2 um, 10 N from 6 um on.
+    """
     elements = {"element_stiffness": np.array([2e6, 1e6]), "element_strength": np.array([4.0, 6.0])}
     fit = friction_fit(K0=3e6, Fs=10.0, **elements)
     x = 1e-6 * np.array([-20.0, 0.0, 20.0, 0.0])
     pictures.plot_friction_force({"slides": np.stack([x, 3e6 * x])}, fit, ax=ax)
-    curve = next(line for line in ax.get_lines() if line.get_label() == "virgin curve, 2 Maxwell elements")
+    curve = next(
+        line for line in ax.get_lines() if line.get_label() == "virgin curve, 2 Maxwell elements"
+    )
     at = np.array([-8.0, -1.0, 1.0, 2.0, 4.0, 6.0, 8.0])
     assert np.interp(at, *curve.get_data()) == pytest.approx([-10, -3, 3, 6, 8, 10, 10], abs=0.05)
     loop = ax.get_lines()[0]
-    assert (loop.get_label(), loop.get_xdata().tolist()) == ("slides", pytest.approx([-20, 0, 20, 0, -20]))
+    assert (loop.get_label(), loop.get_xdata().tolist()) == (
+        "slides",
+        pytest.approx([-20, 0, 20, 0, -20]),
+    )
     assert ax.get_ylabel() == "friction force [N]"
     left_open = friction_fit(K0=3e6, Fs=10.0, **elements, stds={"K0": np.inf, "Fs": np.inf})
     shown = pictures.plot_friction_force({"slides": np.stack([x, 3e6 * x])}, left_open)
     assert labels(shown) == ["slides"]
     plt.close(shown.figure)
-    with pytest.raises(ValueError, match="loops must hold position and force of a record by its name, got"):
+    with pytest.raises(
+        ValueError, match="loops must hold position and force of a record by its name, got"
+    ):
         pictures.plot_friction_force({}, fit)
 
 
 def friction_fit(**given):
     """A fit whose other numbers no picture of the force needs."""
-    names = ["mass", "damping", "stiffness", "coulomb", "stiction", "vs", "delay", "lag", "softening", "seen_from"]
-    return FrictionFit(**dict.fromkeys(names, 1.0), levels=(), questions=(), **{"stds": {"K0": 0.0, "Fs": 0.0}} | given)
+    names = [
+        "mass",
+        "damping",
+        "stiffness",
+        "coulomb",
+        "stiction",
+        "vs",
+        "delay",
+        "lag",
+        "softening",
+        "seen_from",
+    ]
+    return FrictionFit(
+        **dict.fromkeys(names, 1.0),
+        levels=(),
+        questions=(),
+        **{"stds": {"K0": 0.0, "Fs": 0.0}} | given,
+    )

@@ -35,7 +35,9 @@ def test_the_picture_shows_the_loop_between_its_bounds():
         lines = {line.get_label(): line.get_data() for line in ax.get_lines()}
         L = np.abs(model.at(model.omega) * response(state_space("K", K), model.omega))
         f, drawn = lines["|L|"]
-        assert np.interp(model.omega / 2 / np.pi, f, drawn) == pytest.approx(20 * np.log10(L), abs=1e-6)
+        assert np.interp(model.omega / 2 / np.pi, f, drawn) == pytest.approx(
+            20 * np.log10(L), abs=1e-6
+        )
         outside = (low > L) | (high < L)
         assert np.array_equal(lines["beyond a bound"][0], model.omega[outside] / 2 / np.pi)
         bottom, top = ax.get_ylim()

@@ -19,7 +19,9 @@ def designed(K, **options):
     plant = tuning.Plants([control.tf([k], [1, 1, 0]) for k in (1.0, 2.0)], inputs="f", outputs="y")
     hard, soft = [tuning.Limit("d", "f", 1.5)], [tuning.Limit("d", "y", 1.0, band=(0.0, 0.1))]
     block = {"K": tuning.Gain(K=K, reads="e", drives="u")}
-    return robust.tune([ERROR, FORCE], plant, block, hard=hard, soft=soft, rng=0, n_starts=1, **options)
+    return robust.tune(
+        [ERROR, FORCE], plant, block, hard=hard, soft=soft, rng=0, n_starts=1, **options
+    )
 
 
 def test_curves_before_and_after_and_a_dot_where_each_is_largest(ax):
@@ -34,7 +36,9 @@ def test_curves_before_and_after_and_a_dot_where_each_is_largest(ax):
         before = (1 if one.limit.outputs == ("f",) else G) / (1 + 0.2 * G) / one.limit.bound
         assert one.before == pytest.approx(np.abs(before), rel=1e-9)
         assert max(one.curve) <= one.ratio * (1 + 1e-9)
-    assert ax.get_legend() is not None or any(line.get_label().startswith("hard") for line in ax.get_lines())
+    assert ax.get_legend() is not None or any(
+        line.get_label().startswith("hard") for line in ax.get_lines()
+    )
     assert "met" in ax.get_title()
 
 

@@ -1,4 +1,6 @@
-"""The command: BLAs and controllers at operating points in, a proof and a certificate out; and the picture."""
+"""The command: BLAs and controllers at operating points in, a proof and a certificate out; and the
+picture.
+"""
 
 import sys
 
@@ -20,12 +22,21 @@ F = np.linspace(1, 60, 60)
 
 @pytest.fixture
 def prove(monkeypatch, capsys, tmp_path):
-    """Run the command in a folder with three BLAs and three controllers; gives exit code, output and errors."""
+    """Run the command in a folder with three BLAs and three controllers; gives exit code, output
+    and errors.
+    """
     monkeypatch.chdir(tmp_path)
     for k, p in enumerate(POINTS):
-        G = response(control.ss([[0, 1], [-900 * (1 + p), -6]], [[0], [1]], [[1, 0]], 0), 2 * np.pi * F)
+        G = response(
+            control.ss([[0, 1], [-900 * (1 + p), -6]], [[0], [1]], [[1, 0]], 0), 2 * np.pi * F
+        )
         noise = np.random.default_rng(k).normal(size=(2, F.size))
-        save(nlfrf.bla_from_frf(F, G * (1 + 0.01 * (noise[0] + 1j * noise[1])), std=0.015 * np.abs(G)), f"bla{k}.npz")
+        save(
+            nlfrf.bla_from_frf(
+                F, G * (1 + 0.01 * (noise[0] + 1j * noise[1])), std=0.015 * np.abs(G)
+            ),
+            f"bla{k}.npz",
+        )
         save(control.ss([[0.5]], [[1.0]], [[-150.0]], [[400 * (1 + p)]], 5e-3), f"K{k}.json")
 
     def run(command):
@@ -38,14 +49,20 @@ def prove(monkeypatch, capsys, tmp_path):
     return run
 
 
-FILES = "bla0.npz bla1.npz bla2.npz --controller K0.json --controller K1.json --controller K2.json --poles 2 --no-limit"
+FILES = (
+    "bla0.npz bla1.npz bla2.npz --controller K0.json --controller K1.json --controller K2.json"
+    " --poles 2 --no-limit"
+)
 
 
 def test_files_in_and_a_certificate_out(prove, tmp_path):
     code, out, _ = prove(f"{FILES} --at=-0.2,0,0.2 --rate 0.5 --delay 0.005 -o proof.json")
     assert code == 0
     assert "position from -0.2 to 0.2 m, at most 0.5 m/s, controller of order 1 at 200 Hz" in out
-    assert "stability on every trajectory, for every operator within the weight: proved, rigorous" in out
+    assert (
+        "stability on every trajectory, for every operator within the weight: proved, rigorous"
+        in out
+    )
     assert verify_certificate(tmp_path / "proof.json").verified
 
 
@@ -55,7 +72,10 @@ def test_files_in_and_a_certificate_out(prove, tmp_path):
         ("--at=-0.2,0,0.2 --rate 0", "rate must be positive, got 0"),
         ("--at=-0.2,0,x --rate 1", "--at must be a number"),
         ("--at=0,0.2 --rate 1", "at must have one operating point for each BLA, got 2 for 3"),
-        ("--at=-0.2,0,0.2 --rate 1 --over level", "over must be a position, a load or another state"),
+        (
+            "--at=-0.2,0,0.2 --rate 1 --over level",
+            "over must be a position, a load or another state",
+        ),
     ],
 )
 def test_bad_input_is_one_line(prove, options, message):
@@ -65,9 +85,13 @@ def test_bad_input_is_one_line(prove, options, message):
 
 
 def test_the_picture_has_a_line_for_each_point():
-    K = LpvModel.from_points([control.ss(-k, 1, 1, 0) for k in (1.0, 2.0, 4.0)], at=[0, 1, 2], unit="kg")
+    K = LpvModel.from_points(
+        [control.ss(-k, 1, 1, 0) for k in (1.0, 2.0, 4.0)], at=[0, 1, 2], unit="kg"
+    )
     ax = plot_schedule(K, ax=Figure().subplots())
-    named = {line.get_label(): line for line in ax.get_lines() if not line.get_label().startswith("_")}
+    named = {
+        line.get_label(): line for line in ax.get_lines() if not line.get_label().startswith("_")
+    }
     assert list(named) == ["0 kg", "1 kg", "2 kg"]
     for k, line in zip((1.0, 2.0, 4.0), named.values(), strict=True):
         f, size = line.get_data()

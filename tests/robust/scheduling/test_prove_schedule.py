@@ -1,4 +1,6 @@
-"""Scheduled loops: against closed forms, refuted by trajectories, refused with a line that names the parameter."""
+"""Scheduled loops: against closed forms, refuted by trajectories, refused with a line that names
+the parameter.
+"""
 
 import control
 import numpy as np
@@ -28,14 +30,21 @@ def lag(**options):
 
 @pytest.mark.parametrize(("excess", "outcome"), [(1.02, Outcome.HOLDS), (0.98, Outcome.UNDECIDED)])
 def test_a_spring_that_jumps_at_will(excess, outcome):
-    """x'' + c x' + k x with k anywhere in [4, 6] has a common V if and only if c > sqrt(6) - sqrt(4)."""
+    """x'' + c x' + k x with k anywhere in [4, 6] has a common V if and only if c > sqrt(6) -
+    sqrt(4).
+    """
     c = excess * (np.sqrt(6) - 2)
     assert prove_schedule(between(4.0, 6.0, c), 0.0, rate=np.inf, limit=False).outcome is outcome
 
 
-@pytest.mark.parametrize(("shrink", "outcome"), [(0.6175, Outcome.HOLDS), (0.6185, Outcome.VIOLATED)])
+@pytest.mark.parametrize(
+    ("shrink", "outcome"), [(0.6175, Outcome.HOLDS), (0.6185, Outcome.VIOLATED)]
+)
 def test_two_matrices_with_the_golden_ratio(shrink, outcome):
-    """The joint spectral radius of [1 1; 0 1] and [1 0; 1 1] is (1 + sqrt(5))/2: P = 1 proves it, A1 A2 attains it."""
+    """The joint spectral radius of [1 1; 0 1] and [1 0; 1 1] is (1 + sqrt(5))/2:
+
+    P = 1 proves it, A1 A2 attains it.
+    """
     shear = np.array([[1.0, 1.0], [0.0, 1.0]])
     pair = [control.ss(shrink * A, [[0], [1]], [[1, 0]], 0, 1.0) for A in (shear, shear.T)]
     plant = LpvModel.from_points(pair, at=[0, 1])
@@ -54,7 +63,12 @@ def test_gains_of_a_loop_that_does_not_move_are_its_norms(gain, norm):
 
 @pytest.mark.parametrize(
     ("form", "norm"),
-    [("multiplicative", 0.5), ("additive", 1.0), ("inverse-multiplicative", 1.0), ("inverse-additive", 0.5)],
+    [
+        ("multiplicative", 0.5),
+        ("additive", 1.0),
+        ("inverse-multiplicative", 1.0),
+        ("inverse-additive", 0.5),
+    ],
 )
 def test_sets_of_every_form_up_to_the_norm_of_their_loop(form, norm):
     """|w| times the norm of T, K S, S or G S is below one."""
@@ -66,7 +80,9 @@ def test_sets_of_every_form_up_to_the_norm_of_their_loop(form, norm):
 
 @pytest.mark.parametrize("delay", [0.0, 0.05])
 def test_a_sampled_lag_is_stable_up_to_its_limit(delay):
-    """x+ = q x + (1 - q) u, u = -k x: k < (1 + q)/(1 - q), with one sample of delay k < 1/(1 - q)."""
+    """x+ = q x + (1 - q) u, u = -k x: k < (1 + q)/(1 - q), with one sample of delay k < 1/(1
+    - q).
+    """
     q = np.exp(-0.05)
     limit = (1 + q) / (1 - q) if not delay else 1 / (1 - q)
     for factor in (0.99, 1.01):
@@ -102,12 +118,16 @@ def test_the_trajectory_grows_when_it_is_integrated(mathieu):
         k = np.interp(t, times, 4 + 2 * points)
         return (np.array([[0, 1], [-k, -0.1]]) @ X.reshape(2, 2)).ravel()
 
-    period = solve_ivp(flow, (0, times[-1]), np.eye(2).ravel(), rtol=1e-10, atol=1e-12, max_step=broken.step).y[:, -1]
+    period = solve_ivp(
+        flow, (0, times[-1]), np.eye(2).ravel(), rtol=1e-10, atol=1e-12, max_step=broken.step
+    ).y[:, -1]
     assert np.abs(np.linalg.eigvals(period.reshape(2, 2))).max() > 1
 
 
 def test_the_provable_rate_is_proved_and_far_above_nothing(mathieu):
-    again = prove_schedule(mathieu.plant, 0.0, rate=mathieu.provable, degree=mathieu.degree, limit=False)
+    again = prove_schedule(
+        mathieu.plant, 0.0, rate=mathieu.provable, degree=mathieu.degree, limit=False
+    )
     assert again.holds
     assert mathieu.broken.rate < 2.5 * mathieu.provable
 
@@ -155,17 +175,29 @@ PLANT = between(4.0, 6.0, 1.0, over="position", unit="m")
         ({"rate": np.nan}, "rate must be finite"),
         ({"plant": spring(4.0, 1.0)}, "plant must be of type LpvModel"),
         ({"K": [1.0, 2.0]}, "K must be an LpvModel, got 2 systems: LpvModel.from_points"),
-        ({"K": between(1.0, 2.0, 1.0, over="position", unit="mm")}, "K must be scheduled over the range of the plant"),
-        ({"K": between(1.0, 2.0, 1.0)}, "K must be scheduled over the range of the plant, position from 0 to 1 m, got"),
+        (
+            {"K": between(1.0, 2.0, 1.0, over="position", unit="mm")},
+            "K must be scheduled over the range of the plant",
+        ),
+        (
+            {"K": between(1.0, 2.0, 1.0)},
+            "K must be scheduled over the range of the plant, position from 0 to 1 m, got",
+        ),
         ({"K": np.ones((2, 1))}, "K must have 1 inputs and 1 outputs"),
         ({"delay": 0.1}, "delay must be zero for a continuous K, got 0.1 s"),
-        ({"K": control.ss([], [], [], 1.0, 0.01), "delay": 0.015}, "delay must be a whole number of samples of 0.01 s"),
+        (
+            {"K": control.ss([], [], [], 1.0, 0.01), "delay": 0.015},
+            "delay must be a whole number of samples of 0.01 s",
+        ),
         ({"gain": "T"}, "gain must be one of"),
         ({"gain": "S"}, "level must be given with gain 'S'"),
         ({"gain": "S", "level": 0.0}, "level must be positive"),
         ({"degree": -1}, "degree must be a whole number of at least 0"),
         ({"plant": LpvModel.from_points([1.0, 2.0], at=[0, 1])}, "plant must have states"),
-        ({"plant": LpvModel.from_points([control.ss(-1, 1, 1, 1)] * 2, at=[0, 1])}, "plant must have no direct"),
+        (
+            {"plant": LpvModel.from_points([control.ss(-1, 1, 1, 1)] * 2, at=[0, 1])},
+            "plant must have no direct",
+        ),
         (
             {"plant": lag(weight=control.ss(-1, 1, 1, 0)), "K": control.ss([], [], [], 1.0, 0.01)},
             "weight must have the sampling time of K, 0.01 s, got a continuous one",

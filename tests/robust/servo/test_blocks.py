@@ -109,10 +109,15 @@ def test_a_drive_is_tuned_and_its_gains_come_back():
     [
         ("must have a position loop with a gain", lambda: to_blocks(replace(LINEAR, kv=0.0))),
         ("reset time above half a period", lambda: to_blocks(replace(LINEAR, tn=1e-4))),
-        ("blocks must hold 'K_v'", lambda: with_blocks(LINEAR, {"K_x": to_blocks(LINEAR)[1]["K_x"]})),
+        (
+            "blocks must hold 'K_v'",
+            lambda: with_blocks(LINEAR, {"K_x": to_blocks(LINEAR)[1]["K_x"]}),
+        ),
         (
             "blocks must be those of the drive",
-            lambda: with_blocks(LINEAR, to_blocks(LINEAR)[1] | {"more": to_blocks(LINEAR)[1]["K_x"]}),
+            lambda: with_blocks(
+                LINEAR, to_blocks(LINEAR)[1] | {"more": to_blocks(LINEAR)[1]["K_x"]}
+            ),
         ),
     ],
 )

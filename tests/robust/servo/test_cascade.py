@@ -1,4 +1,6 @@
-"""A drive as one controller: the simulated axis without friction is the loop of `cascade` with its linear plant."""
+"""A drive as one controller: the simulated axis without friction is the loop of `cascade` with its
+linear plant.
+"""
 
 from dataclasses import replace
 
@@ -29,7 +31,9 @@ def at(K, f):
 
 @pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize(
-    "more", [{}, {"velocity_lag": 0.4e-3}, {"delay_periods": 1.5}], ids=["plain", "low-pass", "delay"]
+    "more",
+    [{}, {"velocity_lag": 0.4e-3}, {"delay_periods": 1.5}],
+    ids=["plain", "low-pass", "delay"],
 )
 def test_the_loop_is_that_of_the_simulated_axis_without_friction(preset, more):
     slots = (LowPass(omega=HZ * 900.0), Notch(omega=HZ * 300.0, width=60.0 / 300.0, depth=0.2))
@@ -38,8 +42,12 @@ def test_the_loop_is_that_of_the_simulated_axis_without_friction(preset, more):
     force = 10 * np.random.default_rng(3).standard_normal(3000)
     trace = nlfrf.rig.run(axis, {"position": np.zeros(3000), "force": force}, oversampling=4)
     G = robust.sampled(linear_plant(axis), settings.dt, settings.delay)
-    y = control.forced_response(control.feedback(G, cascade(settings, output_unit=axis.units[1])), inputs=force)
-    assert np.abs(y.outputs - trace.position).max() < 5e-6 * np.abs(trace.position).max()  # the steps of the integrator
+    y = control.forced_response(
+        control.feedback(G, cascade(settings, output_unit=axis.units[1])), inputs=force
+    )
+    assert (
+        np.abs(y.outputs - trace.position).max() < 5e-6 * np.abs(trace.position).max()
+    )  # the steps of the integrator
 
 
 def test_load_encoder_and_set_point():
@@ -97,7 +105,9 @@ def test_observer_and_low_pass_are_velocities():
 
 def test_a_slow_position_loop_is_said_to_be_a_mean():
     settings = Drive(**{**BASE, "kp": 1.0}, position_every=4)
-    with pytest.warns(robust.DesignWarning, match="^the position loop runs once in 4 periods.*approximation"):
+    with pytest.warns(
+        robust.DesignWarning, match="^the position loop runs once in 4 periods.*approximation"
+    ):
         K = cascade(settings)
     z = np.exp(2j * np.pi * 200 / FS)
     assert K(z) == pytest.approx(FS * (1 - 1 / z) + 60 * np.mean(z ** -np.arange(4.0)))
@@ -111,7 +121,9 @@ def test_the_mean_is_the_response_of_the_simulated_drive_averaged_over_its_phase
     G = robust.sampled(linear_plant(axis), settings.dt, settings.delay)
     hit = np.zeros((4, 800))
     hit[np.arange(4), np.arange(4)] = 100.0
-    runs = [nlfrf.rig.run(axis, {"position": np.zeros(800), "force": force}).position for force in hit]
+    runs = [
+        nlfrf.rig.run(axis, {"position": np.zeros(800), "force": force}).position for force in hit
+    ]
     mean = np.mean([run[k : 700 + k] for k, run in enumerate(runs)], axis=0)
     y = control.forced_response(control.feedback(G, K), inputs=hit[0]).outputs[:700]
     # an approximation: of second order in the change of K over its phase
@@ -127,7 +139,9 @@ def test_the_actuator_is_delay_and_lag():
     assert np.angle(ratio) == pytest.approx(-2 * np.pi * f * late, rel=1e-3)
     assert np.abs(ratio) == pytest.approx(1, rel=1e-3)
     alone = cascade(Drive(**BASE, delay_periods=2.0), actuator=True)
-    assert at(alone, f) == pytest.approx(at(cascade(Drive(**BASE)), f) * np.exp(-2j * np.pi * f * 2 / FS))
+    assert at(alone, f) == pytest.approx(
+        at(cascade(Drive(**BASE)), f) * np.exp(-2j * np.pi * f * 2 / FS)
+    )
 
 
 @pytest.mark.parametrize(
@@ -166,7 +180,9 @@ def test_filters_run_as_scipy_runs_them():
     for slot in slots:
         section = slot.section(FS)
         y = control.forced_response(cascade(Drive(**BASE, filters=(slot,))), inputs=x).outputs
-        assert np.allclose(y, lfilter(section[:3], section[3:], plain), rtol=1e-9, atol=1e-9 * np.abs(y).max())
+        assert np.allclose(
+            y, lfilter(section[:3], section[3:], plain), rtol=1e-9, atol=1e-9 * np.abs(y).max()
+        )
 
 
 def test_filters_are_exact_where_they_act():
@@ -178,18 +194,28 @@ def test_filters_are_exact_where_they_act():
     edges = np.array([200.0 - 0.1, 200.0 + 0.1])
     b, a = half.section(FS).reshape(2, 3)
     q = np.exp(-2j * np.pi * edges / FS)
-    assert np.abs(np.polyval(b[::-1], q) / np.polyval(a[::-1], q)) == pytest.approx(np.sqrt(0.5), rel=1e-2)
+    assert np.abs(np.polyval(b[::-1], q) / np.polyval(a[::-1], q)) == pytest.approx(
+        np.sqrt(0.5), rel=1e-2
+    )
 
 
 @pytest.mark.parametrize("preset", PRESETS)
-@pytest.mark.parametrize("more", [{}, {"velocity_lag": 0.4e-3, "position_every": 4}], ids=["plain", "slow"])
+@pytest.mark.parametrize(
+    "more", [{}, {"velocity_lag": 0.4e-3, "position_every": 4}], ids=["plain", "slow"]
+)
 @pytest.mark.filterwarnings("ignore:the position loop runs once")
 def test_the_experiment_and_the_controller_are_of_one_loop(preset, more):
-    """What reaches the force of a port, as an experiment is designed, is that of the state space: G C/(1 + G C)."""
+    """What reaches the force of a port, as an experiment is designed, is that of the state space:
+
+    G C/(1 + G C).
+    """
     axis = frictionless(preset, filters=(Notch(omega=HZ * 300.0, depth=0.2),), **more)
     f, G = np.array([3.0, 40.0, 700.0]), 1e-6 * np.array([1.0 - 2.0j, -0.3j, 0.1 + 0.1j])
     fed = replace(axis, drive=replace(axis.drive, velocity_feedforward=0.7))
-    systems = cascade(axis.drive, output_unit=axis.units[1]), with_set_point(fed.drive, output_unit=axis.units[1])
+    systems = (
+        cascade(axis.drive, output_unit=axis.units[1]),
+        with_set_point(fed.drive, output_unit=axis.units[1]),
+    )
     C, r = (response_by_channel(system, 2 * np.pi * f)[0, 0] for system in systems)
     assert port_frf(axis, G, port="force", f=f) == pytest.approx(1 / (1 + G * C), rel=1e-9)
     assert port_frf(fed, G, port="position", f=f) == pytest.approx(r / (1 + G * C), rel=1e-9)
@@ -217,8 +243,14 @@ def test_a_loop_of_two_encoders_is_checked():
         ({"encoder": "none"}, "encoder must be one of 'motor', 'load', 'both', got 'none'"),
         ({"observer_frequency": 0.0}, "observer_frequency must be positive, got 0"),
         ({"position_every": 0}, "position_every must be a whole number of at least 1, got 0"),
-        ({"position_unit": "counts"}, "unit_factor must be given if the position is measured in counts"),
-        ({"position_unit": "deg"}, "unit_factor must be given .* counts in m/s: the number of m in one deg"),
+        (
+            {"position_unit": "counts"},
+            "unit_factor must be given if the position is measured in counts",
+        ),
+        (
+            {"position_unit": "deg"},
+            "unit_factor must be given .* counts in m/s: the number of m in one deg",
+        ),
         (
             {"filters": (LowPass(omega=HZ * 2500.0),)},
             r"half the sampling frequency, .* \(2000 Hz\), got .* \(2500 Hz\)",
@@ -233,9 +265,13 @@ def test_refusals(change, message):
 
 
 def test_refusals_of_the_controller_and_the_filters():
-    with pytest.raises(ValueError, match=r"torque_constant must be given \[N/A\] between A and N, got none"):
+    with pytest.raises(
+        ValueError, match=r"torque_constant must be given \[N/A\] between A and N, got none"
+    ):
         cascade(Drive(**BASE), output_unit="N")
-    with pytest.raises(ValueError, match=r"output_unit must be A or N for a velocity loop in A/.*got 'Nm'"):
+    with pytest.raises(
+        ValueError, match=r"output_unit must be A or N for a velocity loop in A/.*got 'Nm'"
+    ):
         cascade(Drive(**BASE), output_unit="Nm")
     with pytest.raises(ValueError, match="settings must be of type Drive, got 1"):
         cascade(1)

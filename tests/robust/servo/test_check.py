@@ -1,4 +1,6 @@
-"""The command `robust servo check`: traces and gains in, one page out, held against the axis behind the traces."""
+"""The command `robust servo check`: traces and gains in, one page out, held against the axis behind
+the traces.
+"""
 
 import html
 import io
@@ -24,7 +26,14 @@ from robust.servo import cascade, load_gains
 from robust.servo import check as check_drive
 from robust.servo.checking import judge
 from robust.servo.checking.doubts import doubt_of_unstable_model
-from robust.servo.checking.findings import BaseMotion, Conditions, DoubtKind, DriveCheck, DriveVerdict, RecordedGains
+from robust.servo.checking.findings import (
+    BaseMotion,
+    Conditions,
+    DoubtKind,
+    DriveCheck,
+    DriveVerdict,
+    RecordedGains,
+)
 from robust.servo.checking.friction import (
     DriveFriction,
     force_over_position,
@@ -76,11 +85,18 @@ def trace(axis, rms, *, base_velocity=0.0, f_min=5, f_max=400, n_samples=4000):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Traces of a linear motor under a soft drive, at rest and in motion, and of a rotary axis; gains of both."""
+    """Traces of a linear motor under a soft drive, at rest and in motion, and of a rotary axis;
+    gains of both.
+    """
     folder = tmp_path_factory.mktemp("traces")
     axis = nlfrf.servo_axis("linear motor")
     axis = replace(axis, drive=replace(axis.drive, kv=20, kp=40, tn=0.05))
-    for name, rms, velocity in (("low", 0.7, 0), ("mid", 2.0, 0), ("slide", 60.0, 0), ("moving", 60.0, 0.1)):
+    for name, rms, velocity in (
+        ("low", 0.7, 0),
+        ("mid", 2.0, 0),
+        ("slide", 60.0, 0),
+        ("moving", 60.0, 0.1),
+    ):
         nlfrf.save(trace(axis, rms, base_velocity=velocity), folder / f"{name}.npz")
     joint = frictionless("joint", kv=2.0, kp=4.0, tn=0.5)
     nlfrf.save(trace(joint, 5.0, f_min=3, f_max=200, n_samples=8000), folder / "joint.npz")
@@ -91,7 +107,9 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def played(folder):
-    """Experiments on the linear motor under the gains that are checked: at rest, in motion, in motion in a low band."""
+    """Experiments on the linear motor under the gains that are checked: at rest, in motion, in
+    motion in a low band.
+    """
     axis = nlfrf.servo_axis("linear motor")
     band = {"fs": 4000, "n_samples": 4000, "f_min": 5, "rng": 1}
     for name, f_max, more in (
@@ -101,7 +119,9 @@ def played(folder):
         *((name, 100, {"rms": rms, "n_periods": 3}) for name, rms in LEVELS.items()),
     ):
         ms = nlfrf.multisine(f_max=f_max, **band)
-        nlfrf.save(robust.servo.design_experiment(axis, ms, n_discard=1, **more), folder / f"{name}.csv")
+        nlfrf.save(
+            robust.servo.design_experiment(axis, ms, n_discard=1, **more), folder / f"{name}.csv"
+        )
         robust.servo.play_experiment(axis, folder / f"{name}.csv", folder / f"{name}-trace.csv")
     return folder
 
@@ -110,7 +130,9 @@ def played(folder):
 def told(folder):
     """The check of three traces at rest and one in motion, of which it is told which is which."""
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "G stands out of its neighbours")  # where it sticks, a narrow resonance
+        warnings.filterwarnings(
+            "ignore", "G stands out of its neighbours"
+        )  # where it sticks, a narrow resonance
         return check_drive(*four_traces(folder), conditions=THREE_AT_REST)
 
 
@@ -130,7 +152,9 @@ THREE_AT_REST = [*[Conditions(motion=BaseMotion.AT_REST)] * 3, Conditions(motion
 def four_traces(folder):
     """Three traces at rest and one in motion, and the gains."""
     settings = load_gains(folder / "gains.toml")
-    return [read_trace(folder / f"{name}.npz", settings) for name in ("low", "mid", "slide", "moving")], settings
+    return [
+        read_trace(folder / f"{name}.npz", settings) for name in ("low", "mid", "slide", "moving")
+    ], settings
 
 
 @pytest.fixture
@@ -152,26 +176,37 @@ def run(folder, monkeypatch, capsys):
 
 @pytest.mark.usefixtures("played")
 def test_the_first_line_passes_nothing_that_was_not_judged(run, folder):
-    """The exit code says it too: 3 where no friction was judged, without traces at rest or with too few of them."""
+    """The exit code says it too:
+
+    3 where no friction was judged, without traces at rest or with too few of them.
+    """
     (folder / "low.toml").write_text(LINEAR.replace("143", "100"))
     for traces, designs in (("motion", "motion"), ("sticks bends motion", "sticks bends motion")):
         files = " ".join(f"{name}-trace.csv" for name in traces.split())
-        code, page, _ = run(f"{files} gains.toml " + " ".join(f"--design {name}.npz" for name in designs.split()))
+        code, page, _ = run(
+            f"{files} gains.toml " + " ".join(f"--design {name}.npz" for name in designs.split())
+        )
         assert code == 3, page
-        assert page.startswith("Gains\nlinear loop passed; friction not judged: the axis may hunt with these gains.")
+        assert page.startswith(
+            "Gains\nlinear loop passed; friction not judged: the axis may hunt with these gains."
+        )
         assert "PASSED" not in page.replace("STATISTICALLY ROBUST", "")
     code, page, _ = run("motion-trace.csv low.toml --design motion.npz --peak 1.1")
     assert code == 1
-    assert one_line(page).startswith("Gains NOT PASSED, linear loop: thin margins. rests: not known: ")
+    assert one_line(page).startswith(
+        "Gains NOT PASSED, linear loop: thin margins. rests: not known: "
+    )
     assert (
-        "change: the linear loop first: see the warnings because: The verdict of the linear loop below only means"
-        in one_line(page)
+        "change: the linear loop first: see the warnings because: The verdict of the linear loop"
+        " below only means" in one_line(page)
     )
 
 
 @pytest.mark.usefixtures("played")
 def test_a_stated_force_bounds_the_error_without_traces_at_rest(run, folder):
-    """As prove_friction has it for the machine behind the trace, of which the linear model is known to 0.1 %."""
+    """As prove_friction has it for the machine behind the trace, of which the linear model is known
+    to 0.1 %.
+    """
     code, page, _ = run("motion-trace.csv gains.toml --design motion.npz --force 26")
     page = one_line(page)
     found = re.search(
@@ -184,15 +219,23 @@ def test_a_stated_force_bounds_the_error_without_traces_at_rest(run, folder):
     settings = load_gains(folder / "gains.toml")
     plant = friction_behind_lag(robust.friction_plant(12.0, 0.0, 20.0), settings.lag)
     true = robust.prove_friction(
-        plant, cascade(settings, output_unit="N"), robust.friction.Bounded(26.0), delay=settings.delay
+        plant,
+        cascade(settings, output_unit="N"),
+        robust.friction.Bounded(26.0),
+        delay=settings.delay,
     )
     assert 1e-6 * float(found[1]) == pytest.approx(true.error_bound, rel=0.02)
-    assert re.search(r"Eventually stays within \S+ m of rest with every friction of at most 26 N", page)
+    assert re.search(
+        r"Eventually stays within \S+ m of rest with every friction of at most 26 N", page
+    )
     assert "proved: Stays" not in page  # whether it comes to rest is not judged
     code, _, refused = run("motion-trace.csv gains.toml --design motion.npz --force 0")
     assert (code, "--force must be positive" in refused) == (2, True)
     code, page, _ = run("rest-trace.csv gains.toml --design rest.npz --force 26")
-    assert (code, "No bound with the given force: there is no linear model" in one_line(page)) == (1, True)
+    assert (code, "No bound with the given force: there is no linear model" in one_line(page)) == (
+        1,
+        True,
+    )
 
 
 def test_a_stated_force_has_no_meaning_for_a_loop_in_amperes(folder):
@@ -200,29 +243,46 @@ def test_a_stated_force_has_no_meaning_for_a_loop_in_amperes(folder):
     record = nlfrf.load_record(folder / "moving.npz")
     record = replace(record, u=record.u / 52.8, input_units=("A",))
     assert check_drive([record], settings).linear_passed
-    with pytest.raises(ValueError, match="Fs must be left out where traces and gains are in A and no torque_constant"):
+    with pytest.raises(
+        ValueError,
+        match="Fs must be left out where traces and gains are in A and no torque_constant",
+    ):
         check_drive([record], settings, Fs=26.0)
 
 
 @pytest.fixture(scope="module")
 def short(folder, played, friction_read_once):
-    """The gains at 4 ms of tn, not proved at rest: exit code, what was printed, the page, and the check itself."""
+    """The gains at 4 ms of tn, not proved at rest: exit code, what was printed, the page, and the
+    check itself.
+    """
     (folder / "short.toml").write_text(LINEAR.replace('"10 ms"', '"4 ms"').replace("143", "200"))
     designs = " ".join(f"--design {name}.npz" for name in [*LEVELS, "motion"])
-    words = f"{' '.join(AT_REST)} motion-trace.csv short.toml {designs} --stiction 4 --within 1 -o page.html"
+    words = (
+        f"{' '.join(AT_REST)} motion-trace.csv short.toml {designs} --stiction 4 --within 1 -o"
+        " page.html"
+    )
     found, printed = [], io.StringIO()
     check_it = judge.check
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(printed):
         patch.chdir(folder)
         patch.setattr(sys, "argv", ["robust", "servo", "check", *words.split()])
-        patch.setattr(judge, "check", lambda *one, **how: found.append(check_it(*one, **how)) or found[0])
+        patch.setattr(
+            judge, "check", lambda *one, **how: found.append(check_it(*one, **how)) or found[0]
+        )
         with pytest.raises(SystemExit) as stop:
             cli.main()
-    return stop.value.code, printed.getvalue(), (folder / "page.html").read_text(encoding="utf-8"), found[0]
+    return (
+        stop.value.code,
+        printed.getvalue(),
+        (folder / "page.html").read_text(encoding="utf-8"),
+        found[0],
+    )
 
 
 def test_an_axis_that_settles_may_move_for_ever(short):
-    """The gains at less than half of tn: not proved at rest, and the first line says how far the axis may move."""
+    """The gains at less than half of tn: not proved at rest, and the first line says how far the
+    axis may move.
+    """
     found = short[3]
     wide = replace(found.report, peak=3.0)  # as --peak 3 has it: its margins are not thin then
     others = tuple(doubt for doubt in found.doubts if doubt.kind is not DoubtKind.THIN_MARGINS)
@@ -230,9 +290,12 @@ def test_an_axis_that_settles_may_move_for_ever(short):
     found = replace(found, report=wide, doubts=others)
     page = one_line(str(found))
     first = re.search(
-        r"^Gains NOT PASSED, friction: rest is not proved; the axis comes to rest in simulation, which is no proof\. "
-        r"rests: yes in all 12 simulated runs; not proved within: at most (\S+ um) off, at rest or hunting: proved for "
-        r"friction up to \S+ N\. Within 1 m: yes hunts: not seen in simulation change: to prove more: ",
+        r"^Gains NOT PASSED, friction: rest is not proved; the axis comes to rest in simulation,"
+        r" which is no proof\. "
+        r"rests: yes in all 12 simulated runs; not proved within: at most (\S+ um) off, at rest or"
+        r" hunting: proved for "
+        r"friction up to \S+ N\. Within 1 m: yes hunts: not seen in simulation change: to prove"
+        r" more: ",
         page,
     )
     assert (found.verdict, bool(first)) == (DriveVerdict.NOT_PASSED, True), page
@@ -241,17 +304,26 @@ def test_an_axis_that_settles_may_move_for_ever(short):
 
 
 def test_the_page_in_html_shows_what_was_found_in_pictures(short):
-    """Text, HTML and JSON show the same facts, each picture is inside the file, and it asks nobody for anything."""
+    """Text, HTML and JSON show the same facts, each picture is inside the file, and it asks nobody
+    for anything.
+    """
     code, printed, page, found = short
     assert (code, page.count("<figure>")) == (1, 8)
     assert page.count('src="data:image/svg+xml') == 8
     assert "http" not in page.replace("http-equiv", "")
     assert 'banner not-robust"><strong>Not passed</strong>' in page
-    said, printed, told = one_line(html.unescape(page)), one_line(printed), found.to_values()["facts"]
+    said = one_line(html.unescape(page))
+    printed = one_line(printed)
+    told = found.to_values()["facts"]
     assert list(told) == ["gains", "traces", "friction", "force", "loop", "step", "words"]
     for section in found.sections:
         assert [one["name"] for one in told[section.name]] == [fact.name for fact in section.facts]
-        texts = [text for fact in section.facts if fact.amount for text in (fact.name, fact.amount, fact.meaning)]
+        texts = [
+            text
+            for fact in section.facts
+            if fact.amount
+            for text in (fact.name, fact.amount, fact.meaning)
+        ]
         cells = [cell for row in section.table for cell in row]
         for text in (section.title, section.lead, *texts, *cells):
             assert one_line(text) in said
@@ -272,7 +344,9 @@ def test_the_page_of_a_trace_in_motion_says_that_friction_was_not_judged(run, fo
 
 
 def test_a_pole_that_ends_at_once_does_not_hide_the_bound():
-    """A fit of a trace in motion had a pole at -9e6 rad/s next to a zero, at 4 kHz: no bound could follow it."""
+    """A fit of a trace in motion had a pole at -9e6 rad/s next to a zero, at 4 kHz: no bound could
+    follow it.
+    """
     rigid, s = control.tf([1 / 12], [1, 20 / 12, 0]), control.tf("s")
     settings = settings_of(nlfrf.servo_axis("linear motor"))
     read = SimpleNamespace(mass=12.0, damping=20.0, load_mass=0.0, delay=0.0, units=("N", "m"))
@@ -280,31 +354,44 @@ def test_a_pole_that_ends_at_once_does_not_hide_the_bound():
 
     def bound(machine, force):
         friction = DriveFriction(force=force)
-        return judge.with_bound(friction, settings, machine=machine, slides=True, Fs=26.0, unit="N").within
+        return judge.with_bound(
+            friction, settings, machine=machine, slides=True, Fs=26.0, unit="N"
+        ).within
 
     fitted = control.ss(rigid * (s + 9.1e6) / (s + 9e6))
     assert np.isnan(bound(fitted, None))
     plant = friction_behind_lag(robust.friction_plant(12.0, 0.0, 20.0), settings.lag)
     proof = robust.prove_friction(
-        plant, cascade(settings, output_unit="N"), robust.friction.Bounded(26.0), delay=settings.delay
+        plant,
+        cascade(settings, output_unit="N"),
+        robust.friction.Bounded(26.0),
+        delay=settings.delay,
     )
     assert bound(fitted, force) == pytest.approx(proof.error_bound, rel=1e-9)
-    assert bound(control.ss(rigid), None) == pytest.approx(proof.error_bound, rel=1e-5)  # in other states
+    assert bound(control.ss(rigid), None) == pytest.approx(
+        proof.error_bound, rel=1e-5
+    )  # in other states
 
 
 @pytest.mark.parametrize("hold", ["band-limited", "zoh"])
 def test_the_friction_force_over_position_is_what_mass_and_damping_leave(hold):
-    """A spring to ground of 3e5 N/m and a mass: what is left of the command is the spring, whatever the delay."""
+    """A spring to ground of 3e5 N/m and a mass: what is left of the command is the spring, whatever
+    the delay.
+    """
     m, c, k, delay, n, fs = 12.0, 20.0, 3e5, 5e-4, 2000, 4000.0
     ms = nlfrf.multisine(fs=fs, n_samples=n, f_min=4, f_max=200, rms=1e-6, rng=1)
     omega = 2 * np.pi * ms.f0 * np.arange(n // 2 + 1)
     s = 1j * omega
     U = np.fft.rfft(ms.u[0]) * (m * s**2 + c * s + k) * np.exp(s * delay)
     U = U * hold_correction(omega, hold, fs=fs, dt=0.0)
-    record = nlfrf.Record(u=np.fft.irfft(U)[None, None], y=ms.u[None], fs=fs, lines=ms.lines, hold=hold)
+    record = nlfrf.Record(
+        u=np.fft.irfft(U)[None, None], y=ms.u[None], fs=fs, lines=ms.lines, hold=hold
+    )
     machine = SimpleNamespace(mass=m, damping=c, delay=delay, load_mass=0.0)
     x, force = force_over_position(record, machine)
-    gain = np.cos(np.pi / 4 * np.minimum(omega / edge_of_level(record, machine), 2.0)) ** 2  # of the filter of both
+    gain = (
+        np.cos(np.pi / 4 * np.minimum(omega / edge_of_level(record, machine), 2.0)) ** 2
+    )  # of the filter of both
     assert np.allclose(x, np.fft.irfft(gain * np.fft.rfft(ms.u[0])), atol=1e-9 * np.ptp(x))
     assert np.allclose(force, k * x, atol=1e-6 * np.ptp(force))
 
@@ -312,7 +399,9 @@ def test_the_friction_force_over_position_is_what_mass_and_damping_leave(hold):
 def test_a_check_counts_its_steps(folder):
     seen = []
     record = nlfrf.load_record(folder / "moving.npz")
-    check_drive([record], load_gains(folder / "gains.toml"), progress=lambda *step: seen.append(step))
+    check_drive(
+        [record], load_gains(folder / "gains.toml"), progress=lambda *step: seen.append(step)
+    )
     assert seen == [(done, 6) for done in range(7)]
 
 
@@ -339,23 +428,41 @@ def test_levels_give_every_verdict_on_one_page(run, folder):
     assert code == 0, page
     assert "kp = 143 A/(m/s), tn = 10 ms" in page
     assert "The set of plants around motion-trace.csv" in page
-    assert page.startswith("Gains\nPASSED, linear loop and friction: the axis may run with these gains.\n")
+    assert page.startswith(
+        "Gains\nPASSED, linear loop and friction: the axis may run with these gains.\n"
+    )
     assert "STATISTICALLY ROBUST" in page
     assert re.search(r"max \|S\|: +1\.[5-9]\d* at \d+", page)
     proved = one_line(page)
     assert "proved: Comes to rest from every state with every Maxwell-slip friction" in proved
     assert "behind a current loop of 0.3 ms, sampled at 4 kHz with 0.25 ms of delay" in proved
-    assert re.search(r"Response of the nominal linear loop, without limits .*\. goes to: 1 10 to 90 % in: ", proved)
+    assert re.search(
+        r"Response of the nominal linear loop, without limits .*\. goes to: 1 10 to 90 % in: ",
+        proved,
+    )
     row = re.compile(r"^(\w[^\[\n]*?)(?: \[[^]]+\])? +(\S+) \+- (\S+) +(.+?)  ", re.M)
-    read = {name: (float(value), float(half), assumed) for name, value, half, assumed in row.findall(page)}
-    axis = {"mass m": 12.0, "viscous friction c": 20.0, "presliding stiffness K0": 2000.0, "break-away force Fs": 20.0}
+    read = {
+        name: (float(value), float(half), assumed)
+        for name, value, half, assumed in row.findall(page)
+    }
+    axis = {
+        "mass m": 12.0,
+        "viscous friction c": 20.0,
+        "presliding stiffness K0": 2000.0,
+        "break-away force Fs": 20.0,
+    }
     for name, true in axis.items():
         value, half, _ = read[name]
-        assert abs(value - true) < 2 * half < 0.2 * true, name  # twice the half-width: 4 standard deviations
+        assert abs(value - true) < 2 * half < 0.2 * true, (
+            name
+        )  # twice the half-width: 4 standard deviations
     K0, _, largest = read["presliding stiffness K0"]
     assert float(largest.removeprefix("up to ")) == pytest.approx(1.25 * K0, rel=2e-3)
     assert read["stiction over Coulomb friction"][2] == "up to 1.5"
-    assert "It rests at the set point, by the integral part. The proof was repeated at both ends of mass" in proved
+    assert (
+        "It rests at the set point, by the integral part. The proof was repeated at both ends of"
+        " mass" in proved
+    )
     added = float(re.search(r"and with (\S+) ms of additional delay", proved)[1])
     margin = float(re.search(r"the nominal loop tolerates (\S+) ms of additional delay", proved)[1])
     assert 0 < added < margin  # the class has the linear loop in it, without friction
@@ -381,12 +488,19 @@ def test_an_approximation_is_no_proof(run, folder):
 def test_the_result_as_json(run):
     code, out, _ = run("moving.npz gains.toml --json")
     found = json.loads(out)
-    assert list(found)[:4] == ["verdict", "answers", "linear", "friction"]  # what is asked of an axis comes first
+    assert list(found)[:4] == [
+        "verdict",
+        "answers",
+        "linear",
+        "friction",
+    ]  # what is asked of an axis comes first
     assert list(found["answers"]) == ["rests", "within", "hunts"]
     assert list(found["friction"])[:4] == ["outcome", "within", "reason", "simulated"]
     assert (code, found["unit"], found["proved"]) == (3, "N", False)
     assert (found["linear_passed"], found["safe"]) == (True, False)
-    assert found["conclusion"].startswith("linear loop passed; friction not judged: the axis may hunt with these gains")
+    assert found["conclusion"].startswith(
+        "linear loop passed; friction not judged: the axis may hunt with these gains"
+    )
     assert found["report"]["nominally_stable"] is True
     assert "three levels" in found["friction"]["note"]
 
@@ -400,15 +514,23 @@ def test_no_metre_is_said_of_a_radian(run):
     assert not re.search(r"\bm/N\b|\bN/m\b|\bkN\b|\bkg\b|\d m\b|\bm rms|\d N\b", page)
 
 
-@pytest.mark.filterwarnings("ignore:G stands out of its neighbours")  # where it sticks, a narrow resonance
+@pytest.mark.filterwarnings(
+    "ignore:G stands out of its neighbours"
+)  # where it sticks, a narrow resonance
 def test_no_metre_is_said_of_a_radian_in_a_proof(folder, at_rest):
     linear, settings = four_traces(folder)
     turned = [replace(one, input_units=("Nm",), output_units=("rad",)) for one in linear[:3]]
-    fit = replace(at_rest.friction.fit, units=("Nm", "rad"))  # the numbers are those of the same traces
-    found = check_drive(turned, replace(settings, kp_unit="A/(rad/s)", position_unit="", load_unit=""), fit=fit)
+    fit = replace(
+        at_rest.friction.fit, units=("Nm", "rad")
+    )  # the numbers are those of the same traces
+    found = check_drive(
+        turned, replace(settings, kp_unit="A/(rad/s)", position_unit="", load_unit=""), fit=fit
+    )
     assert found.friction.proved
     assert "kNm/rad" in str(found)
-    assert not re.search(r"\bm/N\b|\bN/m\b|\bkN/m\b|\bkg\b(?! m\^2)|\d m\b|\bm rms|\d N\b", str(found))
+    assert not re.search(
+        r"\bm/N\b|\bN/m\b|\bkN/m\b|\bkg\b(?! m\^2)|\d m\b|\bm rms|\d N\b", str(found)
+    )
 
 
 def exact_margins(axis, settings):
@@ -425,7 +547,9 @@ def test_margins_and_step_are_those_of_the_axis(actual):
     axis = frictionless("linear motor")
     settings = settings_of(axis)
     record = trace(frictionless("linear motor", kv=20, kp=40, tn=0.05), 5.0)
-    if actual:  # what the current loop makes of its set point, by an exact lag behind a delay of one period
+    if (
+        actual
+    ):  # what the current loop makes of its set point, by an exact lag behind a delay of one period
         lag = robust.sampled(control.tf([1], [axis.drive.lag, 1]), settings.dt, settings.delay)
         z = np.exp(2j * np.pi * np.arange(2001) / 4000)
         current = np.fft.irfft(np.fft.rfft(record.u) * lag(z) * np.exp(0j), 4000)
@@ -433,7 +557,9 @@ def test_margins_and_step_are_those_of_the_axis(actual):
     found = check_drive([record], settings, actual=actual)
     crossover, phase = exact_margins(axis, settings)
     margins = found.report.classical
-    late = 1.5 if actual else 0.05  # the samples of the current have no hold: half a period, 4.5 deg at 50 Hz
+    late = (
+        1.5 if actual else 0.05
+    )  # the samples of the current have no hold: half a period, 4.5 deg at 50 Hz
     assert margins.crossover / 2 / np.pi == pytest.approx(crossover, rel=0.01)
     assert np.degrees(margins.phase_margin) == pytest.approx(phase, abs=2 * late)
     assert (found.linear_passed, found.unit) == (True, "N")
@@ -449,7 +575,9 @@ def test_margins_and_step_are_those_of_the_axis(actual):
 def test_units_of_a_trace_are_taken_to_those_of_the_drive(folder):
     settings = load_gains(folder / "gains.toml")
     record = nlfrf.load_record(folder / "moving.npz")
-    named = replace(record, u=record.u / 52.8, y=record.y * 1e3, input_units=("A",), output_units=("mm",))
+    named = replace(
+        record, u=record.u / 52.8, y=record.y * 1e3, input_units=("A",), output_units=("mm",)
+    )
     nlfrf.save(named, folder / "amperes.npz")
     one, other = (read_trace(folder / name, settings) for name in ("moving.npz", "amperes.npz"))
     assert np.allclose(one.u, other.u, rtol=1e-12)
@@ -457,7 +585,9 @@ def test_units_of_a_trace_are_taken_to_those_of_the_drive(folder):
     assert (other.u_unit, other.y_unit, other.hold) == ("N", "m", "zoh")
     bare = replace(settings, torque_constant=np.nan)
     assert read_trace(folder / "amperes.npz", bare).u_unit == "A"
-    with pytest.raises(ValueError, match=r"torque_constant must be given \[N/A\] between a gain in A/\(m/s\)"):
+    with pytest.raises(
+        ValueError, match=r"torque_constant must be given \[N/A\] between a gain in A/\(m/s\)"
+    ):
         read_trace(folder / "moving.npz", replace(bare, kp_unit="A/(m/s)")) and check_drive(
             [read_trace(folder / "moving.npz", bare)], bare
         )
@@ -469,17 +599,41 @@ def test_units_of_a_trace_are_taken_to_those_of_the_drive(folder):
         ("moving.npz", "file must be traces and one GAINS.toml, got moving.npz"),
         ("gains.toml", "file must be traces and one GAINS.toml"),
         ("moving.npz gains.toml joint.toml", "file must be traces and one GAINS.toml"),
-        ("joint.npz gains.toml", "trace must have the position in m or a multiple of m, got joint.npz in rad"),
+        (
+            "joint.npz gains.toml",
+            "trace must have the position in m or a multiple of m, got joint.npz in rad",
+        ),
         ("moving.npz none.toml", "none.toml could not be opened"),
         ("moving.npz gains.toml --input w", "--input must name a signal of 'moving.npz'"),
-        ("rest-trace.csv gains.toml", "--design must be given for rest-trace.csv, which looks like the trace of a"),
-        ("rest-trace.csv gains.toml --input w", "--input must name a signal of 'rest-trace.csv', one of current [A]"),
-        ("motion-trace.csv gains.toml --design rest.npz", "got a base velocity of 0 m/s and a position that moves by"),
-        ("rest-trace.csv gains.toml --design motion.npz", "got a base velocity of 0.2 m/s and a position that moves"),
-        ("rest-trace.csv gains.toml --design rest.npz --discard 2", "discard must be left out for an experiment"),
         (
-            "rest-trace.csv motion-trace.csv narrow-trace.csv gains.toml --design rest.npz --design motion.npz",
-            "design must be one for all traces, or one for each, got 2 designs with 2 realisations in all for 3 traces",
+            "rest-trace.csv gains.toml",
+            "--design must be given for rest-trace.csv, which looks like the trace of a",
+        ),
+        (
+            "rest-trace.csv gains.toml --input w",
+            "--input must name a signal of 'rest-trace.csv', one of current [A]",
+        ),
+        (
+            "motion-trace.csv gains.toml --design rest.npz",
+            "got a base velocity of 0 m/s and a position that moves by",
+        ),
+        (
+            "rest-trace.csv gains.toml --design motion.npz",
+            "got a base velocity of 0.2 m/s and a position that moves",
+        ),
+        (
+            "rest-trace.csv gains.toml --design rest.npz --discard 2",
+            "discard must be left out for an experiment",
+        ),
+        (
+            (
+                "rest-trace.csv motion-trace.csv narrow-trace.csv gains.toml --design rest.npz"
+                " --design motion.npz"
+            ),
+            (
+                "design must be one for all traces, or one for each, got 2 designs with 2"
+                " realisations in all for 3 traces"
+            ),
         ),
         (
             "moving.npz gains.toml --fs 1000",
@@ -522,7 +676,10 @@ def test_gains_that_are_not_well_written_are_refused(tmp_path, change, message):
     [
         ('bandwidth = "2 Hz"', "filters must each have one of notch, low_pass, biquad"),
         ('notch = "80 Hz"', "filters must have an entry bandwidth with notch, got none"),
-        ('notch = "80 Hz"\nwidth = "2 Hz"', "filters must have no entry 'width'.* It may have bandwidth, depth, notch"),
+        (
+            'notch = "80 Hz"\nwidth = "2 Hz"',
+            "filters must have no entry 'width'.* It may have bandwidth, depth, notch",
+        ),
         ('low_pass = "80"', 'low_pass must be a number with its unit, such as "1 Hz" or "1 kHz"'),
     ],
 )
@@ -536,21 +693,35 @@ def test_filters_that_are_not_well_written_are_refused(tmp_path, slot, message):
 def test_a_file_holds_what_the_settings_hold(tmp_path):
     path = tmp_path / "g.toml"
     path.write_text(
-        'fs = "8 kHz"\nkv = "2 (m/min)/mm"\nkp = "2.5 Nm/(rad/s)"\ntn = "4 ms"\ntorque_constant = "0.9 Nm/A"\n'
-        'position_unit = "counts"\nunit_factor = 6e-6\nvelocity_lag = "0.1 ms"\nlimit = "12 Nm"\n'
-        'velocity_feedforward = "80 %"\ndelay = "187.5 us"\nposition_every = 2\n'
-        '[[filters]]\nlow_pass = "1 kHz"\nzeta = 0.6\n'
-        '[[filters]]\nbiquad = "80 Hz"\nzeta = 0.5\nnumerator_frequency = "47 Hz"\nnumerator_zeta = 0.02\n'
-        '[[filters]]\nnotch = "400 Hz"\nbandwidth = "80 Hz"\ndepth = 0.1\n'
+        'fs = "8 kHz"\nkv = "2 (m/min)/mm"\nkp = "2.5 Nm/(rad/s)"\ntn = "4 ms"\ntorque_constant ='
+        ' "0.9 Nm/A"\nposition_unit = "counts"\nunit_factor = 6e-6\nvelocity_lag = "0.1 ms"\nlimit'
+        ' = "12 Nm"\nvelocity_feedforward = "80 %"\ndelay = "187.5 us"\nposition_every ='
+        ' 2\n[[filters]]\nlow_pass = "1 kHz"\nzeta = 0.6\n[[filters]]\nbiquad = "80 Hz"\nzeta ='
+        ' 0.5\nnumerator_frequency = "47 Hz"\nnumerator_zeta = 0.02\n[[filters]]\nnotch = "400'
+        ' Hz"\nbandwidth = "80 Hz"\ndepth = 0.1\n'
     )
     found = load_gains(path)
-    assert (found.fs, found.tn, found.delay_periods, found.position_every) == (8000.0, 0.004, 1.5, 2)
+    assert (found.fs, found.tn, found.delay_periods, found.position_every) == (
+        8000.0,
+        0.004,
+        1.5,
+        2,
+    )
     assert found.kv == pytest.approx(2000 / 60)
-    assert (found.kp, found.kp_unit, found.limit, found.velocity_feedforward) == (2.5, "Nm/(rad/s)", 12.0, 0.8)
+    assert (found.kp, found.kp_unit, found.limit, found.velocity_feedforward) == (
+        2.5,
+        "Nm/(rad/s)",
+        12.0,
+        0.8,
+    )
     assert [type(slot) for slot in found.filters] == [LowPass, Biquad, Notch]
-    assert np.allclose(found.filters[0].section(8000), LowPass(omega=2 * np.pi * 1000, zeta=0.6).section(8000))
+    assert np.allclose(
+        found.filters[0].section(8000), LowPass(omega=2 * np.pi * 1000, zeta=0.6).section(8000)
+    )
     f = np.array([300.0, 400.0, 500.0])
-    s, band = 1j * np.tan(np.pi * f / 8000) / np.tan(np.pi * 400 / 8000) * 400, 80.0  # in Hz, exact at 400 Hz
+    # in Hz, exact at 400 Hz
+    s = 1j * np.tan(np.pi * f / 8000) / np.tan(np.pi * 400 / 8000) * 400
+    band = 80.0
     b, a = found.filters[2].section(8000).reshape(2, 3)
     z = np.exp(2j * np.pi * f / 8000)
     expected = (s**2 + 0.1 * band * s + 400**2) / (s**2 + band * s + 400**2)
@@ -572,9 +743,14 @@ def test_a_delay_that_is_too_long_gives_way_to_that_of_the_trace(moving, delay):
     record, settings, right = moving
     long = check_drive([record], replace(settings, delay_periods=4000 * delay))
     assert long.settings.delay + long.settings.lag == pytest.approx(0.55e-3, abs=0.01e-3)
-    assert f"as the trace shows them, instead of {1e3 * delay:g} ms and 0.3 ms as given" in one_line(str(long))
+    assert (
+        f"as the trace shows them, instead of {1e3 * delay:g} ms and 0.3 ms as given"
+        in one_line(str(long))
+    )
     assert long.report.verdict is right.report.verdict
-    assert long.report.classical.phase_margin == pytest.approx(right.report.classical.phase_margin, abs=0.02)
+    assert long.report.classical.phase_margin == pytest.approx(
+        right.report.classical.phase_margin, abs=0.02
+    )
 
 
 def test_a_filter_that_the_gains_do_not_name_is_read_from_the_trace_in_motion(moving):
@@ -583,24 +759,30 @@ def test_a_filter_that_the_gains_do_not_name_is_read_from_the_trace_in_motion(mo
     short = check_drive([record], replace(settings, lag=0.0), conditions=THREE_AT_REST[3:])
     assert short.settings.delay + short.settings.lag == pytest.approx(0.55e-3, abs=0.01e-3)
     assert (
-        "as the trace shows them, instead of 0.25 ms and 0 ms as given (a filter that is missing in the gains"
-        in one_line(str(short))
+        "as the trace shows them, instead of 0.25 ms and 0 ms as given (a filter that is missing in"
+        " the gains" in one_line(str(short))
     )
     assert short.report.verdict is right.report.verdict
-    assert short.report.classical.phase_margin == pytest.approx(right.report.classical.phase_margin, abs=0.02)
+    assert short.report.classical.phase_margin == pytest.approx(
+        right.report.classical.phase_margin, abs=0.02
+    )
     named = check_drive([record], settings, conditions=THREE_AT_REST[3:])
     assert named.settings.lag == settings.lag
     assert "as the trace shows them" not in str(named)
 
 
-@pytest.mark.filterwarnings("ignore:G stands out of its neighbours")  # where it sticks, a narrow resonance
+@pytest.mark.filterwarnings(
+    "ignore:G stands out of its neighbours"
+)  # where it sticks, a narrow resonance
 def test_a_delay_that_is_too_short_is_in_the_loop_all_the_same(folder, told):
     records, settings = four_traces(folder)
     short = check_drive(records, replace(settings, delay_periods=0.0), conditions=THREE_AT_REST)
     margins = [found.report.classical.phase_margin for found in (told, short)]
     assert margins[0] == pytest.approx(margins[1], abs=np.radians(0.5))
     for found in (told, short):  # with lag, that of the traces: 0.55 ms
-        (delay,) = re.findall(r"sampled at 4 kHz with ([\d.]+) ms of delay", found.friction.proofs[0].claim)
+        (delay,) = re.findall(
+            r"sampled at 4 kHz with ([\d.]+) ms of delay", found.friction.proofs[0].claim
+        )
         assert float(delay) == pytest.approx(0.25, abs=0.005)
     assert "the traces at rest show 0.5" in one_line(str(short))
 
@@ -628,20 +810,27 @@ def test_friction_that_was_read_before_serves_other_gains(folder, at_rest):
 
 
 def test_a_proof_holds_with_the_added_delay_and_no_sixteenth_of_a_period_more(folder):
-    """The loop at the ends is proved with what the page names, and one of them is not with the next step."""
+    """The loop at the ends is proved with what the page names, and one of them is not with the next
+    step.
+    """
     settings = load_gains(folder / "gains.toml")
     plants = [robust.friction_plant(mass, 0.0) for mass in (11.9, 12.1)]
     K, friction = cascade(settings, output_unit="N"), robust.friction.MaxwellSlip(2.5e6)
     added = largest_added_delay(plants, K, friction, delay=settings.delay, period=settings.dt)
     late = [settings.delay + added, settings.delay + added + settings.dt / 16]
-    held = [[robust.prove_friction(one, K, friction, delay=delay).verdict for one in plants] for delay in late]
+    held = [
+        [robust.prove_friction(one, K, friction, delay=delay).verdict for one in plants]
+        for delay in late
+    ]
     assert 0 < added < 8 * settings.dt
     assert held[0] == ["proved", "proved"]
     assert set(held[1]) != {"proved"}
 
 
 def test_a_proof_and_an_unstable_model_contradict_each_other(at_rest):
-    """The linear model of a trace at rest has friction in it; what the levels say together is the machine."""
+    """The linear model of a trace at rest has friction in it; what the levels say together is the
+    machine.
+    """
     found = at_rest
     assert found.friction.proved
     assert not found.safe
@@ -651,17 +840,24 @@ def test_a_proof_and_an_unstable_model_contradict_each_other(at_rest):
 
 
 @pytest.mark.parametrize(
-    ("motion", "kind"), [(BaseMotion.MOVING, DoubtKind.UNSTABLE), (BaseMotion.AT_REST, DoubtKind.CONTRADICTED)]
+    ("motion", "kind"),
+    [(BaseMotion.MOVING, DoubtKind.UNSTABLE), (BaseMotion.AT_REST, DoubtKind.CONTRADICTED)],
 )
 def test_a_proof_of_one_mass_does_not_contradict_a_model_in_motion(motion, kind):
-    """In motion the band is wider, and a mode may make the loop unstable that the levels at rest do not reach."""
+    """In motion the band is wider, and a mode may make the loop unstable that the levels at rest do
+    not reach.
+    """
     report, under = SimpleNamespace(nominally_stable=False), Conditions(motion=motion)
-    assert doubt_of_unstable_model("trace", report, under=under, factor=0.5, proved=True).kind is kind
+    assert (
+        doubt_of_unstable_model("trace", report, under=under, factor=0.5, proved=True).kind is kind
+    )
 
 
 @pytest.mark.filterwarnings("ignore:G stands out of its neighbours")
 def test_a_trace_in_motion_gives_no_friction_at_rest(folder, told):
-    """By its design it is left out; without one it counts as at rest, and no model of rest explains it."""
+    """By its design it is left out; without one it counts as at rest, and no model of rest explains
+    it.
+    """
     blind = check_drive(*four_traces(folder))
     assert len(told.friction.fit.levels) == 3
     assert told.friction.proofs
@@ -691,7 +887,9 @@ def test_a_trace_in_motion_enters_by_its_design(run):
 
 
 @pytest.mark.attack(every=2)
-@pytest.mark.parametrize("seed", [6, 10])  # scatter in which a fit has an unstable pole that a zero cancels
+@pytest.mark.parametrize(
+    "seed", [6, 10]
+)  # scatter in which a fit has an unstable pole that a zero cancels
 def test_a_pole_that_is_fitted_to_scatter_makes_no_loop_unstable(folder, seed):
     axis = nlfrf.servo_axis("linear motor")
     limits = nlfrf.signals.AxisLimits(force=400, travel=0.5)
@@ -701,7 +899,9 @@ def test_a_pole_that_is_fitted_to_scatter_makes_no_loop_unstable(folder, seed):
     nlfrf.save(experiment, folder / f"s{seed}.csv")
     robust.servo.play_experiment(axis, folder / f"s{seed}.csv", folder / f"s{seed}-trace.csv")
     settings = load_gains(folder / "gains.toml")
-    records, names, conditions = read_experiments([folder / f"s{seed}-trace.csv"], [experiment], settings)
+    records, names, conditions = read_experiments(
+        [folder / f"s{seed}-trace.csv"], [experiment], settings
+    )
     for record, name, one in zip(records, names, conditions, strict=True):
         found = check_drive([record], settings, names=[name], conditions=[one])
         assert found.linear_passed, found
@@ -709,7 +909,9 @@ def test_a_pole_that_is_fitted_to_scatter_makes_no_loop_unstable(folder, seed):
 
 
 def test_a_free_axis_is_not_taken_for_its_resonance_where_scatter_explains_no_fit():
-    """Motor and load of 0.45 Hz at low frequency, measured from 3 Hz on, with 60 us that no fit without delay has."""
+    """Motor and load of 0.45 Hz at low frequency, measured from 3 Hz on, with 60 us that no fit
+    without delay has.
+    """
     f = np.arange(3.0, 292.0, 4.0)
     motor, load, k, d, c = 14.7, 19.9, 1.14e7, 1540.0, 48.0
     s = 2j * np.pi * f
@@ -732,8 +934,13 @@ def test_a_trace_at_rest_cannot_judge_the_gains_it_was_recorded_with(run):
     assert "the model is unstable: the nominal loop has a pole at" in page
     held = re.search(r"the axis is held, as by a spring of (\S+) N/m from 9 to 27 Hz", page)
     assert 5e5 < float(held[1]) < 2e6  # below its presliding stiffness of 2e6
-    assert "Take a trace in motion: robust servo design ... --velocity V, then --design here" in page
-    assert "rest-trace.csv at rest was recorded with these gains, by its design, in a loop that was stable" in page
+    assert (
+        "Take a trace in motion: robust servo design ... --velocity V, then --design here" in page
+    )
+    assert (
+        "rest-trace.csv at rest was recorded with these gains, by its design, in a loop that was"
+        " stable" in page
+    )
     assert "not 5 as designed" in warned
 
 
@@ -749,8 +956,14 @@ def test_gains_that_did_not_run_are_not_called_stable(folder):
         (150, "A s/m", RecordedGains.OTHER),
         (143, "A s/rad", RecordedGains.OTHER),
     ):
-        assert compare_gains(experiment, replace(settings, kp=kp, kp_unit=kp_unit, position_unit="")) is same
-    assert compare_gains(experiment, replace(settings, kp_unit="Ns/m", torque_constant=np.nan)) is RecordedGains.UNKNOWN
+        assert (
+            compare_gains(experiment, replace(settings, kp=kp, kp_unit=kp_unit, position_unit=""))
+            is same
+        )
+    assert (
+        compare_gains(experiment, replace(settings, kp_unit="Ns/m", torque_constant=np.nan))
+        is RecordedGains.UNKNOWN
+    )
     assert compare_gains(replace(experiment, kv=np.nan), settings) is RecordedGains.OTHER
 
 
@@ -758,7 +971,8 @@ def test_gains_that_did_not_run_are_not_called_stable(folder):
 def test_a_crossover_outside_the_band_is_named(run):
     code, page, _ = run("narrow-trace.csv gains.toml --design narrow.npz")
     found = re.search(
-        r"the loop crosses over at ([\d.]+) Hz, above the measured band of 9 Hz to 59 Hz.* a trace up to ([\d.]+) Hz",
+        r"the loop crosses over at ([\d.]+) Hz, above the measured band of 9 Hz to 59 Hz.* a trace"
+        r" up to ([\d.]+) Hz",
         one_line(page),
     )
     assert code == 1
@@ -767,22 +981,32 @@ def test_a_crossover_outside_the_band_is_named(run):
 
 
 @pytest.mark.usefixtures("played")
-def test_friction_is_bounded_by_what_is_read_in_motion_where_the_linear_model_does_not_judge(run, folder):
-    """The bound of `prove_friction` for the machine behind the trace; nothing passes by it, and it says whose it is."""
+def test_friction_is_bounded_by_what_is_read_in_motion_where_the_linear_model_does_not_judge(
+    run, folder
+):
+    """The bound of `prove_friction` for the machine behind the trace; nothing passes by it, and it
+    says whose it is.
+    """
     code, page, _ = run("narrow-trace.csv gains.toml --design narrow.npz --force 26")
     found = re.search(
-        r"within: at most (\S+) um off, .* for the machine as read in motion \(its loop is", one_line(page)
+        r"within: at most (\S+) um off, .* for the machine as read in motion \(its loop is",
+        one_line(page),
     )
     settings = load_gains(folder / "gains.toml")
     plant = friction_behind_lag(robust.friction_plant(12.0, 0.0, 20.0), settings.lag)
     K, any_friction = cascade(settings, output_unit="N"), robust.friction.Bounded(26.0)
     true = robust.prove_friction(plant, K, any_friction, delay=settings.delay)
-    assert (code, "the linear loop with its uncertainty is not certified" in one_line(page)) == (1, True)
+    assert (code, "the linear loop with its uncertainty is not certified" in one_line(page)) == (
+        1,
+        True,
+    )
     assert 1e-6 * float(found[1]) == pytest.approx(true.error_bound, rel=0.02)
 
 
 def test_an_unstable_loop_gives_no_bound_of_friction():
-    """Neither where the loop of what was read is unstable, nor where the linear model is and nothing ran with it."""
+    """Neither where the loop of what was read is unstable, nor where the linear model is and
+    nothing ran with it.
+    """
     settings, late = settings_of(nlfrf.servo_axis("linear motor")), 4e-3
     read = SimpleNamespace(mass=12.0, damping=20.0, load_mass=0.0, delay=late, units=("N", "m"))
     force = SimpleNamespace(sliding=read, load=None, bristle_time=np.nan, Fs=np.array([20.0, 26.0]))
@@ -792,17 +1016,25 @@ def test_an_unstable_loop_gives_no_bound_of_friction():
         return judge.with_bound(friction, settings, machine=None, slides=slides, Fs=None, unit="N")
 
     assert judged(True).outcome == judged(False).outcome == "open"
-    assert "No bound for the machine as read in motion: the sliding loop is unstable" in judged(True).note
+    assert (
+        "No bound for the machine as read in motion: the sliding loop is unstable"
+        in judged(True).note
+    )
     assert "there is no linear model" in judged(False).note
     read.delay = 0.0
     assert judged(True).outcome == "settles"
 
 
-def test_gains_that_did_not_run_here_are_not_robust_and_the_page_says_what_would_change_it(run, folder):
+def test_gains_that_did_not_run_here_are_not_robust_and_the_page_says_what_would_change_it(
+    run, folder
+):
     (folder / "unstable.toml").write_text(LINEAR.replace("143", "600"))
     code, page, _ = run("moving.npz unstable.toml")
     assert (code, "verdict: NOT ROBUST" in one_line(page)) == (1, True)
-    assert "If the trace was recorded with these gains, the loop was stable and the model is wrong" in one_line(page)
+    assert (
+        "If the trace was recorded with these gains, the loop was stable and the model is wrong"
+        in one_line(page)
+    )
 
 
 def test_thin_margins_are_warned_of_and_not_safe(run, folder):
@@ -810,7 +1042,8 @@ def test_thin_margins_are_warned_of_and_not_safe(run, folder):
     code, page, _ = run("moving.npz thin.toml")
     assert "STATISTICALLY ROBUST" in page
     found = re.search(
-        r"thin margins: \|S\| reaches ([\d.]+) over the set, at [\d.]+ Hz, above 2, and the nominal phase margin is "
+        r"thin margins: \|S\| reaches ([\d.]+) over the set, at [\d.]+ Hz, above 2, and the nominal"
+        r" phase margin is "
         r"([\d.]+) deg. Usual limits are \|S\| of at most 2 and a phase margin of at least 30 deg",
         one_line(page),
     )
@@ -845,7 +1078,9 @@ def test_the_levels_of_a_pre_test_are_three_traces(folder):
     low = robust.servo.design_ramp(axis, ms, rms=2, n_levels=4)
     nlfrf.save(low, folder / "few.csv")
     robust.servo.play_experiment(axis, folder / "few.csv", folder / "few-trace.csv")
-    with pytest.raises(ValueError, match=r"design of a pre-test must show three levels, got few-trace\.csv: "):
+    with pytest.raises(
+        ValueError, match=r"design of a pre-test must show three levels, got few-trace\.csv: "
+    ):
         read_experiments([folder / "few-trace.csv"], [low], settings)
 
 
@@ -856,7 +1091,9 @@ def test_a_pre_test_that_shows_no_friction_leaves_it_unjudged(run, folder):
     low = robust.servo.design_ramp(axis, ms, rms=2, n_levels=4)
     nlfrf.save(low, folder / "short.csv")
     robust.servo.play_experiment(axis, folder / "short.csv", folder / "short-trace.csv")
-    code, page, _ = run("short-trace.csv motion-trace.csv gains.toml --design short.npz --design motion.npz")
+    code, page, _ = run(
+        "short-trace.csv motion-trace.csv gains.toml --design short.npz --design motion.npz"
+    )
     assert code == 3, page
     assert page.startswith("Gains\nlinear loop passed; friction not judged: ")
     assert " not judged: short-trace.csv: " in one_line(page)
@@ -885,7 +1122,9 @@ def test_what_a_file_leaves_out_is_printed_as_assumed(tmp_path):
 def test_a_gain_as_drives_write_it(tmp_path, written, same):
     found = []
     for one in (written, same):
-        (tmp_path / "g.toml").write_text(f'fs = "4 kHz"\nkv = "100 1/s"\nkp = "{one}"\n', encoding="utf-8")
+        (tmp_path / "g.toml").write_text(
+            f'fs = "4 kHz"\nkv = "100 1/s"\nkp = "{one}"\n', encoding="utf-8"
+        )
         settings = load_gains(tmp_path / "g.toml")
         found.append((settings.gain, settings.output_unit, settings.base_unit))
     assert found[0] == found[1]
@@ -906,9 +1145,13 @@ def test_a_position_gain_in_a_doubtful_unit_is_warned_of(tmp_path, kv, in_second
     path = tmp_path / "g.toml"
     path.write_text(LINEAR.replace("100 1/s", kv))
     if in_seconds is None:
-        assert load_gains(path).kv == pytest.approx({"1000": 1000 / 60, "0": 0.0, "3.6": 60.0}[kv.split()[0]])
+        assert load_gains(path).kv == pytest.approx(
+            {"1000": 1000 / 60, "0": 0.0, "3.6": 60.0}[kv.split()[0]]
+        )
         return
-    with pytest.warns(robust.DesignWarning, match=r"kv = '100 .* 1/s, but drives usually have 5 to 1000 1/s") as seen:
+    with pytest.warns(
+        robust.DesignWarning, match=r"kv = '100 .* 1/s, but drives usually have 5 to 1000 1/s"
+    ) as seen:
         found = load_gains(path)
     assert found.kv == pytest.approx(in_seconds, rel=0.01)
     assert f"is {found.kv:.4g} 1/s" in str(seen[0].message)
@@ -930,21 +1173,27 @@ def test_stiffness_in_the_loop_is_that_of_spring_and_gain():
 
 
 def test_the_set_point_passes_a_low_pass_of_kv(told):
-    """What the page says beside an overshoot of zero: from set point to position goes kv/(s + kv) T."""
+    """What the page says beside an overshoot of zero: from set point to position goes kv/(s + kv)
+    T.
+    """
     curves, settings = told.report.curves, told.settings
     drive = with_set_point(settings, output_unit=told.unit)(np.exp(1j * curves.omega * settings.dt))
     closed = curves.G * drive[0, 0] / (1 - curves.G * drive[0, 1])
     T, s = curves.L / (1 + curves.L), 1j * curves.omega
     low = curves.omega < 2 * np.pi * 300  # of 4 kHz, where differences are derivatives
     np.testing.assert_allclose(closed[low], (T * settings.kv / (s + settings.kv))[low], atol=0.03)
-    overshoot = next(one for section in told.sections for one in section.facts if one.name == "overshoot")
+    overshoot = next(
+        one for section in told.sections for one in section.facts if one.name == "overshoot"
+    )
     assert "kv/(s + kv) smooths the set point" in overshoot.meaning
     assert str(told.report.classical.facts[1]) in overshoot.meaning
 
 
 @pytest.mark.parametrize(("kp", "cure"), [(0.10, "raise kp"), (3.0, "lower kp")])
 def test_thin_margins_are_cured_in_the_direction_that_helps(folder, kp, cure):
-    """A kp that is too low for kv and tn oscillates as one that is too high does: the loop is conditionally stable."""
+    """A kp that is too low for kv and tn oscillates as one that is too high does: the loop is
+    conditionally stable.
+    """
     settings = load_gains(folder / "gains.toml")
     record = read_trace(folder / "moving.npz", settings)
     low = check_drive([record], replace(settings, kp=settings.kp * kp, kv=60.0, tn=0.012))
@@ -962,9 +1211,13 @@ def test_a_factor_that_is_named_makes_an_unstable_loop_stable(folder):
         found = check_drive([record], replace(settings, kp=settings.kp * factor))
         assert not found.report.nominally_stable
         assert "Lower the gain" not in one_line(str(found))
-        named = float(re.search(r"([\d.]+) times the present kp makes it stable", one_line(str(found)))[1])
+        named = float(
+            re.search(r"([\d.]+) times the present kp makes it stable", one_line(str(found)))[1]
+        )
         assert (named > 1) == (factor < 1)
-        assert check_drive([record], replace(settings, kp=settings.kp * factor * named)).report.nominally_stable
+        assert check_drive(
+            [record], replace(settings, kp=settings.kp * factor * named)
+        ).report.nominally_stable
 
 
 def test_a_lost_sample_is_cut_out_by_the_option_that_the_refusal_names(run, folder):

@@ -1,4 +1,6 @@
-"""What changes a friction verdict: each number is that of a proof with the change, in the units of the axis."""
+"""What changes a friction verdict: each number is that of a proof with the change, in the units of
+the axis.
+"""
 
 from dataclasses import replace
 
@@ -17,17 +19,19 @@ SLIP = MaxwellSlip(1e3, 3.0, position_unit="rad")
 @pytest.mark.attack
 def test_each_cure_is_a_proof_of_the_changed_drive():
     cures = friction_cures(MACHINE, SETTINGS, SLIP, Fs=0.1)
-    assert [cure.verdict for cure in cures] == sorted((cure.verdict for cure in cures), key=lambda v: v != "proved")
+    assert [cure.verdict for cure in cures] == sorted(
+        (cure.verdict for cure in cures), key=lambda v: v != "proved"
+    )
     by_change = {cure.change: cure for cure in cures}
 
     def proved(settings):
-        return prove_friction(MACHINE, cascade(settings, output_unit="Nm"), SLIP, delay=1e-3, Fs=0.1)
+        return prove_friction(
+            MACHINE, cascade(settings, output_unit="Nm"), SLIP, delay=1e-3, Fs=0.1
+        )
 
     present = proved(SETTINGS).settling_error
-    faster, longer = (
-        proved(replace(SETTINGS, kp=1.89)).settling_error,
-        proved(replace(SETTINGS, tn=0.06)).settling_error,
-    )
+    faster = proved(replace(SETTINGS, kp=1.89)).settling_error
+    longer = proved(replace(SETTINGS, tn=0.06)).settling_error
     errors = {change: cure.error for change, cure in by_change.items() if cure.verdict == "settles"}
     assert (errors.get("kp 1.26 -> 1.89 Nm/(rad/s)") == faster) == (faster < present)
     assert (errors.get("tn 40 -> 60 ms") == longer) == (longer < present)
@@ -50,5 +54,7 @@ def test_a_drive_without_an_integrator_has_no_reset_time_to_change():
 def test_what_is_no_force_is_refused():
     with pytest.raises(ValueError, match="Fs must be positive, got -1"):
         friction_cures(MACHINE, SETTINGS, SLIP, Fs=-1.0)
-    with pytest.raises(ValueError, match="friction must be in the units of the machine, rad, got m"):
+    with pytest.raises(
+        ValueError, match="friction must be in the units of the machine, rad, got m"
+    ):
         friction_cures(MACHINE, SETTINGS, MaxwellSlip(1e3), Fs=0.1)

@@ -1,4 +1,6 @@
-"""Feedforward of a free mass: closed forms, every machine within the intervals, the simulated axis."""
+"""Feedforward of a free mass: closed forms, every machine within the intervals, the simulated
+axis.
+"""
 
 from dataclasses import replace
 
@@ -21,7 +23,9 @@ def motion(n=4000, fs=4000.0, way=0.05, time=0.4):
     t, x = np.arange(n) / fs, 2 * np.pi / time
     ramp, run = np.minimum(t, time), t < time
     r = way * (ramp / time - np.sin(x * ramp) / (2 * np.pi))
-    v, a, j = way / time * np.array([1 - np.cos(x * t), x * np.sin(x * t), x**2 * np.cos(x * t)]) * run
+    v, a, j = (
+        way / time * np.array([1 - np.cos(x * t), x * np.sin(x * t), x**2 * np.cos(x * t)]) * run
+    )
     return r, v, a, j
 
 
@@ -55,7 +59,9 @@ def test_no_machine_within_the_intervals_is_further_off_than_the_error():
     a = rng.uniform(-3, 3, 400)
     closest = 0.0
     for _ in range(200):
-        m, c, Fc, Fs = (rng.choice(end) if rng.random() < 0.5 else rng.uniform(*end) for end in ends.values())
+        m, c, Fc, Fs = (
+            rng.choice(end) if rng.random() < 0.5 else rng.uniform(*end) for end in ends.values()
+        )
         vs = rng.uniform(3e-3, 8e-3)
         needed = m * a + c * v + np.sign(v) * (Fc + (Fs - Fc) * np.exp(-((v / vs) ** 2)))
         missing = np.abs(needed - found.force(v, a))
@@ -85,7 +91,9 @@ def test_the_simulated_axis_follows():
     )
     settings = settings_of(axis)
     r, v, a, j = motion()
-    gains = feedforward(mass=axis.motor_inertia, viscous=axis.motor_damping, coulomb=15.0, settings=settings)
+    gains = feedforward(
+        mass=axis.motor_inertia, viscous=axis.motor_damping, coulomb=15.0, settings=settings
+    )
     mass_only = feedforward(mass=axis.motor_inertia, viscous=axis.motor_damping)
     moving = slice(200, 1400)  # between the rise and the end, where it sticks
     errors = [
@@ -121,10 +129,17 @@ def test_a_class_of_friction_gives_the_mass_with_its_interval():
 
 def test_the_filter_of_the_package_refuses_what_this_serves():
     model = robust.UncertaintyModel(
-        PLANT, control.tf([0.1], [1]), "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI"
+        PLANT,
+        control.tf([0.1], [1]),
+        "multiplicative",
+        np.array([1.0]),
+        np.array([0.1]),
+        perturbation="LTI",
     )
     K, reference = control.tf([600, 12000], [1e-3, 1]), control.tf([1], [1e-6, 3e-4, 3e-2, 1])
-    with pytest.raises(ValueError, match=r"model must have a stable nominal.*robust\.servo\.feedforward"):
+    with pytest.raises(
+        ValueError, match=r"model must have a stable nominal.*robust\.servo\.feedforward"
+    ):
         robust.synthesis.feedforward_filter(model, K, reference)
     assert feedforward(model).mass == pytest.approx(12.0)
 
@@ -146,7 +161,10 @@ def test_the_filter_of_the_package_refuses_what_this_serves():
             {"plant": control.tf([1], [1, 2, 300])},
             r"plant must be 1/\(m s\^2 \+ c s\), got a relative error of",
         ),
-        ({"plant": control.tf([1], [1, 0], 0.1)}, "plant must be continuous, got one sampled at 0.1 s"),
+        (
+            {"plant": control.tf([1], [1, 0], 0.1)},
+            "plant must be continuous, got one sampled at 0.1 s",
+        ),
         ({"mass": 1.0, "settings": 3}, "settings must be of type Drive"),
     ],
 )

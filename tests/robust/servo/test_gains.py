@@ -1,4 +1,6 @@
-"""Controllers read as gains of a drive: cascades come back, PIDs are cascades where their zeros are real."""
+"""Controllers read as gains of a drive: cascades come back, PIDs are cascades where their zeros are
+real.
+"""
 
 from dataclasses import replace
 
@@ -31,7 +33,12 @@ def same(one, other, rel=1e-6):
         {"velocity_lag": 0.7e-3},
         {"tn": np.inf},
         {"tn": np.inf, "velocity_lag": 0.7e-3},
-        {"filters": (LowPass(omega=HZ * 600.0), Notch(omega=HZ * 150.0, width=30.0 / 150.0, depth=0.0))},
+        {
+            "filters": (
+                LowPass(omega=HZ * 600.0),
+                Notch(omega=HZ * 150.0, width=30.0 / 150.0, depth=0.0),
+            )
+        },
         {"position_unit": "mm"},
         {"kp_unit": "A/rpm", "kp": 0.2, "position_unit": "rad", "unit_factor": 1.0},
         {"observer_frequency": 400.0},
@@ -46,7 +53,12 @@ def test_a_cascade_comes_back(more):
         more = more | {"unit_factor": 1e-3, "load_factor": 1e-3}
     settings = replace(BASE, **more)
     found = gains_from_controller(cascade(settings), like=replace(settings, **BLANK))
-    same(found.settings if found.settings.kv == pytest.approx(settings.kv, rel=1e-3) else found.alternative, settings)
+    same(
+        found.settings
+        if found.settings.kv == pytest.approx(settings.kv, rel=1e-3)
+        else found.alternative,
+        settings,
+    )
     assert found.misfit < 1e-9
 
 
@@ -87,14 +99,20 @@ def test_a_pid_is_the_cascade_of_the_derivation(sampled):
 
 
 def test_a_design_from_the_frf_is_read():
-    """The gain at zero frequency is largest with complex zeros; behind a PI that is given they are real."""
+    """The gain at zero frequency is largest with complex zeros; behind a PI that is given they are
+    real.
+    """
     ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=4, f_max=400, rms=5.0, rng=1)
     bla = nlfrf.identify(nlfrf.rig.simulate_servo(frictionless("linear motor"), ms))
     dt, like = 1 / 4000, replace(BASE, **BLANK)
     free = robust.design_frf(bla, "PID", M_S=2.0, dt=dt, positive=True)
-    with pytest.raises(ValueError, match=r"two real zeros.*got 4 n0 n2 at 1\.\d+ times n1\^2.*fixed PI"):
+    with pytest.raises(
+        ValueError, match=r"two real zeros.*got 4 n0 n2 at 1\.\d+ times n1\^2.*fixed PI"
+    ):
         gains_from_controller(free.K, like=like, output_unit="N")
-    design = robust.design_frf(bla, "PD", M_S=2.0, dt=dt, fixed=robust.shaping.pid(1.0, 100.0, dt=dt))
+    design = robust.design_frf(
+        bla, "PD", M_S=2.0, dt=dt, fixed=robust.shaping.pid(1.0, 100.0, dt=dt)
+    )
     found = gains_from_controller(design.K, like=like, output_unit="N").settings
     z = np.exp(1j * np.geomspace(1e-4, 3, 50))
     assert np.allclose(cascade(found, output_unit="N")(z), design.K(z), rtol=1e-9)
@@ -103,16 +121,26 @@ def test_a_design_from_the_frf_is_read():
 
 
 def test_complex_zeros_are_refused_with_the_number():
-    Kp, Ki, Kd, Tf = 180.0, 4000.0, 2.0, 0.5e-3  # in the sampled filter the number is that of continuous time
+    # in the sampled filter the number is that of continuous time
+    Kp = 180.0
+    Ki = 4000.0
+    Kd = 2.0
+    Tf = 0.5e-3
     number = 4 * Ki * (Kp * Tf + Kd) / (Kp + Ki * Tf) ** 2
-    with pytest.raises(ValueError, match=rf"K must have two real zeros .*got 4 n0 n2 at {number:.3g}\d? times n1\^2"):
+    with pytest.raises(
+        ValueError,
+        match=rf"K must have two real zeros .*got 4 n0 n2 at {number:.3g}\d? times n1\^2",
+    ):
         gains_from_controller(robust.shaping.pid(Kp, Ki, Kd, filter_time=Tf), like=BASE)
 
 
 @pytest.mark.parametrize(
     ("K", "message"),
     [
-        (robust.shaping.pid(1.0, 0.0, -1e-2, filter_time=0.1), "zeros between the pole of its derivative filter"),
+        (
+            robust.shaping.pid(1.0, 0.0, -1e-2, filter_time=0.1),
+            "zeros between the pole of its derivative filter",
+        ),
         (
             robust.shaping.pid(280.0, 8000.0, 2.0, filter_time=0.5e-4),
             "pole 0 to 1, got a pole at -0.4286.*half the sampling",
@@ -120,8 +148,16 @@ def test_complex_zeros_are_refused_with_the_number():
         (-cascade(BASE), "gains of one sign to be a cascade, got kp = -143 A/"),
         (2.0, "zeros between the pole|one sign|real zeros|act on the velocity"),
         (robust.shaping.pid(1.0, 3.0), "zeros between the pole|one sign|real zeros|pole 0 to 1"),
-        (cascade(replace(BASE, filters=(Notch(omega=HZ * 100.0, width=20.0 / 100.0, depth=0.0),))), "."),
-        (control.ss(control.tf([1.0], [1.0, -0.5], 0.1)), "K must be sampled as the drive is, 0.00025 s, got 0.1 s"),
+        (
+            cascade(
+                replace(BASE, filters=(Notch(omega=HZ * 100.0, width=20.0 / 100.0, depth=0.0),))
+            ),
+            ".",
+        ),
+        (
+            control.ss(control.tf([1.0], [1.0, -0.5], 0.1)),
+            "K must be sampled as the drive is, 0.00025 s, got 0.1 s",
+        ),
         (np.ones((1, 2)), "K must have one output and 1 position for a drive.*got 1 and 2"),
         (0.0, "got a response of zero"),
     ],
@@ -134,4 +170,6 @@ def test_what_is_no_cascade_is_refused(K, message):
 def test_the_misfit_is_a_number():
     like = replace(BASE, observer_frequency=400.0)
     with pytest.raises(ValueError, match=r"relative error of \d\.\d+ to the nearest such cascade"):
-        gains_from_controller(cascade(replace(like, filters=(LowPass(omega=HZ * 300.0),))), like=like)
+        gains_from_controller(
+            cascade(replace(like, filters=(LowPass(omega=HZ * 300.0),))), like=like
+        )

@@ -1,4 +1,6 @@
-"""An axis as it was read, run under its drive: what it does in the end, and which change of the drive is advised."""
+"""An axis as it was read, run under its drive: what it does in the end, and which change of the
+drive is advised.
+"""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -51,14 +53,18 @@ def force(stiction=2.0, *, K0=(np.nan, np.nan), stribeck=(1e-3, 2e-3), creeps=Fa
 
 
 def test_stiction_makes_an_axis_hunt_and_no_stiction_lets_it_rest():
-    """A loop with integral part hunts under much stiction, and comes to rest where the force does not fall with speed.
+    """A loop with integral part hunts under much stiction, and comes to rest where the force does
+    not fall with speed.
 
-    Armstrong-Hélouvry, Dupont, Canudas de Wit 1994, 4.2: hunting takes a static friction above Coulomb friction.
+    Armstrong-Hélouvry, Dupont, Canudas de Wit 1994, 4.2: hunting takes a static friction above
+    Coulomb friction.
     """
     hunting = simulate_rest(force(3.0), SETTINGS)
     assert hunting.hunts
     assert np.count_nonzero(hunting.amplitudes) > RUNS / 2
-    assert 1e-5 < hunting.amplitude < 3.0 / (SETTINGS.kp * SETTINGS.kv)  # below what holds the largest friction
+    assert (
+        1e-5 < hunting.amplitude < 3.0 / (SETTINGS.kp * SETTINGS.kv)
+    )  # below what holds the largest friction
     assert np.nanmin(hunting.periods) > 4 * SETTINGS.tn
     resting = simulate_rest(force(1.0), SETTINGS)
     assert not resting.amplitudes.any()
@@ -77,7 +83,13 @@ def test_laws_of_friction_hunt_alike(K0):
 
 def test_the_records_refute_laws():
     assert laws_not_refuted(force()) == ("rigid", "Maxwell slip or GMS", "LuGre", "Leuven")
-    assert laws_not_refuted(force(1.0)) == ("rigid", "Maxwell slip or GMS", "Dahl", "LuGre", "Leuven")
+    assert laws_not_refuted(force(1.0)) == (
+        "rigid",
+        "Maxwell slip or GMS",
+        "Dahl",
+        "LuGre",
+        "Leuven",
+    )
     assert laws_not_refuted(force(K0=(1e5, 2e5))) == ("Maxwell slip or GMS", "LuGre", "Leuven")
     assert laws_not_refuted(force(1.0, K0=(1e5, 2e5), creeps=True)) == ("Dahl", "LuGre", "Leuven")
 
@@ -85,8 +97,12 @@ def test_the_records_refute_laws():
 def test_what_is_not_simulated_has_its_reason():
     assert reason_against_simulation(force(), SETTINGS) == ""
     assert "break-away force" in reason_against_simulation(None, SETTINGS)
-    assert "break-away force" in reason_against_simulation(replace(force(), Fs=np.full(2, np.nan)), SETTINGS)
-    assert "velocity from differences" in reason_against_simulation(force(), replace(SETTINGS, encoder="load"))
+    assert "break-away force" in reason_against_simulation(
+        replace(force(), Fs=np.full(2, np.nan)), SETTINGS
+    )
+    assert "velocity from differences" in reason_against_simulation(
+        force(), replace(SETTINGS, encoder="load")
+    )
     assert "position loop" in reason_against_simulation(force(), replace(SETTINGS, kv=0.0))
     assert "were not separated" in reason_against_simulation(force(), SETTINGS, masses=2)
 
@@ -105,15 +121,26 @@ def test_the_advice_is_the_mildest_change_that_keeps_the_linear_verdict():
     last = simulate_rest(force(3.0), asked[-1])  # played again
     assert last.amplitude <= found.amplitude / 2
     refused = with_advice(found, force(3.0), SETTINGS, lambda other: False)
-    assert DriveFriction(simulated=refused).answers("m")["change"].startswith("none of the tried changes ")
-    assert with_advice(simulate_rest(force(1.0), SETTINGS), force(1.0), SETTINGS, keeps).advice == ""
+    assert (
+        DriveFriction(simulated=refused)
+        .answers("m")["change"]
+        .startswith("none of the tried changes ")
+    )
+    assert (
+        with_advice(simulate_rest(force(1.0), SETTINGS), force(1.0), SETTINGS, keeps).advice == ""
+    )
 
 
 def test_a_load_on_a_stiff_spring_does_what_one_mass_does():
     """The friction is shared between both, and each has its numbers from the same draws."""
     one, omega = force(3.0), 2 * np.pi * 400
-    spring = {"stiffness": one.sliding.mass * omega**2 / 4, "damping": 0.02 * one.sliding.mass * omega}
-    fit = SimpleNamespace(load_mass=0.4, coupling=spring["stiffness"], coupling_damping=spring["damping"])
+    spring = {
+        "stiffness": one.sliding.mass * omega**2 / 4,
+        "damping": 0.02 * one.sliding.mass * omega,
+    }
+    fit = SimpleNamespace(
+        load_mass=0.4, coupling=spring["stiffness"], coupling_damping=spring["damping"]
+    )
     fit.stds, fit.Fs, fit.load_Fs = dict.fromkeys(("mass", "load_mass", "coupling"), 0.01), 3.0, 0.9
     both = with_load(one, fit)
     assert both.load.share == pytest.approx(0.3)
@@ -128,7 +155,11 @@ def test_a_load_on_a_stiff_spring_does_what_one_mass_does():
 def test_the_distance_that_was_asked_for_is_answered():
     """It is answered by what is proved, else by a hunting axis that swings by more."""
     hunting = SimulatedRest(laws=("rigid",), amplitudes=np.full(RUNS, 4e-6), periods=np.ones(RUNS))
-    assert DriveFriction(simulated=hunting).answers("m", 3e-6)["within"].endswith("Within 3 um: no, as simulated")
+    assert (
+        DriveFriction(simulated=hunting)
+        .answers("m", 3e-6)["within"]
+        .endswith("Within 3 um: no, as simulated")
+    )
     assert (
         DriveFriction(simulated=hunting)
         .answers("m", 5e-6)["within"]
@@ -143,7 +174,9 @@ def test_the_distance_that_was_asked_for_is_answered():
 
 
 def test_what_hunts_in_simulation_has_not_passed_and_a_bound_is_named():
-    """The first line said that the linear loop passed, and "not judged" stood above a bound that was proved."""
+    """The first line said that the linear loop passed, and "not judged" stood above a bound that
+    was proved.
+    """
     hunting = SimulatedRest(laws=("rigid",), amplitudes=np.full(RUNS, 4e-6), periods=np.ones(RUNS))
     rests = replace(hunting, amplitudes=np.zeros(RUNS))
     margins, settings = SimpleNamespace(S_worst=1.5), SimpleNamespace(base_unit="m")
@@ -151,7 +184,11 @@ def test_what_hunts_in_simulation_has_not_passed_and_a_bound_is_named():
 
     def judged(**friction):
         seen = SimpleNamespace(
-            linear_passed=True, safe=False, friction=DriveFriction(**friction), report=report, settings=settings
+            linear_passed=True,
+            safe=False,
+            friction=DriveFriction(**friction),
+            report=report,
+            settings=settings,
         )
         seen.verdict = DriveCheck.verdict.fget(seen)
         return seen.verdict, DriveCheck.findings.fget(seen)[0]
@@ -164,7 +201,9 @@ def test_what_hunts_in_simulation_has_not_passed_and_a_bound_is_named():
     assert judged(simulated=hunting, bounded=known)[0] is DriveVerdict.NOT_PASSED
     bounded, line = judged(simulated=rests, bounded=known)
     assert bounded is DriveVerdict.FRICTION_BOUNDED
-    assert line.startswith("linear loop passed; friction bounded, rest unproved: the axis stays within 20 um, proved")
+    assert line.startswith(
+        "linear loop passed; friction bounded, rest unproved: the axis stays within 20 um, proved"
+    )
     assert judged(simulated=rests)[0] is judged()[0] is DriveVerdict.FRICTION_NOT_JUDGED
 
 
@@ -186,11 +225,15 @@ def test_one_run_alone_is_no_hunting():
 
 def test_a_run_without_an_end_is_neither_rest_nor_hunting(monkeypatch):
     run = nlfrf.rig.run
-    monkeypatch.setattr(nlfrf.rig, "run", lambda axis, *_, **__: replace(run(axis, np.zeros(8)), diverged=True))
+    monkeypatch.setattr(
+        nlfrf.rig, "run", lambda axis, *_, **__: replace(run(axis, np.zeros(8)), diverged=True)
+    )
     found = simulate_rest(force(3.0), SETTINGS)
     assert (found.ended, found.count, found.hunts) == (0, 0, False)
     margins, proofs = SimpleNamespace(S_worst=1.2), SimpleNamespace(robustly_stable=True)
     report = SimpleNamespace(nominally_stable=True, proofs=proofs, peak=2.0, margins=margins)
-    known = simulate_drive(DriveFriction(force=force(3.0)), SETTINGS, model=None, report=report, stable=True, masses=1)
+    known = simulate_drive(
+        DriveFriction(force=force(3.0)), SETTINGS, model=None, report=report, stable=True, masses=1
+    )
     assert known.simulated is None
     assert "succeeded in 0 runs only" in known.unsimulated

@@ -10,7 +10,9 @@ from robust.servo import load_gains
 from robust.servo.checking.read import read_experiments
 
 pytestmark = [
-    pytest.mark.skipif(not bench_stranger.RIG.is_file(), reason="the independent axis is not beside the project"),
+    pytest.mark.skipif(
+        not bench_stranger.RIG.is_file(), reason="the independent axis is not beside the project"
+    ),
     pytest.mark.filterwarnings("ignore"),
 ]
 
@@ -31,7 +33,9 @@ def test_an_axis_of_any_friction_gets_a_verdict(law, tmp_path):
     assert 0 < friction["within"] < 3 * bench_stranger.bound_of_truth(axis)
     assert friction["mass"] == pytest.approx(axis.mass, rel=0.02)
     assert friction["mass_interval"][0] < axis.mass < friction["mass_interval"][1]
-    assert friction["delay"] == pytest.approx(axis.delay_periods / axis.fs + axis.lag, abs=0.05 / axis.fs)
+    assert friction["delay"] == pytest.approx(
+        axis.delay_periods / axis.fs + axis.lag, abs=0.05 / axis.fs
+    )
     low, high = friction["Fs_interval"]
     assert low < (axis.Fc if law == "dahl" else axis.Fs) < high
     assert friction["reason"]
@@ -50,11 +54,13 @@ def test_an_axis_with_a_load_of_any_friction_gets_a_verdict(law, tmp_path):
     assert 0 < friction["within"] < 3 * bench_stranger.bound_of_truth(axis)
     assert friction["simulated"] == "rests"
     assert friction["mass"] == pytest.approx(8.0, rel=0.02)  # of both
-    # LuGre creeps while it slides, which the fit leaves out: on one of two processors, whose roundings the simulation
-    # amplifies, its 95 % interval began 0.6 % above the mass
+    # LuGre creeps while it slides, which the fit leaves out: on one of two processors, whose
+    # roundings the simulation amplifies, its 95 % interval began 0.6 % above the mass
     low, high = friction["mass_interval"]
     assert 0.985 * low < 8.0 < 1.015 * high
-    assert friction["delay"] == pytest.approx(axis.delay_periods / axis.fs + axis.lag, abs=0.05 / axis.fs)
+    assert friction["delay"] == pytest.approx(
+        axis.delay_periods / axis.fs + axis.lag, abs=0.05 / axis.fs
+    )
     low, high = friction["Fs_interval"]
     assert low < axis.Fs < high
 
@@ -78,14 +84,18 @@ def test_a_delay_that_is_too_long_for_a_proof_keeps_the_linear_verdict(tmp_path)
 @pytest.mark.attack
 @pytest.mark.parametrize("seed", [0, 3])
 def test_a_pole_that_a_zero_cancels_is_none_of_the_machine(seed, tmp_path):
-    """It is worth more than scatter, as it takes up one line: both axes were called unstable with their own gains."""
+    """It is worth more than scatter, as it takes up one line: both axes were called unstable with
+    their own gains.
+    """
     rig = bench_stranger.load_rig(bench_stranger.RIG)
     bench_stranger.play(rig, rig.random_axis(seed), tmp_path)
     assert bench_stranger.check(tmp_path)[1]["linear"]["verdict"] == "statistically robust"
 
 
 def test_a_pole_that_a_zero_cancels_makes_no_loop_unstable(tmp_path):
-    """The best fit that does not lead had an unstable pole 0.7 % from a zero: all was lost, and the axis hunts."""
+    """The best fit that does not lead had an unstable pole 0.7 % from a zero: all was lost, and the
+    axis hunts.
+    """
     rig = bench_stranger.load_rig(bench_stranger.RIG)
     bench_stranger.play(rig, rig.hunting_axis(25), tmp_path)
     found = bench_stranger.check(tmp_path)[1]
@@ -97,18 +107,33 @@ def test_a_pole_that_a_zero_cancels_makes_no_loop_unstable(tmp_path):
 @pytest.mark.parametrize("strokes", [1, 2])
 @pytest.mark.parametrize("seed", [3, 5, 8])
 def test_a_free_axis_is_judged_with_lines_far_below_its_crossover(seed, strokes, tmp_path):
-    """Its pole at zero lies below every line: on which side of the axis scatter puts it decided the verdict."""
+    """Its pole at zero lies below every line: on which side of the axis scatter puts it decided the
+    verdict.
+    """
     rig = bench_stranger.load_rig(bench_stranger.RIG)
     axis = rig.random_axis(70)
     bench_stranger.write_files(axis, tmp_path)
-    asked = ["--period", 2000, "--f-min", 3, "--f-max", 200, "--velocity", 0.1, "--strokes", strokes]
+    asked = [
+        "--period",
+        2000,
+        "--f-min",
+        3,
+        "--f-max",
+        200,
+        "--velocity",
+        0.1,
+        "--strokes",
+        strokes,
+    ]
     asked += ["--max-force", 88, "--max-travel", 0.5, "--seed", seed, "-o", tmp_path / "moving.csv"]
     code, _, said = bench_stranger.run("robust", "servo", "design", tmp_path / "axis.toml", *asked)
     assert code == 0, said
     data = np.loadtxt(tmp_path / "moving.csv", delimiter=",", skiprows=1)
     u, y, _ = rig.play(axis, data[:, 1])
     head = "t [s],force set point [N],position [m]"
-    np.savetxt(tmp_path / "trace.csv", np.c_[data[:, 0], u, y], delimiter=",", header=head, comments="")
+    np.savetxt(
+        tmp_path / "trace.csv", np.c_[data[:, 0], u, y], delimiter=",", header=head, comments=""
+    )
     gains = load_gains(tmp_path / "gains.toml")
     experiment = nlfrf.load(tmp_path / "moving.npz")
     records, names, conditions = read_experiments(
@@ -124,7 +149,20 @@ def test_the_design_of_realisations_may_be_given_for_each_of_their_traces(tmp_pa
     rig = bench_stranger.load_rig(bench_stranger.RIG)
     axis = rig.Axis()
     bench_stranger.write_files(axis, tmp_path)
-    asked = ["--period", 2000, "--f-min", 9, "--f-max", 200, "--velocity", 0.1, "--strokes", 1, "--realizations", 2]
+    asked = [
+        "--period",
+        2000,
+        "--f-min",
+        9,
+        "--f-max",
+        200,
+        "--velocity",
+        0.1,
+        "--strokes",
+        1,
+        "--realizations",
+        2,
+    ]
     asked += ["--max-force", 1500, "--max-travel", 0.6, "--seed", 1, "-o", tmp_path / "moving.csv"]
     code, _, said = bench_stranger.run("robust", "servo", "design", tmp_path / "axis.toml", *asked)
     assert code == 0, said

@@ -1,4 +1,6 @@
-"""The function block, run statement by statement, against python-control and the simulated drive."""
+"""The function block, run statement by statement, against python-control and the simulated
+drive.
+"""
 
 import re
 from dataclasses import replace
@@ -19,7 +21,9 @@ BASE = Drive(fs=4000, kv=60, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant
 
 
 class Block:
-    """A function block, translated from its text: declarations are variables, statements are run at each call."""
+    """A function block, translated from its text: declarations are variables, statements are run at
+    each call.
+    """
 
     def __init__(self, text):
         text = re.sub(r"\(\*.*?\*\)", "", text, flags=re.DOTALL)
@@ -40,7 +44,9 @@ class Block:
             if head:
                 depth += head[1] == "IF"
                 condition = re.sub(r"\b(AND|OR|NOT)\b", lambda word: word[0].lower(), head[2])
-                lines.append("    " * (depth - 1) + {"IF": "if", "ELSIF": "elif"}[head[1]] + f" {condition}:")
+                lines.append(
+                    "    " * (depth - 1) + {"IF": "if", "ELSIF": "elif"}[head[1]] + f" {condition}:"
+                )
             else:
                 name, right = statement.split(" := ")
                 assert name in self.names, f"{name} is not declared"
@@ -57,7 +63,12 @@ class Block:
 
 def run(settings, **signals):
     block = Block(structured_text(settings))
-    return np.array([block.call(**dict(zip(signals, row, strict=True))) for row in zip(*signals.values(), strict=True)])
+    return np.array(
+        [
+            block.call(**dict(zip(signals, row, strict=True)))
+            for row in zip(*signals.values(), strict=True)
+        ]
+    )
 
 
 @pytest.mark.parametrize(
@@ -65,7 +76,10 @@ def run(settings, **signals):
     [
         {},
         {
-            "filters": (Notch(omega=HZ * 83.0, width=20.0 / 83.0, depth=0.1), LowPass(omega=HZ * 700.0)),
+            "filters": (
+                Notch(omega=HZ * 83.0, width=20.0 / 83.0, depth=0.1),
+                LowPass(omega=HZ * 700.0),
+            ),
             "velocity_lag": 0.3e-3,
         },
         {"observer_frequency": 300.0},
@@ -92,13 +106,20 @@ def test_two_encoders():
 
 
 def test_it_is_the_simulated_drive_with_its_limit_and_its_slow_position_loop():
-    """The block is given what the drive of a machine at its limit saw: it asks for the same current."""
+    """The block is given what the drive of a machine at its limit saw: it asks for the same
+    current.
+    """
     axis = frictionless("belt", position_every=4)
     axis = replace(axis, drive=replace(axis.drive, limit=2.0, velocity_feedforward=0.7))
     r = np.cumsum(np.random.default_rng(5).standard_normal(1500)) * 2e-4
     trace = nlfrf.rig.run(axis, {"position": r, "force": np.full(1500, 40.0)})
     settings = settings_of(axis, limit=2.0)
-    u = run(settings, position=trace.position, position_set=r, added=np.full(1500, 40.0 / axis.force_constant))
+    u = run(
+        settings,
+        position=trace.position,
+        position_set=r,
+        added=np.full(1500, 40.0 / axis.force_constant),
+    )
     assert 0.05 < trace.limited.mean() < 0.95
     assert np.allclose(u, trace.current_set, rtol=0, atol=1e-9)
 

@@ -1,4 +1,6 @@
-"""Crossover asked for and got, in the design and on the command line; and the noise that an encoder makes in u."""
+"""Crossover asked for and got, in the design and on the command line; and the noise that an encoder
+makes in u.
+"""
 
 import re
 import sys
@@ -14,12 +16,16 @@ from robust.synthesis.hinf.design import Design
 from tests.support.printed import unwrapped
 
 HZ = 2 * np.pi
-MODE = control.tf([(HZ * 40) ** 2], [1, 0.04 * HZ * 40, (HZ * 40) ** 2]) * control.tf([1], [0.05, 1])
+MODE = control.tf([(HZ * 40) ** 2], [1, 0.04 * HZ * 40, (HZ * 40) ** 2]) * control.tf(
+    [1], [0.05, 1]
+)
 
 
 @pytest.mark.parametrize("structure", ["PI", "PID"])
 def test_a_crossover_is_limited_on_every_line_above(structure):
-    """Of a mode above it |L| would come back over one, as it did while one line alone was limited."""
+    """Of a mode above it |L| would come back over one, as it did while one line alone was
+    limited.
+    """
     most = HZ * 8
     design = design_frf(MODE, structure, M_S=2.0, omega_c=(HZ * 1, most), dt=1e-3)
     omega = np.linspace(most, 0.999e3 * np.pi, 20_000)
@@ -38,7 +44,9 @@ def test_one_number_is_a_least_crossover():
 def model_of(G, unit="", dt=0.0):
     w = control.tf([0.1], [1], dt) if dt else control.tf([0.1], [1])
     omega = np.array([1.0, 300.0])
-    return UncertaintyModel(G, w, "multiplicative", omega, np.array([0.05, 0.1]), origin=Origin(unit=unit))
+    return UncertaintyModel(
+        G, w, "multiplicative", omega, np.array([0.05, 0.1]), origin=Origin(unit=unit)
+    )
 
 
 @pytest.fixture
@@ -60,12 +68,16 @@ def test_the_command_prints_what_was_asked_and_got(command):
     code, out, err = command("design model.json --bandwidth 5 --sample-time 1e-3 -o K.json")
     at = re.search(r"crossovers? ([\d.Hz, ]+), asked 5 Hz", out)[1]
     got = float(at.split(", ")[-1].removesuffix(" Hz"))
-    seen = robust.margins.classical_margins(robust.sampled(MODE, 1e-3) * load("K.json")).crossover / HZ
+    seen = (
+        robust.margins.classical_margins(robust.sampled(MODE, 1e-3) * load("K.json")).crossover / HZ
+    )
     assert got == pytest.approx(seen, rel=2e-3)
     assert ("off by more than a factor of 2" in err) == (
         not any(2.5 <= float(one.removesuffix(" Hz")) <= 10 for one in at.split(", "))
     )
-    err = command("design model.json --bandwidth 5 --crossover-within 1.001 --sample-time 1e-3 -o K.json")[2]
+    err = command(
+        "design model.json --bandwidth 5 --crossover-within 1.001 --sample-time 1e-3 -o K.json"
+    )[2]
     assert f"{at}, asked 5 Hz: off by more than a factor of 1.001 (--crossover-within)" in err
     out = command("design model.json --method mixsyn --bandwidth 1 -o m.json")[1]
     assert re.search(r"bandwidth of S [\d.]+ Hz, asked 1 Hz", out)
@@ -87,7 +99,9 @@ def test_the_noise_of_an_encoder_is_its_closed_form(g):
     """G = g/z, K = k: K S = k z/(z + k g), whose impulse response is k (-k g)^n."""
     k, dt = 1.2, 1e-2
     report = check(model_of(control.tf([g], [1, 0], dt), dt=dt), control.ss([], [], [], [[k]], dt))
-    assert report.encoder_noise == pytest.approx(k / np.sqrt(1 - (k * g) ** 2) / np.sqrt(12), rel=1e-9)
+    assert report.encoder_noise == pytest.approx(
+        k / np.sqrt(1 - (k * g) ** 2) / np.sqrt(12), rel=1e-9
+    )
     assert "a step of 1 unit of y adds" in unwrapped(str(report))
 
 
@@ -109,12 +123,17 @@ def test_the_noise_of_an_encoder_is_that_of_rounding():
 
 
 def test_a_crossover_below_the_one_asked_is_named():
-    """|L| falls below one at 0.32 Hz; a mode lifts it above one again near 2 Hz, which was asked."""
+    """|L| falls below one at 0.32 Hz; a mode lifts it above one again near 2 Hz, which was
+    asked.
+    """
     design = Design(
         K=control.ss([], [], [], [[2.0]]), gamma=float("nan"), peak_S=2.0, peak_T=2.0,
         crossovers=(2.0, HZ * 1.9, HZ * 2.1), omega_c=(HZ * 2,),
     )  # fmt: skip
-    assert "|L| crosses one at 0.3183 Hz already: a mode may reach the crossover asked" in design.loop_in_words
+    assert (
+        "|L| crosses one at 0.3183 Hz already: a mode may reach the crossover asked"
+        in design.loop_in_words
+    )
 
 
 def test_every_crossover_is_printed(command):

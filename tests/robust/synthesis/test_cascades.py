@@ -1,4 +1,6 @@
-"""Loops in cascade and feedforward against the loops themselves: poles, plants of the set, errors by brute force."""
+"""Loops in cascade and feedforward against the loops themselves: poles, plants of the set, errors
+by brute force.
+"""
 
 import control
 import numpy as np
@@ -27,15 +29,25 @@ def both_loops(G, K_x, K_v):
 
 
 def test_a_cascade_is_checked_as_one_loop():
-    """Robust by the check: every plant of the set is stable in both loops; beyond the margin one is not."""
+    """Robust by the check: every plant of the set is stable in both loops; beyond the margin one is
+    not.
+    """
     G = control.ss(control.tf([50], [1, 3]) * control.tf([400], [1, 8, 400]))
     K_x, K_v = control.tf([4], [1]), control.tf([0.04, 0.1], [1, 0])
     K = control.ss(K_v) * (1 + control.ss(K_x) * control.ss(INTEGRATOR))
-    alone, as_one = control.feedback(control.ss(K_v) * G, 1).poles(), control.feedback(G * K, 1).poles()
-    assert np.sort_complex(both_loops(G, K_x, K_v).poles()) == pytest.approx(np.sort_complex(as_one), rel=1e-6)
+    alone = control.feedback(control.ss(K_v) * G, 1).poles()
+    as_one = control.feedback(G * K, 1).poles()
+    assert np.sort_complex(both_loops(G, K_x, K_v).poles()) == pytest.approx(
+        np.sort_complex(as_one), rel=1e-6
+    )
     assert alone.real.max() < 0
     model = UncertaintyModel(
-        G, control.tf([0.1, 0.3], [0.5, 3]), "multiplicative", LINES, 1e-3 * LINES, perturbation="LTI"
+        G,
+        control.tf([0.1, 0.3], [0.5, 3]),
+        "multiplicative",
+        LINES,
+        1e-3 * LINES,
+        perturbation="LTI",
     )
     report = check(model, K)
     assert report.verdict == "robust"
@@ -45,7 +57,12 @@ def test_a_cascade_is_checked_as_one_loop():
         assert both_loops(plant, K_x, K_v).poles().real.max() < 0
     factor = 1.02 * report.margins.rs
     wide = UncertaintyModel(
-        G, factor * control.tf([0.1, 0.3], [0.5, 3]), "multiplicative", LINES, 1e-3 * LINES, perturbation="LTI"
+        G,
+        factor * control.tf([0.1, 0.3], [0.5, 3]),
+        "multiplicative",
+        LINES,
+        1e-3 * LINES,
+        perturbation="LTI",
     )
     assert check(wide, K).verdict == "not robust"
     omega = np.geomspace(1e-2, 1e3, 20_000)
@@ -61,7 +78,9 @@ def test_a_cascade_is_checked_as_one_loop():
 
 
 def test_a_velocity_from_differences_of_a_position():
-    """Under a clock: u = K_v (K_x (r - x) - (x[k] - x[k-1])/dt), step by step and as one controller."""
+    """Under a clock: u = K_v (K_x (r - x) - (x[k] - x[k-1])/dt), step by step and as one
+    controller.
+    """
     dt, G = 0.01, control.ss(control.tf([1], [1, 2, 0]))
     difference = control.tf([1, -1], [dt, 0], dt)
     K = 8.0 * (5.0 + control.ss(difference))
@@ -82,15 +101,21 @@ def test_a_velocity_from_differences_of_a_position():
     "form", ["multiplicative", "additive", "inverse-multiplicative", "inverse-additive", "coprime"]
 )
 def test_feedforward_errors_are_those_of_the_set(form):
-    """T_ref S_p (1 - G_p/G) over the disc of every frequency, and exact following of the nominal plant."""
-    G, w, K = control.tf([2], [1, 1]), control.tf([0.02, 0.05], [0.2, 1]), control.tf([1, 1], [1, 0])
+    """T_ref S_p (1 - G_p/G) over the disc of every frequency, and exact following of the nominal
+    plant.
+    """
+    G = control.tf([2], [1, 1])
+    w = control.tf([0.02, 0.05], [0.2, 1])
+    K = control.tf([1, 1], [1, 0])
     T_ref = control.tf([1], [0.3, 1])
     model = UncertaintyModel(G, w, form, LINES, 1e-3 * np.ones(2), perturbation="LTI")
     found = feedforward_filter(model, K, T_ref)
     assert found.gamma_min <= found.gamma
     assert found.error.max() < 0.02
     at = slice(None, None, 60)
-    g, k, size, wanted, f = (response(control.ss(s), found.omega[at]) for s in (G, K, w, T_ref, found.F))
+    g, k, size, wanted, f = (
+        response(control.ss(s), found.omega[at]) for s in (G, K, w, T_ref, found.F)
+    )
     Delta = np.exp(2j * np.pi * np.arange(720) / 720)[:, None]
     t = size / np.sqrt(1 - np.abs(size) ** 2)
     plants = {
@@ -116,6 +141,10 @@ def test_feedforward_under_a_clock_and_where_it_is_refused():
     assert found.F.dt == 0.02
     slow = found.omega < 2
     assert found.error_worst[slow].max() < 0.3 * found.error_without[slow].max()
-    unstable = UncertaintyModel(control.tf([1], [1, -1]), w, "multiplicative", LINES, np.full(2, 0.1))
-    with pytest.raises(ValueError, match="model must have a stable nominal for a feedforward, got a pole at 1"):
+    unstable = UncertaintyModel(
+        control.tf([1], [1, -1]), w, "multiplicative", LINES, np.full(2, 0.1)
+    )
+    with pytest.raises(
+        ValueError, match="model must have a stable nominal for a feedforward, got a pole at 1"
+    ):
         feedforward_filter(unstable, 3.0, control.tf([1], [1, 1]))

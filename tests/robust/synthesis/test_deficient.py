@@ -1,4 +1,6 @@
-"""Channels without effect, outputs that u does not reach, deficient D12 and D21: the answer, and never a bare error."""
+"""Channels without effect, outputs that u does not reach, deficient D12 and D21: the answer, and
+never a bare error.
+"""
 
 import control
 import numpy as np
@@ -32,7 +34,9 @@ def test_deficient_plants_have_the_answer_of_their_closed_form(family, seed):
 
 @pytest.mark.parametrize("a", [1.0, 0.7, 1.3])
 def test_two_equal_actuators_do_what_one_does(a):
-    both, one = (hinfsyn(control.ss([[-a]], *matrices), 1, n) for matrices, n in ((EQUAL, 2), (ALONE, 1)))
+    both, one = (
+        hinfsyn(control.ss([[-a]], *matrices), 1, n) for matrices, n in ((EQUAL, 2), (ALONE, 1))
+    )
     assert both.gamma == pytest.approx(one.gamma, rel=1e-6)
     assert both.gamma_min == pytest.approx(one.gamma_min, rel=1e-3)
     assert both.certified
@@ -42,7 +46,9 @@ def test_two_equal_actuators_do_what_one_does(a):
 
 @pytest.mark.parametrize("a", [1.0, 1.3])
 def test_where_nothing_helps_the_controller_is_zero(a):
-    unreached = control.ss([[-a, 0], [0, -2 * a]], [[1, 0], [0, 1]], [[1, 0], [1, 1]], np.zeros((2, 2)))
+    unreached = control.ss(
+        [[-a, 0], [0, -2 * a]], [[1, 0], [0, 1]], [[1, 0], [1, 1]], np.zeros((2, 2))
+    )
     dead = control.ss([[-a]], [[1, 1]], [[1], [0]], np.zeros((2, 2)))
     idle = control.ss([[-a]], [[1, 0]], [[1], [1]], np.zeros((2, 2)))
     for P in (unreached, dead, idle):
@@ -58,7 +64,9 @@ def test_channels_without_effect_are_left_out():
     plant = prepare_plant(control.ss([[-1.0]], *EQUAL), 1, 2)
     assert plant.B2.shape == (1, 1)
     assert plant.into_u[0] == pytest.approx(plant.into_u[1])
-    far = control.ss([[-1.0]], [[1, 0, 1e9, 1e-9]], [[1], [0], [1]], [[0] * 4, [0, 0, 1e9, 2e-9], [0, 0.1, 0, 0]])
+    far = control.ss(
+        [[-1.0]], [[1, 0, 1e9, 1e-9]], [[1], [0], [1]], [[0] * 4, [0, 0, 1e9, 2e-9], [0, 0.1, 0, 0]]
+    )
     assert prepare_plant(far, 1, 2).B2.shape == (1, 2)  # other units are no missing effect
     assert compress_channels(plant).B2.shape == (1, 1)
 
@@ -66,7 +74,11 @@ def test_channels_without_effect_are_left_out():
 def test_an_unstable_mode_that_a_dead_actuator_leaves_is_named():
     P = control.ss([[1.0]], [[1, 0]], [[1], [1]], np.zeros((2, 2)))
     with pytest.raises(
-        ValueError, match="P must be stabilisable by a controller, got one where u does not reach the mode at s = 1"
+        ValueError,
+        match=(
+            "P must be stabilisable by a controller, got one where u does not reach the mode at"
+            " s = 1"
+        ),
     ):
         hinfsyn(P, 1, 1)
 
@@ -87,7 +99,9 @@ def terrain_following(measured):
 
 
 @pytest.mark.parametrize(
-    ("measured", "known"), [([2, 1, 6, 5], 0.249), ([2, 1, 3], 5200.0), ([2, 3, 6], 0.249)], ids=["TF1", "TF2", "TF3"]
+    ("measured", "known"),
+    [([2, 1, 6, 5], 0.249), ([2, 1, 3], 5200.0), ([2, 3, 6], 0.249)],
+    ids=["TF1", "TF2", "TF3"],
 )
 def test_terrain_following(measured, known):
     """Three integrators in a chain, and a lag of a day: inf and 5.5e6 came out of TF1 and TF2."""
@@ -118,7 +132,9 @@ def test_a_weight_with_zeros_in_the_right_half_plane_is_bounded_by_its_value_at_
 
 def test_a_problem_without_a_bound_says_so():
     """Two lags from w and u to z, y = u's: no controller is best, as any level is reached."""
-    B, C = [[1.0, 0], [0, 1], [0, 0]], [[-1.0, 0, -1]] * 2  # -1/(s + 1) from w, -1/((s + 2)(s + 10)) from u
+    # -1/(s + 1) from w, -1/((s + 2)(s + 10)) from u
+    B = [[1.0, 0], [0, 1], [0, 0]]
+    C = [[-1.0, 0, -1]] * 2
     P = control.ss([[-1.0, 0, 0], [0, -12, -20], [0, 1, 0]], B, C, np.zeros((2, 2)))
     found = hinfsyn(P, 1, 1)
     assert found.gamma < 1e-2
@@ -130,7 +146,9 @@ def test_a_loop_that_is_zero_is_certified():
     design = mixsyn(control.ss(1 / (S + 1)), control.ss([], [], [], [[0.0]]))
     assert (design.gamma, design.certified, design.reason) == (0.0, True, "")
     assert design.certificate.verify().verified
-    chain = control.ss([[-1, 0], [0, -2]], [[1, 0], [0, 1]], [[0, 1], [1, 0]], np.zeros((2, 2)))  # w reaches y alone
+    chain = control.ss(
+        [[-1, 0], [0, -2]], [[1, 0], [0, 1]], [[0, 1], [1, 0]], np.zeros((2, 2))
+    )  # w reaches y alone
     found = hinfsyn(chain, 1, 1)
     assert (found.gamma, found.certified) == (0.0, True)
 
@@ -153,7 +171,9 @@ def test_controllers_of_compressed_plants_close_the_loop_that_was_given():
     rng = np.random.default_rng(5)
     A, mix = 0.5 * rng.standard_normal((3, 3)), np.array([[1.0, 2.0, -1.0]])
     B1, b, c = rng.standard_normal((3, 2)), rng.standard_normal((3, 1)), rng.standard_normal((1, 3))
-    D = np.block([[np.zeros((1, 2)), np.zeros((1, 3))], [np.zeros((1, 2)), 0.3 * mix], [0.1, 0.2, 0.4 * mix]])
+    D = np.block(
+        [[np.zeros((1, 2)), np.zeros((1, 3))], [np.zeros((1, 2)), 0.3 * mix], [0.1, 0.2, 0.4 * mix]]
+    )
     P = control.StateSpace(A, np.hstack([B1, b @ mix]), np.vstack([c, np.zeros((1, 3)), c]), D, 0.1)
     found = hinfsyn(P, 1, 3)
     closed = lower_lft(P, found.K)
@@ -164,13 +184,17 @@ def test_controllers_of_compressed_plants_close_the_loop_that_was_given():
 
 
 def test_what_rounding_leaves_of_a_rotation_couples_nothing():
-    """One state: an entry of 4e-16 in place of a zero was balanced by, and X came out as anything from 0.8 to 2.3."""
+    """One state: an entry of 4e-16 in place of a zero was balanced by, and X came out as anything
+    from 0.8 to 2.3.
+    """
     faults, _ = faults_of("deficient", [5, 18])
     assert not faults
     rng = np.random.default_rng([5, 18])
     P, n_y, n_u, _ = FAMILIES["deficient"](rng, int(rng.integers(1, 6)), 0.1 * int(rng.integers(2)))
     dual = dual_plant(normalise_plant(prepare_plant(P, n_y, n_u)))
-    A, B1, B2 = (dual.A - dual.B2 @ dual.C1[1:]).item(), dual.B1 - dual.B2 @ dual.D11[1:], dual.B2.item()
+    A = (dual.A - dual.B2 @ dual.C1[1:]).item()
+    B1 = dual.B1 - dual.B2 @ dual.D11[1:]
+    B2 = dual.B2.item()
     for gamma in (2.6, 2.9685, 3.3):
         inverse = np.linalg.inv(gamma**2 * np.eye(2) - np.outer(dual.D11[0], dual.D11[0]))
         closed_form = 2 * A / (B2**2 - (B1 @ inverse @ B1.T).item())

@@ -21,7 +21,9 @@ from tests.support.distillation import WITH_PERFORMANCE, controller, plant
 
 
 def test_the_distillation_column():
-    """SP 8.12.4: H-infinity synthesis alone reaches mu 1.18, the second round 1.02; the inverse-based K has 5.78."""
+    """SP 8.12.4: H-infinity synthesis alone reaches mu 1.18, the second round 1.02; the
+    inverse-based K has 5.78.
+    """
     design = dk_iteration(plant(), WITH_PERFORMANCE, 2, 2, n_rounds=2)
     first, second = (mu for _, mu, _ in design.history)
     assert first == pytest.approx(1.18, abs=0.02)
@@ -29,7 +31,10 @@ def test_the_distillation_column():
     assert design.mu == second
     N = lower_lft(plant(), design.K)
     assert decide_stability(N).stable
-    assert robust.mu.upper(along(N, np.geomspace(1e-4, 1e3, 200)), WITH_PERFORMANCE).value.max() <= 1.005 * design.mu
+    assert (
+        robust.mu.upper(along(N, np.geomspace(1e-4, 1e3, 200)), WITH_PERFORMANCE).value.max()
+        <= 1.005 * design.mu
+    )
     assert design.certificate.holds
     assert design.certificate.level <= 1.02 * design.mu
 
@@ -44,9 +49,14 @@ def test_moved_along_the_gradient_the_distillation_column_comes_below_what_round
     assert len(design.history) < 12
     assert design.K.nstates == 12
     N = lower_lft(plant(), design.K)
-    assert robust.mu.upper(along(N, np.geomspace(1e-6, 1e6, 600)), WITH_PERFORMANCE).value.max() < 1.001 * design.mu
+    assert (
+        robust.mu.upper(along(N, np.geomspace(1e-6, 1e6, 600)), WITH_PERFORMANCE).value.max()
+        < 1.001 * design.mu
+    )
     assert design.certificate.holds
-    assert robust.mu.certify(N, WITH_PERFORMANCE, 1.02 * design.mu).holds  # of the loop put together from K again
+    assert robust.mu.certify(
+        N, WITH_PERFORMANCE, 1.02 * design.mu
+    ).holds  # of the loop put together from K again
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
@@ -76,10 +86,19 @@ def test_a_level_that_is_good_enough_ends_the_search():
 
 
 def column(form):
-    """The distillation column as a set: a full block at its input (SP 8.11.3 has two numbers), or its entries."""
-    G = control.ss(-np.eye(2) / 75, np.eye(2), np.array([[87.8, -86.4], [108.2, -109.6]]) / 75, np.zeros((2, 2)))
+    """The distillation column as a set: a full block at its input (SP 8.11.3 has two numbers), or
+    its entries.
+    """
+    G = control.ss(
+        -np.eye(2) / 75,
+        np.eye(2),
+        np.array([[87.8, -86.4], [108.2, -109.6]]) / 75,
+        np.zeros((2, 2)),
+    )
     one = control.ss([], [], [], [[1.0]])
-    w = control.StateSpace([[-2.0]], [[1.0]], [[(0.2 - 2.0) * 2.0]], [[2.0]], 0)  # (s + 0.2)/(0.5 s + 1)
+    w = control.StateSpace(
+        [[-2.0]], [[1.0]], [[(0.2 - 2.0) * 2.0]], [[2.0]], 0
+    )  # (s + 0.2)/(0.5 s + 1)
     small = control.ss([], [], [], [[0.2]])
     left, right = ((one, one), (w, w)) if form == "input" else ((), (small,) * 4)
     radius = np.array([[0.999 * abs(weight(1j))] for weight in (*left, *right)])
@@ -91,7 +110,9 @@ def column(form):
 
 @pytest.mark.parametrize("n_rounds", [1, pytest.param(2, marks=pytest.mark.attack)])
 def test_the_distillation_column_as_a_set(n_rounds):
-    """A full block costs no more than the two numbers of SP 8.12.4 (there from 1.18 to 1.02 and lower)."""
+    """A full block costs no more than the two numbers of SP 8.12.4 (there from 1.18 to 1.02 and
+    lower).
+    """
     model, w_P = column("input"), performance_weight(0.05, M_S=2, A=1e-3)
     design = dk_iteration(model, w_P=w_P, n_rounds=n_rounds)
     assert [mu for _, mu, _ in design.history] == pytest.approx([1.19, 1.05][:n_rounds], abs=0.02)
@@ -106,7 +127,9 @@ def test_the_distillation_column_as_a_set(n_rounds):
 
 @pytest.mark.attack
 def test_the_entries_of_a_matrix_and_a_weight_on_the_effort():
-    """Four numbers and a performance of errors and efforts: the plant as interconnection of the loop tells it, too."""
+    """Four numbers and a performance of errors and efforts: the plant as interconnection of the
+    loop tells it, too.
+    """
     model, w_P, w_u = column("elements"), performance_weight(0.01, M_S=3, A=1e-2), 0.01
     design = dk_iteration(model, w_P=w_P, w_u=w_u, n_rounds=2, order=2)
     assert len(design.history) == 2
@@ -120,10 +143,22 @@ def test_the_entries_of_a_matrix_and_a_weight_on_the_effort():
     ("call", "message"),
     [
         (lambda: dk_iteration(column("input")), "w_P must be given for an UncertaintyModel"),
-        (lambda: dk_iteration(column("input"), [(2, 2)], w_P=1.0), "and blocks left out: the model has its own"),
-        (lambda: dk_iteration(plant(), WITH_PERFORMANCE, 2, 2, w_P=1.0), "w_P and w_u must be left out except for"),
-        (lambda: dk_iteration(column("input"), w_P=np.eye(3)), "w_P must have 1 input, for all channels alike, or 2"),
-        (lambda: mixsyn(column("input"), 1.0), "got one with several channels: use dk_iteration for its"),
+        (
+            lambda: dk_iteration(column("input"), [(2, 2)], w_P=1.0),
+            "and blocks left out: the model has its own",
+        ),
+        (
+            lambda: dk_iteration(plant(), WITH_PERFORMANCE, 2, 2, w_P=1.0),
+            "w_P and w_u must be left out except for",
+        ),
+        (
+            lambda: dk_iteration(column("input"), w_P=np.eye(3)),
+            "w_P must have 1 input, for all channels alike, or 2",
+        ),
+        (
+            lambda: mixsyn(column("input"), 1.0),
+            "got one with several channels: use dk_iteration for its",
+        ),
     ],
 )
 def test_refusals_of_sets(call, message):
@@ -157,11 +192,18 @@ def test_a_round_that_fails_leaves_what_there_is(monkeypatch):
 
 
 def test_fast_scalings_hide_no_unstable_pair():
-    """Beside scalings with poles at 1e4 rad/s the pair at 0.69 counted as one that u does not reach."""
+    """Beside scalings with poles at 1e4 rad/s the pair at 0.69 counted as one that u does not
+    reach.
+    """
     G = control.ss([[0.69, 0.25], [-0.25, 0.69]], np.eye(2), [[1, 0.2], [0.1, 1]], np.zeros((2, 2)))
     w, w_P = control.tf([50, 5000], [1, 10000]), control.tf([0.5, 1.5], [1, 0.03])
     model = UncertaintyModel(
-        G, form="input", left=(w, w), right=(1, 1), omega=np.geomspace(1e-3, 1e4, 100), perturbation="LTI"
+        G,
+        form="input",
+        left=(w, w),
+        right=(1, 1),
+        omega=np.geomspace(1e-3, 1e4, 100),
+        perturbation="LTI",
     )
     design = dk_iteration(model, w_P=w_P, n_rounds=2)
     assert len(design.history) == 2
@@ -170,15 +212,24 @@ def test_fast_scalings_hide_no_unstable_pair():
 
 def test_scalings_are_minimum_phase_and_have_an_inverse():
     omega = np.geomspace(1e-2, 1e2, 80)
-    D, inverse = minimum_phase(omega, np.abs((1j * omega + 2) / (1j * omega + 0.3)), dt=0.0, order=1)
+    D, inverse = minimum_phase(
+        omega, np.abs((1j * omega + 2) / (1j * omega + 0.3)), dt=0.0, order=1
+    )
     assert np.all(D.poles().real < 0)
     assert np.all(inverse.poles().real < 0)
-    assert np.abs(response(D, omega)) == pytest.approx(np.abs((1j * omega + 2) / (1j * omega + 0.3)), rel=1e-3)
+    assert np.abs(response(D, omega)) == pytest.approx(
+        np.abs((1j * omega + 2) / (1j * omega + 0.3)), rel=1e-3
+    )
     assert response(D, omega) * response(inverse, omega) == pytest.approx(1, rel=1e-9)
 
 
 @pytest.mark.parametrize(
-    "blocks", [[(1, 1), (2, 1), (1, 2)], [(2, 2, "repeated"), (1, 1)], [(1, 1, "real"), (1, 1, "real"), (1, 1)]]
+    "blocks",
+    [
+        [(1, 1), (2, 1), (1, 2)],
+        [(2, 2, "repeated"), (1, 1)],
+        [(1, 1, "real"), (1, 1, "real"), (1, 1)],
+    ],
 )
 @pytest.mark.filterwarnings("ignore:Solution may be inaccurate")  # the last digits
 def test_a_program_finds_scalings_above_the_bound_and_none_below(blocks):
@@ -189,17 +240,28 @@ def test_a_program_finds_scalings_above_the_bound_and_none_below(blocks):
 
 
 def largest_margin(M, blocks, beta):
-    """max t, beta^2 X_R - M^H X_L M - j (G M - M^H G^H) > t, by cvxpy: negative where nothing proves beta."""
+    """max t, beta^2 X_R - M^H X_L M - j (G M - M^H G^H) > t, by cvxpy: negative where nothing
+    proves beta.
+    """
     s = block_structure("blocks", blocks)
     x, g, t = cvxpy.Variable(len(s.left)), cvxpy.Variable(max(len(s.skew), 1)), cvxpy.Variable()
     X_L = sum(x[k] * L for k, L in enumerate(s.left))
-    slack = sum(x[k] * (beta**2 * R - M.conj().T @ L @ M) for k, (L, R) in enumerate(zip(s.left, s.right, strict=True)))
+    slack = sum(
+        x[k] * (beta**2 * R - M.conj().T @ L @ M)
+        for k, (L, R) in enumerate(zip(s.left, s.right, strict=True))
+    )
     for k, S in enumerate(s.skew):
         slack = slack - g[k] * (1j * S @ M + (1j * S @ M).conj().T)
-    real = [cvxpy.bmat([[cvxpy.real(A), -cvxpy.imag(A)], [cvxpy.imag(A), cvxpy.real(A)]]) for A in (slack, X_L)]
-    constraints = [(A + A.T) / 2 >> b * np.eye(A.shape[0]) for A, b in zip(real, (t, 1e-7), strict=True)]
+    real = [
+        cvxpy.bmat([[cvxpy.real(A), -cvxpy.imag(A)], [cvxpy.imag(A), cvxpy.real(A)]])
+        for A in (slack, X_L)
+    ]
+    constraints = [
+        (A + A.T) / 2 >> b * np.eye(A.shape[0]) for A, b in zip(real, (t, 1e-7), strict=True)
+    ]
     problem = cvxpy.Problem(
-        cvxpy.Maximize(t), [*constraints, cvxpy.real(cvxpy.trace(X_L)) == 1, cvxpy.norm_inf(g) <= 1e3]
+        cvxpy.Maximize(t),
+        [*constraints, cvxpy.real(cvxpy.trace(X_L)) == 1, cvxpy.norm_inf(g) <= 1e3],
     )
     problem.solve(solver="CLARABEL")
     return t.value
@@ -224,7 +286,9 @@ def test_worst_gain_of_the_distillation_column_is_seen_by_no_perturbation():
         M, reached = response_[:, :, k], 0.0
         for _ in range(300):
             delta = np.diag(np.exp(2j * np.pi * rng.random(2)))
-            closed = M[2:, 2:] + M[2:, :2] @ delta @ np.linalg.solve(np.eye(2) - M[:2, :2] @ delta, M[:2, 2:])
+            closed = M[2:, 2:] + M[2:, :2] @ delta @ np.linalg.solve(
+                np.eye(2) - M[:2, :2] @ delta, M[:2, 2:]
+            )
             reached = max(reached, np.linalg.norm(closed, 2))
         assert 0.9 * gain[k] < reached <= gain[k] * (1 + 1e-6)
 
@@ -236,9 +300,18 @@ def test_worst_gain_of_the_distillation_column_is_seen_by_no_perturbation():
             lambda: dk_iteration(plant(), [(1, 1)], 2, 2),
             "must add up to the 4 outputs and 4 inputs of P without",
         ),
-        (lambda: dk_iteration(plant(), WITH_PERFORMANCE, 2, 2, order=-1), "order must be a whole number"),
-        (lambda: gain_bound(np.ones((2, 2, 1)), [(2, 2)]), "blocks must leave some of the 2 outputs"),
-        (lambda: robust.mu.certify(control.ss([], [], [], [[1]]), [(1, 1)], solver="MOSEK"), "solver must be one of"),
+        (
+            lambda: dk_iteration(plant(), WITH_PERFORMANCE, 2, 2, order=-1),
+            "order must be a whole number",
+        ),
+        (
+            lambda: gain_bound(np.ones((2, 2, 1)), [(2, 2)]),
+            "blocks must leave some of the 2 outputs",
+        ),
+        (
+            lambda: robust.mu.certify(control.ss([], [], [], [[1]]), [(1, 1)], solver="MOSEK"),
+            "solver must be one of",
+        ),
     ],
 )
 def test_refusals(call, message):

@@ -1,4 +1,6 @@
-"""Learning filters: closed forms of the disc, the factor against plants of the set, trials, files, refusals."""
+"""Learning filters: closed forms of the disc, the factor against plants of the set, trials, files,
+refusals.
+"""
 
 import warnings
 from dataclasses import replace
@@ -22,8 +24,14 @@ def make(form="multiplicative", size=0.2, sampled=False, perturbation="LTI"):
     G = control.tf([4], [1, 1.6, 4])
     dt = T if sampled else 0
     # of a continuous additive set the weight has to fall off, or what folds down has no bound
-    w = control.ss([], [], [], [[size]], dt) if sampled or form != "additive" else control.tf([size], [0.2, 1])
-    return robust.UncertaintyModel(robust.sampled(G, T) if sampled else G, w, form, OMEGA, perturbation=perturbation)
+    w = (
+        control.ss([], [], [], [[size]], dt)
+        if sampled or form != "additive"
+        else control.tf([size], [0.2, 1])
+    )
+    return robust.UncertaintyModel(
+        robust.sampled(G, T) if sampled else G, w, form, OMEGA, perturbation=perturbation
+    )
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +78,9 @@ def test_no_plant_of_the_set_has_a_larger_factor(which, request):
 
 def test_a_level_below_the_largest_factor_is_not_proved(sampled):
     loop = stability_claim(sampled.model, sampled.K, w_P=None, delay=0.0)
-    claim = LearningClaim(loop=loop, omega_Q=sampled.omega_Q, full=sampled.full, level=sampled.factor)
+    claim = LearningClaim(
+        loop=loop, omega_Q=sampled.omega_Q, full=sampled.full, level=sampled.factor
+    )
     assert prove_learning(claim, time_cap=20).holds
     assert not prove_learning(replace(claim, level=0.99 * sampled.factor), time_cap=2).holds
 
@@ -91,11 +101,16 @@ def test_coprime_factors_have_a_disc_and_no_proof():
         J = G / (1 + G * PI(np.exp(1j * omega * T)))
         assert np.all(np.abs(J - centre) <= radius * (1 + 1e-6))
     assert not learning.proved
-    assert "not proved between them: the coprime form has no such proof" in " ".join(f"{learning}".split())
+    assert "not proved between them: the coprime form has no such proof" in " ".join(
+        f"{learning}".split()
+    )
 
 
 def test_a_larger_set_learns_less():
-    cutoffs = [robust.design_learning(make(size=size, sampled=True), PI, factor=0.3).omega_Q for size in (0.25, 0.4)]
+    cutoffs = [
+        robust.design_learning(make(size=size, sampled=True), PI, factor=0.3).omega_Q
+        for size in (0.25, 0.4)
+    ]
     assert cutoffs[0] > cutoffs[1]
 
 
@@ -104,7 +119,9 @@ def test_the_nominal_inverse_holds_on_a_grid_and_learns_less(sampled):
     best = robust.design_learning(make(sampled=True), PI, factor=0.3)
     assert plain.omega_Q <= best.omega_Q
     assert not plain.proved
-    assert f"on {plain.omega.size} frequencies up to Nyquist, not proved" in " ".join(f"{plain}".split())
+    assert f"on {plain.omega.size} frequencies up to Nyquist, not proved" in " ".join(
+        f"{plain}".split()
+    )
 
 
 def trials(learning, plant, n=800, count=6):
@@ -142,7 +159,9 @@ def test_update_is_linear_and_zero_of_nothing(sampled):
     u, e = rng.standard_normal((2, 300))
     zero = np.zeros(300)
     assert np.abs(sampled.update(zero, zero)).max() == 0
-    assert np.allclose(sampled.update(u, e), sampled.update(u, zero) + sampled.update(zero, e), atol=1e-9)
+    assert np.allclose(
+        sampled.update(u, e), sampled.update(u, zero) + sampled.update(zero, e), atol=1e-9
+    )
 
 
 def test_a_file_gives_the_filter_back(aliased, tmp_path):
@@ -154,14 +173,20 @@ def test_a_file_gives_the_filter_back(aliased, tmp_path):
 
 
 REFUSED = {
-    "model must be an UncertaintyModel": lambda: robust.design_learning(control.tf([1], [1, 1]), PI),
+    "model must be an UncertaintyModel": lambda: robust.design_learning(
+        control.tf([1], [1, 1]), PI
+    ),
     "K must be sampled": lambda: robust.design_learning(make(), control.tf([1], [1])),
     'got the class "operator"': lambda: robust.design_learning(make(perturbation="operator"), PI),
-    "multiplicative or additive for a sampled K": lambda: robust.design_learning(make("inverse-additive"), PI),
+    "multiplicative or additive for a sampled K": lambda: robust.design_learning(
+        make("inverse-additive"), PI
+    ),
     "factor must be below 1": lambda: robust.design_learning(make(), PI, factor=1.5),
     "u_max must be a positive": lambda: robust.design_learning(make(), PI, u_max=0),
     'L must be "set", "nominal" or a system': lambda: robust.design_learning(make(), PI, L="best"),
-    "K must leave every plant of the set stable": lambda: robust.design_learning(make(size=3.0), PI),
+    "K must leave every plant of the set stable": lambda: robust.design_learning(
+        make(size=3.0), PI
+    ),
     "omega_Q must leave a factor below 1": lambda: robust.design_learning(
         make(size=0.3, sampled=True), PI, L=control.ss([], [], [], [[50.0]], T), omega_Q=20.0
     ),
@@ -177,11 +202,15 @@ def test_refusals(message):
 def test_trials_that_do_not_fit(sampled):
     with pytest.raises(ValueError, match="e must have a sample for each of the 300 of u, got 299"):
         sampled.update(np.zeros(300), np.zeros(299))
-    with pytest.raises(ValueError, match=r"u must be real samples of one channel, \(n,\) or \(n, 1\)"):
+    with pytest.raises(
+        ValueError, match=r"u must be real samples of one channel, \(n,\) or \(n, 1\)"
+    ):
         sampled.update(np.zeros((300, 2)), np.zeros(300))
     with pytest.raises(ValueError, match="e must be finite, got nan"):
         sampled.update(np.zeros(300), np.full(300, np.nan))
-    with pytest.warns(robust.DesignWarning, match="a trial must be longer than the longest time constant"):
+    with pytest.warns(
+        robust.DesignWarning, match="a trial must be longer than the longest time constant"
+    ):
         sampled.update(np.zeros(5), np.zeros(5))
 
 
@@ -196,7 +225,10 @@ def test_the_commands_design_and_step(tmp_path, capsys):
     u.write_text("\n".join(["0"] * 300))
     e.write_text("t,e\n" + "\n".join(f"{k},{np.sin(k * T)}" for k in range(300)))
     app(["learn", str(model), str(K), "-o", str(learning)], standalone_mode=False)
-    app(["learn", "step", str(learning), str(u), str(e), "-o", str(following)], standalone_mode=False)
+    app(
+        ["learn", "step", str(learning), str(u), str(e), "-o", str(following)],
+        standalone_mode=False,
+    )
     found = np.loadtxt(following, delimiter=",", skiprows=1)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -204,7 +236,10 @@ def test_the_commands_design_and_step(tmp_path, capsys):
     assert np.allclose(found[:, 1], wanted, rtol=1e-12)
     e.write_text("one\ntwo\n")
     with pytest.raises(ValueError, match="must have numbers in its last column"):
-        app(["learn", "step", str(learning), str(u), str(e), "-o", str(following)], standalone_mode=False)
+        app(
+            ["learn", "step", str(learning), str(u), str(e), "-o", str(following)],
+            standalone_mode=False,
+        )
 
 
 def test_pictures(sampled):

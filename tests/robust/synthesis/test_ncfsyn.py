@@ -95,7 +95,9 @@ def matrix_plant(rng, n, n_y, n_u, dt=0.0):
 @pytest.mark.parametrize("dt", [0.0, 0.1])
 @pytest.mark.parametrize("shape", [(2, 2), (3, 2), (1, 3)])
 def test_least_gamma_of_matrices_from_the_hankel_norm_of_their_factors(shape, dt):
-    """gamma_min = (1 - |[N M]|_H^2)^-1/2 (Glover & McFarlane 1989): no Riccati solution of the design in it."""
+    """gamma_min = (1 - |[N M]|_H^2)^-1/2 (Glover & McFarlane 1989): no Riccati solution of the
+    design in it.
+    """
     G = matrix_plant(np.random.default_rng(sum(shape)), 4, *shape, dt)
     (A, B, C, D), _ = coprime_factors("G", G)
     factors = evaluate_transfer(A, B, C, D, 2j)[0]
@@ -109,16 +111,22 @@ def test_least_gamma_of_matrices_from_the_hankel_norm_of_their_factors(shape, dt
 
 
 def test_beside_one_another_the_worst_channel_counts():
-    """Of a diagonal plant gamma_min is the largest of the channels', and shaping functions may come in matrices."""
+    """Of a diagonal plant gamma_min is the largest of the channels', and shaping functions may come
+    in matrices.
+    """
     single = [control.ss(control.tf([k], [1, a])) for k, a in ((1, 1), (4, -0.5), (2, 3))]
     W = [control.tf([1, 2], [1, 0]), control.tf([2], [1]), control.tf([1, 5], [1, 0])]
     wanted = max(ncfsyn(G, w).gamma_min for G, w in zip(single, W, strict=True))
     design = ncfsyn(control.append(*single), control.append(*map(control.ss, W)))
     assert design.gamma_min == pytest.approx(wanted, rel=1e-8)
     same = ncfsyn(control.append(*single), W[0], 0.5)
-    written = ncfsyn(control.append(*single), control.append(*[control.ss(W[0])] * 3), 0.5 * np.eye(3))
+    written = ncfsyn(
+        control.append(*single), control.append(*[control.ss(W[0])] * 3), 0.5 * np.eye(3)
+    )
     assert same.gamma_min == pytest.approx(written.gamma_min, rel=1e-9)
-    assert np.all(control.feedback(control.append(*single) * design.K, np.eye(3)).poles().real < 1e-9)
+    assert np.all(
+        control.feedback(control.append(*single) * design.K, np.eye(3)).poles().real < 1e-9
+    )
 
 
 def test_exchanged_and_turned_channels():
@@ -147,7 +155,9 @@ def test_crossover_weight_puts_the_crossover(omega_c, T):
     G = control.ss(control.tf([5], [1, 10]))
     G = sampled(G, T) if T else G
     W1 = crossover_weight(G, omega_c)
-    assert np.abs(response(G, np.array([omega_c])) * response(W1, np.array([omega_c])))[0] == pytest.approx(1)
+    assert np.abs(response(G, np.array([omega_c])) * response(W1, np.array([omega_c])))[
+        0
+    ] == pytest.approx(1)
     assert np.abs(response(W1, np.array([1e-6])))[0] > 1e3
 
 
@@ -158,11 +168,23 @@ def test_crossover_weight_puts_the_crossover(omega_c, T):
         (lambda: ncfsyn(BOOK, control.tf([1], [1, 1], 0.1)), "W1 must have the sampling time of G"),
         (lambda: ncfsyn(control.tf([1, 0, 0], [1, 1])), "G must be proper"),
         (lambda: ncfsyn(np.ones((2, 3)), np.eye(2)), "W1 must have 3 outputs, one a channel of G"),
-        (lambda: ncfsyn(np.ones((2, 3)), W2=np.eye(3)), "W2 must have 2 inputs, one a channel of G"),
-        (lambda: ncfsyn(np.eye(2), control.tf([1], [1, 1], 0.1)), "W1 must have the sampling time of G"),
-        (lambda: ncfsyn(control.tf([1], [1, 0]), control.tf([1, 0], [1, 1])), "G must be stabilisable"),
+        (
+            lambda: ncfsyn(np.ones((2, 3)), W2=np.eye(3)),
+            "W2 must have 2 inputs, one a channel of G",
+        ),
+        (
+            lambda: ncfsyn(np.eye(2), control.tf([1], [1, 1], 0.1)),
+            "W1 must have the sampling time of G",
+        ),
+        (
+            lambda: ncfsyn(control.tf([1], [1, 0]), control.tf([1, 0], [1, 1])),
+            "G must be stabilisable",
+        ),
         (lambda: crossover_weight(BOOK, -1.0), "omega_c must be positive"),
-        (lambda: crossover_weight(sampled(control.ss(BOOK), 0.1), 30.0), "half the Nyquist frequency"),
+        (
+            lambda: crossover_weight(sampled(control.ss(BOOK), 0.1), 30.0),
+            "half the Nyquist frequency",
+        ),
     ],
 )
 def test_refusals(call, message):

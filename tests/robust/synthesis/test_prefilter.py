@@ -1,4 +1,6 @@
-"""Prefilters: exact where a closed form exists, bounded from below, and what the set makes of them by brute force."""
+"""Prefilters: exact where a closed form exists, bounded from below, and what the set makes of them
+by brute force.
+"""
 
 import control
 import numpy as np
@@ -20,29 +22,39 @@ def model(form="multiplicative", G=LAG, w=W):
 
 
 @pytest.mark.parametrize(
-    "reference", [control.tf([1], [1, 1]), control.tf([0.25], [1, 0.7, 0.25]), control.tf([6], [1, 6])]
+    "reference",
+    [control.tf([1], [1, 1]), control.tf([0.25], [1, 0.7, 0.25]), control.tf([6], [1, 6])],
 )
 def test_a_minimum_phase_loop_follows_what_it_is_asked(reference):
-    """F = T_ref / T is the answer where effort costs nothing: the error is what effort and left-out states leave."""
+    """F = T_ref / T is the answer where effort costs nothing: the error is what effort and left-out
+    states leave.
+    """
     found = prefilter(model(), PI, reference, effort=1e-3)
     assert found.gamma_min <= found.gamma
     assert found.error.max() < 0.03
     assert response(found.F, np.zeros(1))[0] == pytest.approx(1.0, rel=1e-6)
     assert np.all(np.linalg.eigvals(found.F.A).real < 0)
     T = response(control.ss(control.tf([2], [1, 2])), found.omega)
-    direct = np.abs(response(control.ss(reference), found.omega) - T * response(found.F, found.omega))
+    direct = np.abs(
+        response(control.ss(reference), found.omega) - T * response(found.F, found.omega)
+    )
     np.testing.assert_allclose(found.error, direct, atol=1e-9)
 
 
 def test_no_prefilter_beats_the_bound_of_a_zero_on_the_right():
-    """T(1) = 0 at a zero of the plant: |T_ref - T F| >= |T_ref(1)| somewhere, and gamma_min knows it."""
+    """T(1) = 0 at a zero of the plant:
+
+    |T_ref - T F| >= |T_ref(1)| somewhere, and gamma_min knows it.
+    """
     G, T_ref = control.tf([-1, 1], [1, 3, 2]), control.tf([3], [1, 3])
     found = prefilter(model(G=G, w=control.tf([0.05], [1])), control.tf([0.5], [1, 0]), T_ref)
     assert found.gamma_min >= abs(T_ref(1.0)) * 0.999
     assert found.error.max() >= abs(T_ref(1.0)) * 0.99
 
 
-@pytest.mark.parametrize("form", ["multiplicative", "additive", "inverse-multiplicative", "inverse-additive"])
+@pytest.mark.parametrize(
+    "form", ["multiplicative", "additive", "inverse-multiplicative", "inverse-additive"]
+)
 def test_the_worst_error_is_that_of_the_set(form):
     """Brute force over the edge of the disc of every frequency."""
     small = control.tf([0.02, 0.04], [0.1, 1])
@@ -59,7 +71,9 @@ def test_the_worst_error_is_that_of_the_set(form):
         "inverse-additive": g / (1 + w * g * delta),
     }[form]
     worst = np.abs(wanted - plant * k / (1 + plant * k) * f).max(axis=0)
-    np.testing.assert_allclose(found.error_worst[:: max(1, found.omega.size // 40)], worst, rtol=1e-3)
+    np.testing.assert_allclose(
+        found.error_worst[:: max(1, found.omega.size // 40)], worst, rtol=1e-3
+    )
 
 
 def test_sampled_and_outside_of_the_loop():
@@ -77,7 +91,10 @@ def test_sampled_and_outside_of_the_loop():
         (lambda: prefilter(model(), -5.0, control.tf([1], [1, 1])), "K must make a stable loop"),
         (lambda: prefilter(model(), PI, control.tf([1], [1, -1])), "reference must be stable"),
         (lambda: prefilter(LAG, PI, control.tf([1], [1, 1])), "model must be an UncertaintyModel"),
-        (lambda: prefilter(model(), PI, control.tf([1], [1, 1]), effort=0), "effort must be positive"),
+        (
+            lambda: prefilter(model(), PI, control.tf([1], [1, 1]), effort=0),
+            "effort must be positive",
+        ),
     ],
 )
 def test_refusals(call, message):
@@ -89,7 +106,9 @@ def two_equal_channels(weight=0.2):
     """The plant LAG twice, with an additive full block, and what it is for one channel."""
     w = control.ss([], [], [], [[weight]])
     one = control.ss([], [], [], [[1.0]])
-    radius = np.concatenate([np.full((2, OMEGA.size), 0.99 * weight), np.full((2, OMEGA.size), 0.99)])
+    radius = np.concatenate(
+        [np.full((2, OMEGA.size), 0.99 * weight), np.full((2, OMEGA.size), 0.99)]
+    )
     matrix = UncertaintyModel(
         control.append(control.ss(LAG), control.ss(LAG)),
         form="additive",
@@ -103,7 +122,9 @@ def two_equal_channels(weight=0.2):
 
 
 def test_two_equal_channels_have_the_errors_of_one():
-    """Of equal channels T_p F is a Moebius function of Delta, whose norm is that over a disc (von Neumann)."""
+    """Of equal channels T_p F is a Moebius function of Delta, whose norm is that over a disc (von
+    Neumann).
+    """
     several, one = two_equal_channels()
     K, T_ref = control.append(control.ss(PI), control.ss(PI)), control.tf([1], [1, 1])
     found = prefilter(several, K, T_ref)
@@ -112,7 +133,8 @@ def test_two_equal_channels_have_the_errors_of_one():
     alone = prefilter(one, PI, T_ref)
     assert found.gamma == pytest.approx(alone.gamma, rel=0.02)
     f, omega = found.F, found.omega
-    T, S = response(control.ss(control.tf([2], [1, 2])), omega), response(control.ss(control.tf([1, 0], [1, 2])), omega)
+    T = response(control.ss(control.tf([2], [1, 2])), omega)
+    S = response(control.ss(control.tf([1, 0], [1, 2])), omega)
     wanted, f = response(control.ss(T_ref), omega), f(1j * omega)[0, 0]
     b = 0.2 * np.abs(response(control.ss(PI), omega) * S)
     turns = np.exp(2j * np.pi * np.arange(720) / 720)[:, None]
@@ -124,12 +146,18 @@ def test_two_equal_channels_have_the_errors_of_one():
 
 
 def test_no_plant_of_a_set_of_several_channels_misses_by_more_than_was_said():
-    """Element by element: 30 plants of the set against the bound; a sampled K has a prefilter of its sampling time."""
+    """Element by element: 30 plants of the set against the bound; a sampled K has a prefilter of
+    its sampling time.
+    """
     rng = np.random.default_rng(3)
-    G = control.ss([[-1.0, 0.3], [0.0, -2.0]], np.eye(2), [[1.0, 0.2], [0.5, 1.0]], np.zeros((2, 2)))
+    G = control.ss(
+        [[-1.0, 0.3], [0.0, -2.0]], np.eye(2), [[1.0, 0.2], [0.5, 1.0]], np.zeros((2, 2))
+    )
     w = control.tf([0.05], [0.001, 1])
     radius = np.full((4, OMEGA.size), 0.049)
-    made = UncertaintyModel(G, form="elements", omega=OMEGA, radius=radius, right=(w,) * 4, perturbation="LTI")
+    made = UncertaintyModel(
+        G, form="elements", omega=OMEGA, radius=radius, right=(w,) * 4, perturbation="LTI"
+    )
     K = control.append(control.ss(PI), control.ss(PI))
     T_ref = control.ss(np.diag([-1.0, -0.5]), np.eye(2), np.diag([1.0, 0.5]), np.zeros((2, 2)))
     found = prefilter(made, K, T_ref)

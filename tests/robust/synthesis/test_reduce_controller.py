@@ -1,4 +1,6 @@
-"""Controllers of lower order: error bounds in closed form, what is exact by construction, what the check keeps."""
+"""Controllers of lower order: error bounds in closed form, what is exact by construction, what the
+check keeps.
+"""
 
 from dataclasses import replace
 
@@ -20,7 +22,11 @@ from robust import (
 )
 from robust.lti.lti import response
 from robust.lti.norms import hinf_norm
-from robust.lti.truncation import balanced_candidates, coprime_factor_candidates, weighted_candidates
+from robust.lti.truncation import (
+    balanced_candidates,
+    coprime_factor_candidates,
+    weighted_candidates,
+)
 from robust.shaping import crossover_weight
 from tests.support.printed import unwrapped
 
@@ -31,7 +37,12 @@ W = control.tf([0.05, 0.1], [0.02, 1])
 def model(G=BOOK, w=W, perturbation="LTI"):
     omega = np.geomspace(1e-2, 1e2, 40)
     return UncertaintyModel(
-        G, w, "multiplicative", omega, 0.99 * np.abs(response(control.ss(w), omega)), perturbation=perturbation
+        G,
+        w,
+        "multiplicative",
+        omega,
+        0.99 * np.abs(response(control.ss(w), omega)),
+        perturbation=perturbation,
     )
 
 
@@ -71,22 +82,31 @@ def test_what_is_exact_by_construction():
     at_zero, at_infinity = response(control.ss(*K), np.array([0.0]))[0], K[3][0, 0]
     for ways in (
         balanced_candidates(K),
-        weighted_candidates(K, matrices(control.tf([1], [1, 1])), matrices(control.tf([1, 0.1], [1, 2]))),
+        weighted_candidates(
+            K, matrices(control.tf([1], [1, 1])), matrices(control.tf([1, 0.1], [1, 2]))
+        ),
     ):
         for way, _, small in ways:
             if "residualised" in way:
-                assert response(control.ss(*small), np.array([0.0]))[0] == pytest.approx(at_zero, rel=1e-8)
+                assert response(control.ss(*small), np.array([0.0]))[0] == pytest.approx(
+                    at_zero, rel=1e-8
+                )
             else:
                 assert small[3][0, 0] == at_infinity
 
 
 def test_weights_of_one_change_nothing_and_a_band_is_kept():
     rng = np.random.default_rng(2)
-    K, one = random_stable(rng, 6), (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.eye(1))
+    K = random_stable(rng, 6)
+    one = (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.eye(1))
     omega = np.geomspace(1e-2, 1e2, 50)
-    for (_, n, a), (_, m, b) in zip(balanced_candidates(K), weighted_candidates(K, one, one), strict=True):
+    for (_, n, a), (_, m, b) in zip(
+        balanced_candidates(K), weighted_candidates(K, one, one), strict=True
+    ):
         assert n == m
-        np.testing.assert_allclose(response(control.ss(*a), omega), response(control.ss(*b), omega), rtol=1e-6)
+        np.testing.assert_allclose(
+            response(control.ss(*a), omega), response(control.ss(*b), omega), rtol=1e-6
+        )
     # two modes of one size: the weight says which one stays
     two = matrices(control.tf([1], [1, 0.1, 1]) + control.tf([100], [1, 1, 100]))
     low = matrices(control.tf([1], [1, 1, 1]))
@@ -105,18 +125,26 @@ def test_unstable_and_integrating_modes_stay():
         unstable = np.sort(np.linalg.eigvals(A).real)[-2:]
         assert n >= 2
         np.testing.assert_allclose(unstable, [0.0, 0.5], atol=1e-9)
-    exact = [small for way, n, small in coprime_factor_candidates(matrices(K)) if "residualised" in way and n == 3]
+    exact = [
+        small
+        for way, n, small in coprime_factor_candidates(matrices(K))
+        if "residualised" in way and n == 3
+    ]
     assert np.abs(np.linalg.eigvals(exact[0][0])).min() < 1e-8  # M(0) = 0 is kept
 
 
 def test_all_states_are_the_controller_itself():
     K = random_stable(np.random.default_rng(4), 5)
-    A = np.block([[K[0], np.zeros((5, 2))], [np.zeros((2, 5)), -np.eye(2)]])  # two states that nothing drives
+    A = np.block(
+        [[K[0], np.zeros((5, 2))], [np.zeros((2, 5)), -np.eye(2)]]
+    )  # two states that nothing drives
     B, C = np.vstack([K[1], np.zeros((2, 1))]), np.hstack([K[2], np.ones((1, 2))])
     omega = np.geomspace(1e-2, 1e2, 50)
     for ways in (balanced_candidates((A, B, C, K[3])), coprime_factor_candidates((A, B, C, K[3]))):
         small = {n: s for _, n, s in ways}[5]
-        np.testing.assert_allclose(response(control.ss(*small), omega), response(control.ss(*K), omega), rtol=1e-6)
+        np.testing.assert_allclose(
+            response(control.ss(*small), omega), response(control.ss(*K), omega), rtol=1e-6
+        )
 
 
 @pytest.mark.parametrize("dt", [0, 0.01])
@@ -152,7 +180,9 @@ def assert_words_of_a_plant(report):
 
 @pytest.mark.parametrize("dt", [0, 0.01])
 def test_the_plant_alone_that_mixsyn_took(dt):
-    """SP 2.17 with a demand that is met with room: of four states three keep stability and |w_P S| < 1, proved."""
+    """SP 2.17 with a demand that is met with room: of four states three keep stability and |w_P S|
+    < 1, proved.
+    """
     G = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
     w_P = performance_weight(10, M_S=2, A=1e-3)
     K = mixsyn(G, w_P, w_u=0.1, dt=dt).K
@@ -178,7 +208,9 @@ def test_a_plant_of_several_channels_alone():
 @pytest.mark.attack(every=2)
 @pytest.mark.parametrize("tall", [True, False])
 def test_a_plant_that_is_not_square(tall):
-    """The set that a plant alone stands for was one at its inputs, which such a plant cannot have."""
+    """The set that a plant alone stands for was one at its inputs, which such a plant cannot
+    have.
+    """
     G = control.ss([[-1.0]], [[1.0]], [[1.0], [0.5]], np.zeros((2, 1)))
     K = control.ss(np.diag([-1.0, -50.0]), 0.3 * np.ones((2, 2)), [[1.0, 1.0]], np.zeros((1, 2)))
     if not tall:
@@ -218,9 +250,15 @@ def test_a_statistical_set_and_a_sampled_controller():
             lambda: reduce_controller(control.tf([100], [1, 1, 0]), model()),
             "K must have a proof to keep",
         ),
-        (lambda: reduce_controller(control.tf([1], [1, 1]), model(), order=1), "order must be below the 1 states of K"),
+        (
+            lambda: reduce_controller(control.tf([1], [1, 1]), model(), order=1),
+            "order must be below the 1 states of K",
+        ),
         (lambda: reduce_controller("K", model()), "K must be"),
-        (lambda: reduce_controller(control.tf([1], [1, 1]), model(), max_candidates=0), "max_candidates must be"),
+        (
+            lambda: reduce_controller(control.tf([1], [1, 1]), model(), max_candidates=0),
+            "max_candidates must be",
+        ),
     ],
 )
 def test_refusals(call, message):
@@ -229,8 +267,12 @@ def test_refusals(call, message):
 
 
 def test_the_demo_needs_one_state_of_five():
-    """`make demo`: ncfsyn gives the rig a K of 5 states; one (a PI) keeps the verdict and the demand."""
-    ms = nlfrf.multisine("special-odd", fs=4096, n_samples=16384, f_min=1.25, f_max=150, rms=0.25, rng=2)
+    """`make demo`: ncfsyn gives the rig a K of 5 states; one (a PI) keeps the verdict and the
+    demand.
+    """
+    ms = nlfrf.multisine(
+        "special-odd", fs=4096, n_samples=16384, f_min=1.25, f_max=150, rms=0.25, rng=2
+    )
     record = nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2, n_discard=2)
     noise = 1e-8 * np.random.default_rng(2).standard_normal(record.y.shape)
     bla = nlfrf.identify(replace(record, y=record.y + noise))
@@ -253,9 +295,18 @@ def test_the_demo_needs_one_state_of_five():
 @pytest.mark.parametrize("K", [1.0, control.ss([], [], [], [[2.0]])])
 def test_a_gain_has_nothing_to_reduce(K):
     model = UncertaintyModel(
-        control.tf([1], [1, 1]), control.tf([0.2], [1]), "multiplicative", np.array([1.0]), np.array([0.2])
+        control.tf([1], [1, 1]),
+        control.tf([0.2], [1]),
+        "multiplicative",
+        np.array([1.0]),
+        np.array([0.2]),
     )
     found = reduce_controller(K, model)
-    assert (found.order, found.kept, found.n_tried, found.reason) == (0, True, 0, "a gain has no states")
+    assert (found.order, found.kept, found.n_tried, found.reason) == (
+        0,
+        True,
+        0,
+        "a gain has no states",
+    )
     with pytest.raises(ValueError, match="order must be below the 0 states of K"):
         reduce_controller(K, model, order=0)

@@ -1,4 +1,6 @@
-"""Names of channels go through: from the record to the model, to the controller and what it sees."""
+"""Names of channels go through: from the record to the model, to the controller and what it
+sees.
+"""
 
 import control
 import numpy as np
@@ -13,7 +15,9 @@ WEAK = 0.02
 
 @pytest.fixture(scope="module")
 def model():
-    ms = nlfrf.multisine("random-odd", fs=256, n_samples=1024, f_min=0.5, f_max=60, n_inputs=2, rng=2)
+    ms = nlfrf.multisine(
+        "random-odd", fs=256, n_samples=1024, f_min=0.5, f_max=60, n_inputs=2, rng=2
+    )
     s = 2j * np.pi * np.fft.rfftfreq(1024, 1 / 256)
     G = np.array([[5 / (s / 10 + 1), 1 / (s / 20 + 1)], [0.5 / (s / 20 + 1), 3 / (s / 8 + 1)]])
     u = np.repeat(ms.u[:, :, None], 2, axis=2)
@@ -26,13 +30,19 @@ def model():
 
 
 def test_a_model_and_what_a_sampled_controller_sees_keep_the_names_of_the_record(model):
-    for G in (model.nominal, robust.sampled(model.nominal, 1e-3), robust.sampled(model.nominal, 1e-3, 1.5e-3)):
+    for G in (
+        model.nominal,
+        robust.sampled(model.nominal, 1e-3),
+        robust.sampled(model.nominal, 1e-3, 1.5e-3),
+    ):
         assert (tuple(G.input_labels), tuple(G.output_labels)) == (INPUTS, OUTPUTS)
     assert (model.inputs, model.outputs) == (INPUTS, OUTPUTS)
     assert robust.margins.disk_margins(model.nominal, 0.1 * np.eye(2)).input_names == INPUTS
 
 
-@pytest.mark.parametrize("design", [lambda G: robust.ncfsyn(G).K, lambda G: robust.mixsyn(G, 0.5).K])
+@pytest.mark.parametrize(
+    "design", [lambda G: robust.ncfsyn(G).K, lambda G: robust.mixsyn(G, 0.5).K]
+)
 def test_a_controller_runs_from_the_outputs_of_its_plant_to_its_inputs(model, design):
     K = design(model.nominal)
     for one in (K, robust.lti.discretize(K, 1e-3)):
@@ -40,15 +50,21 @@ def test_a_controller_runs_from_the_outputs_of_its_plant_to_its_inputs(model, de
 
 
 def test_a_model_made_by_hand_takes_the_names_of_its_nominal():
-    G = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), inputs=INPUTS, outputs=OUTPUTS)
+    G = control.ss(
+        -np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), inputs=INPUTS, outputs=OUTPUTS
+    )
     w, omega = control.ss([], [], [], [[0.2]]), np.array([1.0, 2.0])
     weights = {"left": (w, w), "right": (w, w), "radius": np.full((4, 2), 0.2)}
-    made = robust.UncertaintyModel(nominal=G, form="additive", omega=omega, confidence=0.95, **weights)
+    made = robust.UncertaintyModel(
+        nominal=G, form="additive", omega=omega, confidence=0.95, **weights
+    )
     assert (made.inputs, made.outputs) == (INPUTS, OUTPUTS)
 
 
 def test_a_continuous_demand_stands_over_a_sampled_loop(model):
-    """The verdict is that of the demand on the lines: largest |w_P S_p| over frequency, found by closing the loop."""
+    """The verdict is that of the demand on the lines: largest |w_P S_p| over frequency, found by
+    closing the loop.
+    """
     dt = 1 / 256
     sampled = robust.UncertaintyModel(
         nominal=robust.sampled(model.nominal, dt),
@@ -70,7 +86,9 @@ def test_a_continuous_demand_stands_over_a_sampled_loop(model):
 
 @pytest.mark.attack
 def test_a_controller_of_several_channels_is_reduced_to_what_was_proved(model):
-    """States that the loop hardly sees go, and the verdict stays; the names stay with the controller."""
+    """States that the loop hardly sees go, and the verdict stays; the names stay with the
+    controller.
+    """
     K = robust.ncfsyn(model.nominal, WEAK).K
     fast = control.ss(-1e4 * np.eye(2), np.eye(2), 1e4 * np.diag([1e-5, 2e-5]), np.zeros((2, 2)))
     larger = K + fast
@@ -101,5 +119,7 @@ def test_what_takes_one_loop_names_what_several_channels_take(model):
             "simulate its loop",
         ),
     ):
-        with pytest.raises(ValueError, match=f"model must have one input and one output .*, got 2 x 2: .*{cure}"):
+        with pytest.raises(
+            ValueError, match=f"model must have one input and one output .*, got 2 x 2: .*{cure}"
+        ):
             call()

@@ -1,4 +1,6 @@
-"""Singular H-infinity problems: interpolation in closed form, published problems, bounds that no controller beats."""
+"""Singular H-infinity problems: interpolation in closed form, published problems, bounds that no
+controller beats.
+"""
 
 import json
 from pathlib import Path
@@ -40,7 +42,10 @@ def on_a_grid(P, K):
     [
         ((1 - S) / ((S + 1) * (S + 2)), lambda w: abs(w(1.0))),  # S(1) = 1
         ((2 - S) / (S + 1) ** 3, lambda w: abs(w(2.0))),
-        ((3 - S) / ((S - 1) * (S + 4)), lambda w: abs(w(3.0)) * (3 + 1) / (3 - 1)),  # and S = 0 at the unstable pole
+        (
+            (3 - S) / ((S - 1) * (S + 4)),
+            lambda w: abs(w(3.0)) * (3 + 1) / (3 - 1),
+        ),  # and S = 0 at the unstable pole
         ((1 - S) / (S * (S + 2)), lambda w: abs(w(1.0))),  # an integrator: S(0) = 0 costs nothing
         (1 / S**2, lambda w: 0.5),  # S(infinity) = 1: |w_P| = 1/2 there; 58.8 before
         (1 / (S**2 + 1), lambda w: 0.5),
@@ -48,7 +53,9 @@ def on_a_grid(P, K):
     ],
 )
 def test_weighted_sensitivity_in_closed_form(G, least):
-    """min ||w_P S|| by Nevanlinna-Pick interpolation (Zames & Francis 1983): reached within 3 %, bounded from below."""
+    """min ||w_P S|| by Nevanlinna-Pick interpolation (Zames & Francis 1983): reached within 3 %,
+    bounded from below.
+    """
     w_P = performance_weight(1)
     P = sensitivity_only(G, w_P)
     expected = least(w_P)
@@ -62,7 +69,9 @@ def test_weighted_sensitivity_in_closed_form(G, least):
 
 @pytest.mark.parametrize("name", BEST)
 def test_published_problems_with_singular_parts(name):
-    """COMPleib (Leibfritz 2004): within 3 % of the best norm known, and no bound above a norm that was reached."""
+    """COMPleib (Leibfritz 2004): within 3 % of the best norm known, and no bound above a norm that
+    was reached.
+    """
     P, n_y, n_u = problem(name)
     found = hinfsyn(P, n_y, n_u)
     assert found.gamma <= 1.03 * BEST[name]
@@ -82,7 +91,12 @@ def test_what_cannot_be_stabilised_is_named(measured):
 def multiplicative(G, w):
     omega = np.geomspace(1e-2, 1e2, 40)
     return UncertaintyModel(
-        G, w, "multiplicative", omega, 0.99 * np.abs(response(control.ss(w), omega)), perturbation="LTI"
+        G,
+        w,
+        "multiplicative",
+        omega,
+        0.99 * np.abs(response(control.ss(w), omega)),
+        perturbation="LTI",
     )
 
 
@@ -90,7 +104,10 @@ def multiplicative(G, w):
     ("G", "w_P"),
     [
         (1 / (S * (S + 1)), performance_weight(1)),
-        (100 / (S**2 + 0.4 * S + 100) / (S * (S + 1)), performance_weight(0.5)),  # a motor and a mode
+        (
+            100 / (S**2 + 0.4 * S + 100) / (S * (S + 1)),
+            performance_weight(0.5),
+        ),  # a motor and a mode
         ((1 - 0.05 * S) / (S * (S + 1) ** 2), performance_weight(0.3)),
     ],
 )
@@ -109,7 +126,9 @@ def test_a_gap_that_stays_is_said():
 
 
 def test_random_singular_plants_keep_their_bounds():
-    """D12 = D21 = 0, integrators among the poles: no controller that is found by other means beats the bound."""
+    """D12 = D21 = 0, integrators among the poles: no controller that is found by other means beats
+    the bound.
+    """
     rng = np.random.default_rng(3)
     for k in range(4):
         n = int(rng.integers(2, 6))
@@ -125,13 +144,19 @@ def test_random_singular_plants_keep_their_bounds():
         D = np.zeros((4, 4))
         D[2, 3], D[3, 2] = size, size
         regular = control.StateSpace(
-            A, np.hstack([B[:, :2], np.zeros((n, 1)), B[:, 2:]]), np.vstack([C[:2], np.zeros((1, n)), C[2:]]), D, 0
+            A,
+            np.hstack([B[:, :2], np.zeros((n, 1)), B[:, 2:]]),
+            np.vstack([C[:2], np.zeros((1, n)), C[2:]]),
+            D,
+            0,
         )
         other = lower_lft(P, hinfsyn(regular, 1, 1).K) if not k % 2 else None
         if other is not None and decide_stability(other).stable:
             omega = np.geomspace(1e-4, 1e6, 2000)
             values = evaluate_transfer(other.A, other.B, other.C, other.D, 1j * omega)
-            assert np.linalg.svd(values, compute_uv=False)[:, 0].max() >= found.gamma_min * (1 - 1e-6)
+            assert np.linalg.svd(values, compute_uv=False)[:, 0].max() >= found.gamma_min * (
+                1 - 1e-6
+            )
 
 
 def test_discs_and_half_planes_and_back():
@@ -141,7 +166,11 @@ def test_discs_and_half_planes_and_back():
     there = to_half_plane(matrices, a, b)
     p = 1j * np.array([0.0, 0.3, 5.0])
     on_circle = (p + a) / (1 + p / b)
-    np.testing.assert_allclose(np.abs(on_circle - (a + b) / 2), (b - a) / 2)  # the axis of p is the circle
-    np.testing.assert_allclose(evaluate_transfer(*there, p), evaluate_transfer(*matrices, on_circle), rtol=1e-10)
+    np.testing.assert_allclose(
+        np.abs(on_circle - (a + b) / 2), (b - a) / 2
+    )  # the axis of p is the circle
+    np.testing.assert_allclose(
+        evaluate_transfer(*there, p), evaluate_transfer(*matrices, on_circle), rtol=1e-10
+    )
     for back, given in zip(from_half_plane(there, a, b), matrices, strict=True):
         np.testing.assert_allclose(back, given, atol=1e-10)

@@ -1,4 +1,6 @@
-"""Files as instruments, spreadsheets and logging programs write them load as a test engineer expects."""
+"""Files as instruments, spreadsheets and logging programs write them load as a test engineer
+expects.
+"""
 
 import base64
 import datetime
@@ -36,7 +38,11 @@ TEXTS = {
     "units row in brackets": (".csv", ["Time,u,y", "(s),(N),(µm)", *TUY], {}),
     "units and types row": (".csv", ["t,u,y", "s,N,m/s^2", "double,double,double", *TUY], {}),
     "preamble": (".csv", ["Device: DAQ 7", "Operator: A. B.", "", "t,u,y", *TUY], {}),
-    "preamble of the width of the table": (".csv", ["Name,Run 7,", "Date,2026-11-22,", "t,u,y", *TUY], {}),
+    "preamble of the width of the table": (
+        ".csv",
+        ["Name,Run 7,", "Date,2026-11-22,", "t,u,y", *TUY],
+        {},
+    ),
     "rate in the preamble": (".csv", ["Sample rate: 1 kHz", "u,y", *rows(U, Y)], {}),
     "interval in the preamble": (".csv", ["Sampling interval [s],0.001", "u,y", *rows(U, Y)], {}),
     "hash lines": (".csv", ["# device 7", "# t,u,y", *TUY], {}),
@@ -44,16 +50,31 @@ TEXTS = {
     "late hash lines": (".csv", ["t,u,y", *TUY[:600], "# trigger", *TUY[600:]], {}),
     "percent lines": (".txt", ["% t u y", *rows(T, U, Y, sep=" ")], {}),
     "no header": (".csv", TUY, dict(u="col2", y="col3")),
-    "quotes": (".csv", ['"t","u","y"', *['"' + '","'.join(line.split(",")) + '"' for line in TUY]], {}),
+    "quotes": (
+        ".csv",
+        ['"t","u","y"', *['"' + '","'.join(line.split(",")) + '"' for line in TUY]],
+        {},
+    ),
     "quoted decimal commas": (
         ".csv",
-        ['"t","u","y"', *['"' + '","'.join(r.split(";")) + '"' for r in rows(T, U, Y, sep=";", decimal=",")]],
+        [
+            '"t","u","y"',
+            *['"' + '","'.join(r.split(";")) + '"' for r in rows(T, U, Y, sep=";", decimal=",")],
+        ],
         {},
     ),
     "trailing separator": (".csv", ["t,u,y,", *[line + "," for line in TUY]], {}),
-    "trailing separator in the rows only": (".csv", ["t;u;y", *[line + ";" for line in rows(T, U, Y, sep=";")]], {}),
+    "trailing separator in the rows only": (
+        ".csv",
+        ["t;u;y", *[line + ";" for line in rows(T, U, Y, sep=";")]],
+        {},
+    ),
     "text column": (".csv", ["t,state,u,y", *rows(T, ["run"] * U.size, U, Y)], {}),
-    "text column with separators": (".csv", ["t,note,u,y", *rows(T, ['"a, b"'] * U.size, U, Y)], {}),
+    "text column with separators": (
+        ".csv",
+        ["t,note,u,y", *rows(T, ['"a, b"'] * U.size, U, Y)],
+        {},
+    ),
     "iso times": (".csv", ["time,u,y", *rows(iso(), U, Y)], {}),
     "iso times with a zone": (".csv", ["time,u,y", *rows([s + "+01:00" for s in iso()], U, Y)], {}),
     "german dates": (
@@ -68,7 +89,14 @@ TEXTS = {
     ),
     "past midnight": (
         ".csv",
-        ["Time,u,y", *rows(iso(start=datetime.datetime(2026, 1, 1, 23, 59, 59, 500_000), form="%H:%M:%S.%f"), U, Y)],
+        [
+            "Time,u,y",
+            *rows(
+                iso(start=datetime.datetime(2026, 1, 1, 23, 59, 59, 500_000), form="%H:%M:%S.%f"),
+                U,
+                Y,
+            ),
+        ],
         {},
     ),
     "empty cells in another column": (".csv", ["t,u,y,temp", *rows(T, U, Y, gaps(Y, 2))], {}),
@@ -77,21 +105,41 @@ TEXTS = {
     "decimal comma with tabs": (".tsv", ["t\tu\ty", *rows(T, U, Y, sep="\t", decimal=",")], {}),
     "excel's own line": (".csv", ["sep=;", "t;u;y", *rows(T, U, Y, sep=";", decimal=",")], {}),
     "tabs": (".dat", ["t\tu\ty", *rows(T, U, Y, sep="\t")], {}),
-    "blanks": (".txt", ["   t      u      y", *["   " + line for line in rows(T, U, Y, sep="   ")]], {}),
-    "blanks and names with blanks": (".txt", ["t (s)   u (N)   y (mm)", *rows(T, U, Y, sep="   ")], {}),
+    "blanks": (
+        ".txt",
+        ["   t      u      y", *["   " + line for line in rows(T, U, Y, sep="   ")]],
+        {},
+    ),
+    "blanks and names with blanks": (
+        ".txt",
+        ["t (s)   u (N)   y (mm)", *rows(T, U, Y, sep="   ")],
+        {},
+    ),
     "commas with blanks": (".csv", ["t, u, y", *rows(T, U, Y, sep=", ")], {}),
     "line breaks in names": (".csv", ['"t\n[s]","u","y\n[mm]"', *TUY], dict(y="y [mm]")),
     "an inch above": (".csv", ['Disk: 5" wide', '"left open', "t,u,y", *TUY], {}),
     "exponents": (".csv", ["t,u,y", *rows(T, U, Y, form="{:.7e}")], {}),
     "utf-16": (".csv", "\r\n".join(["t\tu\ty", *rows(T, U, Y, sep="\t")]).encode("utf-16"), {}),
-    "utf-16 without a mark": (".txt", "\n".join(["t\tu\ty", *rows(T, U, Y, sep="\t")]).encode("utf-16-le"), {}),
+    "utf-16 without a mark": (
+        ".txt",
+        "\n".join(["t\tu\ty", *rows(T, U, Y, sep="\t")]).encode("utf-16-le"),
+        {},
+    ),
     "utf-8 with a mark": (".csv", "\n".join(["t,u,y", *TUY]).encode("utf-8-sig"), {}),
-    "a line under the header": (".txt", ["t;u;y", "-----;-----;-----", *rows(T, U, Y, sep=";")], {}),
+    "a line under the header": (
+        ".txt",
+        ["t;u;y", "-----;-----;-----", *rows(T, U, Y, sep=";")],
+        {},
+    ),
     "a last word": (".csv", ["t,u,y", *TUY, "End of measurement"], {}),
     "a last line cut short": (".csv", "\n".join(["t,u,y", *TUY, "0.75"]).encode(), {}),
     "milliseconds by the name": (".csv", ["time_ms,u,y", *rows(1e3 * T, U, Y)], {}),
     "milliseconds by the units row": (".csv", ["time,u,y", "ms,N,m", *rows(1e3 * T, U, Y)], {}),
-    "microseconds since 1970": (".csv", ["timestamp_us,u,y", *rows(1.7e15 + 1e6 * T, U, Y, form="{:.6f}")], {}),
+    "microseconds since 1970": (
+        ".csv",
+        ["timestamp_us,u,y", *rows(1.7e15 + 1e6 * T, U, Y, form="{:.6f}")],
+        {},
+    ),
     "oscilloscope": (".csv", ["x-axis,u,y", "second,Volt,Volt", *rows(T, U, Y, form="{:.6E}")], {}),
     "pandas index": (".csv", [",t,u,y", *rows([str(i) for i in range(U.size)], T, U, Y)], {}),
 }
@@ -123,7 +171,9 @@ def agrees(record, scale=1.0):
 def test_text_tables_as_the_world_writes_them(layout, tmp_path):
     suffix, content, options = TEXTS[layout]
     path = tmp_path / f"run{suffix}"
-    path.write_bytes(content if isinstance(content, bytes) else ("\n".join(content) + "\n").encode())
+    path.write_bytes(
+        content if isinstance(content, bytes) else ("\n".join(content) + "\n").encode()
+    )
     needs_fs = {} if layout != "no header" else {"fs": FS}
     record = nlfrf.load_record(path, **({"u": "u", "y": "y"} | options | needs_fs))
     agrees(record)
@@ -133,17 +183,29 @@ def test_text_tables_as_the_world_writes_them(layout, tmp_path):
 
 def refused(tmp_path, name, content, cure, **options):
     path = tmp_path / name
-    path.write_bytes(content if isinstance(content, bytes) else ("\n".join(content) + "\n").encode())
+    path.write_bytes(
+        content if isinstance(content, bytes) else ("\n".join(content) + "\n").encode()
+    )
     with pytest.raises(ValueError, match=cure) as caught:
         nlfrf.load_record(path, **options)
     assert "\n" not in str(caught.value)
 
 
 def test_what_cannot_be_read_is_refused_with_the_cure(tmp_path):
-    refused(tmp_path, "a.csv", ["notes", "only words here"], r"no rows of numbers .* go to record_from_samples\(u, y")
+    refused(
+        tmp_path,
+        "a.csv",
+        ["notes", "only words here"],
+        r"no rows of numbers .* go to record_from_samples\(u, y",
+    )
     refused(tmp_path, "b.xlsx", ["x"], r"save the sheet as \.csv")
     strange = ["t,u,y", *TUY[:500], "0.5,0.1,Overload", *TUY[501:]]
-    refused(tmp_path, "c.csv", strange, "y must hold numbers, but 'y' of 'c.csv' holds 'Overload' in row 501")
+    refused(
+        tmp_path,
+        "c.csv",
+        strange,
+        "y must hold numbers, but 'y' of 'c.csv' holds 'Overload' in row 501",
+    )
     half = ["t,u,y", *rows(T, U, gaps(Y, 10))]
     refused(
         tmp_path,
@@ -152,10 +214,20 @@ def test_what_cannot_be_read_is_refused_with_the_cure(tmp_path):
         r"y must be finite, got 75 nan .*fill the gaps and give the arrays to record_from_samples",
     )
     refused(tmp_path, "e.csv", ["t,u,y", *rows(T, ["on"] * U.size, Y)], "got 'u'; 'u' holds texts")
-    refused(tmp_path, "f.csv", ["u,y", *rows(U, Y)], "fs must be given: 'f.csv' has neither fs nor a time channel")
+    refused(
+        tmp_path,
+        "f.csv",
+        ["u,y", *rows(U, Y)],
+        "fs must be given: 'f.csv' has neither fs nor a time channel",
+    )
     refused(tmp_path, "g.lvm", lvm() + lvm()[8:], "holds 2 measurements, one behind the other")
     ragged = ["t,u,y", *TUY[:500], "0.5,0.1,0.2,0.3", *TUY[501:]]
-    refused(tmp_path, "h.csv", ragged, r"must be a readable \.csv file, got 'h.csv': .*Expected 3 fields in line 502")
+    refused(
+        tmp_path,
+        "h.csv",
+        ragged,
+        r"must be a readable \.csv file, got 'h.csv': .*Expected 3 fields in line 502",
+    )
 
 
 # Binary formats
@@ -172,7 +244,9 @@ def test_channels_in_groups_of_their_own_clocks(suffix, tmp_path):
     record = nlfrf.load_record(tmp_path / f"run{suffix}")
     agrees(record)
     assert units(record) == ("N", "mm")
-    with pytest.raises(ValueError, match=r"u and y must be sampled together, but .* at 1000 Hz, .* at 100 Hz"):
+    with pytest.raises(
+        ValueError, match=r"u and y must be sampled together, but .* at 1000 Hz, .* at 100 Hz"
+    ):
         nlfrf.load_record(tmp_path / f"run{suffix}", y="temperature")
 
 
@@ -200,7 +274,11 @@ def test_wav(kind, tmp_path):
     scale = 8.0
     full = 1.0 if kind is np.float32 else float(np.iinfo(kind).max + 1)
     samples = np.column_stack([U, Y]) / scale * full
-    wavfile.write(tmp_path / "run.wav", FS, samples.astype(kind) if full == 1 else np.round(samples).astype(kind))
+    wavfile.write(
+        tmp_path / "run.wav",
+        FS,
+        samples.astype(kind) if full == 1 else np.round(samples).astype(kind),
+    )
     record = nlfrf.load_record(tmp_path / "run.wav", u="ch1", y="ch2", n_samples=N)
     assert record.fs == FS
     np.testing.assert_allclose(scale * record.y.ravel(), Y, atol=scale * 3e-5)
@@ -214,7 +292,9 @@ def test_matlab_matrices_and_their_clocks(tmp_path):
 
     savemat(tmp_path / "tuy.mat", {"run": np.column_stack([T, U, Y])})
     agrees(nlfrf.load_record(tmp_path / "tuy.mat", u="run.2", y="run.3"))
-    with pytest.raises(ValueError, match=r"got 'run' with shape \(750, 3\); its columns are run\.1, run\.2, run\.3"):
+    with pytest.raises(
+        ValueError, match=r"got 'run' with shape \(750, 3\); its columns are run\.1, run\.2, run\.3"
+    ):
         nlfrf.load_record(tmp_path / "tuy.mat", u="run", y="run.3", fs=FS)
     savemat(tmp_path / "file.mat", {"ans": np.vstack([T, U, Y])})  # as "To File" writes it
     agrees(nlfrf.load_record(tmp_path / "file.mat", u="ans.2", y="ans.3"))
@@ -229,7 +309,9 @@ def test_matlab_matrices_and_their_clocks(tmp_path):
     ):
         savemat(tmp_path / "m.mat", {"u": U, "y": Y} | clock)
         agrees(nlfrf.load_record(tmp_path / "m.mat"))
-    savemat(tmp_path / "two.mat", {"a": {"u": U, "y": Y, "Ts": 1e-3}, "b": {"u": U, "y": Y, "Ts": 2e-3}})
+    savemat(
+        tmp_path / "two.mat", {"a": {"u": U, "y": Y, "Ts": 1e-3}, "b": {"u": U, "y": Y, "Ts": 2e-3}}
+    )
     assert nlfrf.load_record(tmp_path / "two.mat", u="b.u", y="b.y").fs == 500
     with pytest.raises(ValueError, match=r"one of a\.u, a\.y, b\.u, b\.y; got 'u'"):
         nlfrf.load_record(tmp_path / "two.mat")
@@ -242,10 +324,16 @@ def test_simulink_scopes(tmp_path):
 
     signals = np.zeros(2, dtype=[("values", object), ("dimensions", object), ("label", object)])
     signals[0], signals[1] = (U[:, None], 1.0, "u"), (Y[:, None], 1.0, "y")
-    savemat(tmp_path / "scope.mat", {"ScopeData": {"time": T[:, None], "signals": signals, "blockName": "rig/Scope"}})
+    savemat(
+        tmp_path / "scope.mat",
+        {"ScopeData": {"time": T[:, None], "signals": signals, "blockName": "rig/Scope"}},
+    )
     agrees(nlfrf.load_record(tmp_path / "scope.mat"))
     one = {"values": np.column_stack([U, Y]), "dimensions": 2.0, "label": ""}
-    savemat(tmp_path / "one.mat", {"ScopeData": {"time": T[:, None], "signals": one, "blockName": "rig/Scope"}})
+    savemat(
+        tmp_path / "one.mat",
+        {"ScopeData": {"time": T[:, None], "signals": one, "blockName": "rig/Scope"}},
+    )
     agrees(nlfrf.load_record(tmp_path / "one.mat", u="ScopeData.1.1", y="ScopeData.1.2"))
 
 
@@ -273,18 +361,25 @@ TIME_SERIES = base64.b64decode(
 
 def test_matlab_objects_are_named_and_not_read(tmp_path):
     (tmp_path / "ts.mat").write_bytes(TIME_SERIES)
-    with pytest.raises(ValueError, match=r"with none: .*timeseries, timetable.* save it as a matrix, x = \[ts.Time"):
+    with pytest.raises(
+        ValueError, match=r"with none: .*timeseries, timetable.* save it as a matrix, x = \[ts.Time"
+    ):
         nlfrf.load_record(tmp_path / "ts.mat")
-    with h5py.File(tmp_path / "ts73.mat", "w") as file:  # as MATLAB writes it: references, marked as an object
+    with h5py.File(
+        tmp_path / "ts73.mat", "w"
+    ) as file:  # as MATLAB writes it: references, marked as an object
         file.attrs["H5PATH"] = "/"
         file["#subsystem#/MCOS"] = np.zeros((1, 7))
         file["x"] = np.arange(6, dtype=np.uint32)[None]
         file["x"].attrs["MATLAB_object_decode"] = np.int32(3)
         file["u"], file["y"], file["fs"] = U, Y, float(FS)
     agrees(nlfrf.load_record(tmp_path / "ts73.mat"))
-    assert "x: is a MATLAB object and not read: save it as a matrix" in str(nlfrf.inspect_file(tmp_path / "ts73.mat"))
+    assert "x: is a MATLAB object and not read: save it as a matrix" in str(
+        nlfrf.inspect_file(tmp_path / "ts73.mat")
+    )
     with pytest.raises(
-        ValueError, match=r"y must name a signal .*one of u, y; got 'x'; 'x' is a MATLAB object and not"
+        ValueError,
+        match=r"y must name a signal .*one of u, y; got 'x'; 'x' is a MATLAB object and not",
     ):
         nlfrf.load_record(tmp_path / "ts73.mat", y="x")
 
@@ -307,7 +402,9 @@ def test_hdf5_tables_groups_and_attributes(tmp_path):
 
 
 @pytest.mark.own_process
-@pytest.mark.filterwarnings("ignore")  # readers may warn about what they find; here only errors count
+@pytest.mark.filterwarnings(
+    "ignore"
+)  # readers may warn about what they find; here only errors count
 @pytest.mark.parametrize("suffix", WRITERS)
 def test_damaged_files_raise_documented_errors_only(suffix, tmp_path):
     n = 40 if suffix in (".csv", ".lvm") else 1  # each of the others in its own process
@@ -326,9 +423,12 @@ def test_a_package_that_is_missing_is_named(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("suffix", "extra"), [(".mf4", "mdf"), (".tdms", "tdms"), (".uff", "uff"), (".parquet", "parquet")]
+    ("suffix", "extra"),
+    [(".mf4", "mdf"), (".tdms", "tdms"), (".uff", "uff"), (".parquet", "parquet")],
 )
-def test_a_package_missing_in_the_process_apart_is_named_with_its_extra(suffix, extra, tmp_path, monkeypatch):
+def test_a_package_missing_in_the_process_apart_is_named_with_its_extra(
+    suffix, extra, tmp_path, monkeypatch
+):
     from nlfrf._base.own_process import read_in_own_process
     from nlfrf.io import channels
 
@@ -336,6 +436,10 @@ def test_a_package_missing_in_the_process_apart_is_named_with_its_extra(suffix, 
     reader.write_text("def contents(path):\n    import a_package_that_is_missing\n")
     path = tmp_path / f"run{suffix}"
     path.write_bytes(b"MDF     4.10")
-    monkeypatch.setattr(channels, "read_in_own_process", lambda _, path: read_in_own_process(str(reader), path))
-    with pytest.raises(ValueError, match=rf"needs a_package_that_is_missing, .* pip install 'nlfrf\[{extra}\]'"):
+    monkeypatch.setattr(
+        channels, "read_in_own_process", lambda _, path: read_in_own_process(str(reader), path)
+    )
+    with pytest.raises(
+        ValueError, match=rf"needs a_package_that_is_missing, .* pip install 'nlfrf\[{extra}\]'"
+    ):
         read_channels(path)

@@ -1,4 +1,6 @@
-"""Names, units and clocks above a text table: each column is the one that its name says, or is refused with a cure."""
+"""Names, units and clocks above a text table: each column is the one that its name says, or is
+refused with a cure.
+"""
 
 import numpy as np
 import pytest
@@ -20,7 +22,9 @@ def rows(*columns, sep=",", decimal=".", quoted=()):
         text = held if isinstance(held, str) else f"{held:.13g}".replace(".", decimal)
         return f'"{text}"' if j in quoted else text
 
-    return [sep.join(cell(j, held) for j, held in enumerate(row)) for row in zip(*columns, strict=True)]
+    return [
+        sep.join(cell(j, held) for j, held in enumerate(row)) for row in zip(*columns, strict=True)
+    ]
 
 
 def written(tmp_path, lines, end="\n", encoding="utf-8", name="run.csv"):
@@ -45,10 +49,16 @@ ANGLE = np.cumsum(np.abs(U) + 0.1)
 
 @pytest.mark.parametrize(("sep", "decimal"), CUTS)
 @pytest.mark.parametrize("quoted", [False, True])
-def test_an_index_without_a_name_moves_the_names_to_the_last_columns(sep, decimal, quoted, tmp_path):
+def test_an_index_without_a_name_moves_the_names_to_the_last_columns(
+    sep, decimal, quoted, tmp_path
+):
     names = ['"t"', '"u"', '"z"', '"y"'] if quoted else ["t", "u", "z", "y"]
     body = rows(NUMBERS, T, U, 7 * Y, Y, sep=sep, decimal=decimal, quoted=(0,) * quoted)
-    for end, encoding, blank in (("\n", "utf-8", []), ("\r\n", "utf-8-sig", []), ("\r\n", "utf-8", ["", ""])):
+    for end, encoding, blank in (
+        ("\n", "utf-8", []),
+        ("\r\n", "utf-8-sig", []),
+        ("\r\n", "utf-8", ["", ""]),
+    ):
         holds(written(tmp_path, [*blank, sep.join(names), *blank, *body], end, encoding))
 
 
@@ -68,9 +78,13 @@ INDICES = {
 @pytest.mark.parametrize("index", INDICES)
 @pytest.mark.parametrize("sep", [",", ";", "\t"])
 def test_any_index_without_a_name(index, sep, tmp_path):
-    path = written(tmp_path, [sep.join(("u", "z", "y")), *rows(INDICES[index], U, 7 * Y, Y, sep=sep)])
+    path = written(
+        tmp_path, [sep.join(("u", "z", "y")), *rows(INDICES[index], U, 7 * Y, Y, sep=sep)]
+    )
     if index == "texts":  # no clock shows which column has no name
-        with pytest.raises(ValueError, match="got 'u'; 'u' is one of 3 names above 4 columns: give each"):
+        with pytest.raises(
+            ValueError, match="got 'u'; 'u' is one of 3 names above 4 columns: give each"
+        ):
             nlfrf.load_record(path, fs=FS)
         return
     holds(path, fs=FS)
@@ -78,7 +92,9 @@ def test_any_index_without_a_name(index, sep, tmp_path):
         holds(path)
 
 
-@pytest.mark.parametrize("name", ["Uhrzeit", "Zeitstempel", "Date", "Datum", "DateTime", "Date Time"])
+@pytest.mark.parametrize(
+    "name", ["Uhrzeit", "Zeitstempel", "Date", "Datum", "DateTime", "Date Time"]
+)
 def test_a_column_of_dates_is_a_clock(name, tmp_path):
     moments = ["01.02.2026" + f" 10:00:{s:06.3f}".replace(".", ",") for s in T]
     body = rows(moments, U, Y, sep=";", decimal=",")
@@ -118,8 +134,13 @@ def test_a_time_decides_where_two_columns_run_forward(tmp_path):
 def test_names_that_belong_to_no_column_for_sure_are_refused_with_a_cure(header, columns, tmp_path):
     path = written(tmp_path, [header, *rows(*columns)])
     n = len(header.split(","))
-    why = rf"'u' is one of {n} names above {len(columns)} columns: give each column its name, or use col1, col2"
-    with pytest.raises(ValueError, match=rf"u must name a signal of 'run.csv', one of col1, .*; got 'u'; {why}"):
+    why = (
+        rf"'u' is one of {n} names above {len(columns)} columns: give each column its name, or use"
+        r" col1, col2"
+    )
+    with pytest.raises(
+        ValueError, match=rf"u must name a signal of 'run.csv', one of col1, .*; got 'u'; {why}"
+    ):
         nlfrf.load_record(path, fs=FS)
     assert f"u: is one of {n} names above {len(columns)} columns" in str(nlfrf.inspect_file(path))
     at = {id(column): f"col{j + 1}" for j, column in enumerate(columns)}
@@ -129,7 +150,9 @@ def test_names_that_belong_to_no_column_for_sure_are_refused_with_a_cure(header,
 def test_columns_that_hold_nothing_need_no_name(tmp_path):
     holds(written(tmp_path, ["t;u;y", *(f"{row};;" for row in rows(T, U, Y, sep=";"))]))
     holds(written(tmp_path, ["t,u,y,,,", *(f"{row},,," for row in rows(T, U, Y))]))
-    holds(written(tmp_path, ["T,u,y", *(f"{row}," for row in rows(20 + 0.1 * U, U, Y))]), fs=FS)  # a temperature
+    holds(
+        written(tmp_path, ["T,u,y", *(f"{row}," for row in rows(20 + 0.1 * U, U, Y))]), fs=FS
+    )  # a temperature
     holds(written(tmp_path, ["t,u,y,,comment", "s,N,mm,,-", *(f"{row}," for row in rows(T, U, Y))]))
 
 
@@ -180,10 +203,17 @@ BODIES = {
         ("N", "mm"),
     ),
     "Rigol": (
-        ["X,u,y,Start,Increment", "Sequence,Volt,Volt,-2.0e+00,1.0e-03", *(f"{row},," for row in rows(NUMBERS, U, Y))],
+        [
+            "X,u,y,Start,Increment",
+            "Sequence,Volt,Volt,-2.0e+00,1.0e-03",
+            *(f"{row},," for row in rows(NUMBERS, U, Y)),
+        ],
         ("Volt", "Volt"),
     ),
-    "Rigol, a step in a cell": (["u,y,t0 =-0.5, tInc = 1.0e-03,", *(f"{row},,," for row in rows(U, Y))], ("", "")),
+    "Rigol, a step in a cell": (
+        ["u,y,t0 =-0.5, tInc = 1.0e-03,", *(f"{row},,," for row in rows(U, Y))],
+        ("", ""),
+    ),
     "Siglent": (
         [
             "Record Length,750",
@@ -198,8 +228,14 @@ BODIES = {
         ],
         ("Volt", "Volt"),
     ),
-    "labels beside the columns": (["Name,u,y", "Unit,N,mm", "Sample rate,1000,1000", *rows(U, Y)], ("N", "mm")),
-    "one name for each label": (["Name;u;y", "Einheit;N;mm", *rows(T, U, Y, sep=";", decimal=",")], ("N", "mm")),
+    "labels beside the columns": (
+        ["Name,u,y", "Unit,N,mm", "Sample rate,1000,1000", *rows(U, Y)],
+        ("N", "mm"),
+    ),
+    "one name for each label": (
+        ["Name;u;y", "Einheit;N;mm", *rows(T, U, Y, sep=";", decimal=",")],
+        ("N", "mm"),
+    ),
     "Tektronix MSO": (
         [
             "Model,MSO24",
@@ -213,10 +249,19 @@ BODIES = {
         ],
         ("V", "mV"),
     ),
-    "Yaskawa": (["Trace", "Sampling time,1000,[us]", "Data number,750", "u[%],y[min-1]", *rows(U, Y)], ("%", "min-1")),
+    "Yaskawa": (
+        ["Trace", "Sampling time,1000,[us]", "Data number,750", "u[%],y[min-1]", *rows(U, Y)],
+        ("%", "min-1"),
+    ),
     "PicoScope": (["Time,u,y", "(ms),(V),(mV)", "", *rows(MS, U, Y)], ("V", "mV")),
-    "a blank row above the units": (["Time,u,y", "", "(ms),(V),(mV)", *rows(MS, U, Y)], ("V", "mV")),
-    "Origin": (["t\tu\ty", "ms\tN\tmm", "\tload cell\tencoder", *rows(MS, U, Y, sep="\t")], ("N", "mm")),
+    "a blank row above the units": (
+        ["Time,u,y", "", "(ms),(V),(mV)", *rows(MS, U, Y)],
+        ("V", "mV"),
+    ),
+    "Origin": (
+        ["t\tu\ty", "ms\tN\tmm", "\tload cell\tencoder", *rows(MS, U, Y, sep="\t")],
+        ("N", "mm"),
+    ),
     "Klipper": (["##overflows=0,errors=0", "#t,u,y,z", *rows(T, U, Y, 9 * U)], ("", "")),
     "a remark below the names": (["# t,u,y", "# trigger", *rows(T, U, Y)], ("", "")),
     "types and units": (["t,u,y", "double,double,double", "ms,N,mm", *rows(MS, U, Y)], ("N", "mm")),
@@ -243,7 +288,9 @@ def test_a_preamble_beside_the_first_rows(sep, tmp_path):
     left = [sep.join(("Record Length", "750", "")), sep.join(("Sample Interval", "1.0e-03", ""))]
     left += [sep.join(("Source", "CH1", "")), sep.join(("Horizontal Units", "s", ""))]
     body = rows(T - 2, U, Y, sep=sep)
-    path = written(tmp_path, [f"{left[i] if i < 4 else 2 * sep}{sep}{row}" for i, row in enumerate(body)])
+    path = written(
+        tmp_path, [f"{left[i] if i < 4 else 2 * sep}{sep}{row}" for i, row in enumerate(body)]
+    )
     holds(path, u="col5", y="col6")
     assert read_channels(path).time == "time"
 
@@ -252,26 +299,37 @@ def test_a_time_column_that_only_the_preamble_tells(tmp_path):
     for preamble, t in (("Sample rate: 1 kHz", T), ("Sample interval: 1 ms", MS)):
         path = written(tmp_path, [preamble, *rows(t, U, Y)])
         holds(path, u="col2", y="col3")
-    path = written(tmp_path, ["Sample rate: 50 Hz", *rows(T, U, Y)])  # which is not that of the first column
+    path = written(
+        tmp_path, ["Sample rate: 50 Hz", *rows(T, U, Y)]
+    )  # which is not that of the first column
     assert "time" not in read_channels(path).arrays
 
 
 def test_a_preamble_whose_step_has_no_unit(tmp_path):
     path = written(tmp_path, ["Sample interval,0.02", "u,y", *rows(U, Y)])
-    with pytest.warns(nlfrf.DataWarning, match=r"'Sample interval' names no unit and is 0\.02: 50 Hz if these are"):
+    with pytest.warns(
+        nlfrf.DataWarning, match=r"'Sample interval' names no unit and is 0\.02: 50 Hz if these are"
+    ):
         holds(path, rate=50)
     path = written(tmp_path, ["Sample interval,0.25", "u,y", *rows(U, Y)])
-    with pytest.raises(ValueError, match=r"fs must be given: .*'Sample interval' names no unit and is 0\.25: 4 Hz"):
+    with pytest.raises(
+        ValueError, match=r"fs must be given: .*'Sample interval' names no unit and is 0\.25: 4 Hz"
+    ):
         nlfrf.load_record(path)
     path = written(tmp_path, ["Interval,1", "u,y", *rows(U, Y)])
-    with pytest.raises(ValueError, match=r"fs must be given: .*'sampling time' names no unit and is 1: 1 Hz"):
+    with pytest.raises(
+        ValueError, match=r"fs must be given: .*'sampling time' names no unit and is 1: 1 Hz"
+    ):
         nlfrf.load_record(path)
     holds(written(tmp_path, ["Sample interval [ms],0.25", "u,y", *rows(U, Y)]), rate=4000)
 
 
 @pytest.mark.parametrize(("unit", "scale"), [("s", 1.0), ("ms", 1e-3), ("min", 60.0)])
 def test_a_step_whose_unit_stands_in_a_line_of_its_own(unit, scale, tmp_path):
-    path = written(tmp_path, [f"Horizontal Units,{unit}", f"Sample Interval,{1e-3 / scale:.12g}", "u,y", *rows(U, Y)])
+    path = written(
+        tmp_path,
+        [f"Horizontal Units,{unit}", f"Sample Interval,{1e-3 / scale:.12g}", "u,y", *rows(U, Y)],
+    )
     holds(path, rate=1000)
 
 
@@ -280,7 +338,10 @@ def test_a_step_whose_unit_stands_in_a_line_of_its_own(unit, scale, tmp_path):
 
 def labview(x_columns="No", **lines):
     """Lines of a measurement file with other lines of the header."""
-    return [next((text for key, text in lines.items() if line.startswith(key)), line) for line in lvm(x_columns)]
+    return [
+        next((text for key, text in lines.items() if line.startswith(key)), line)
+        for line in lvm(x_columns)
+    ]
 
 
 def test_units_of_a_labview_file_stand_above_their_channel(tmp_path):
@@ -296,7 +357,9 @@ def test_channels_of_a_labview_file_that_begin_at_different_moments(tmp_path):
     for late in ("X0\t0.0\t4.0E-4\t", "Time\t10:00:00,0000\t10:00:00,0004"):
         with pytest.warns(nlfrf.DataWarning, match=r"'y' begins \+0\.4 samples behind 'u'"):
             holds(saved(Channels=late))
-    with pytest.raises(ValueError, match=r"'y' begins \+3000 samples behind 'u'; bring them to one clock"):
+    with pytest.raises(
+        ValueError, match=r"'y' begins \+3000 samples behind 'u'; bring them to one clock"
+    ):
         nlfrf.load_record(saved(Channels="X0\t0.0\t3.0\t"))
     holds(saved(Channels="Time\t10:00:00,5\t10:00:00,5"))
 
@@ -315,7 +378,11 @@ def test_time_columns_of_each_labview_channel(tmp_path):
     for late, warns in ((0.0, False), (0.0004, True)):
         lines = [line for line in labview("Multi") if "\t" in line][:10]
         lines = [names if line.startswith("X_Value") else line for line in lines]
-        head = lines[: lines.index(names) + 1] if names in lines else [*lines, "***End_of_Header***", names]
+        head = (
+            lines[: lines.index(names) + 1]
+            if names in lines
+            else [*lines, "***End_of_Header***", names]
+        )
         path = written(tmp_path, [*head, *rows(T, U, T + late, Y, sep="\t")], name="run.lvm")
         if warns:
             with pytest.warns(nlfrf.DataWarning, match=r"'y' begins \+0\.4 samples behind 'u'"):

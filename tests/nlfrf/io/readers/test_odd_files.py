@@ -1,4 +1,6 @@
-"""Files in which a name, a clock or a row could be taken for another: each channel is the one that was asked for."""
+"""Files in which a name, a clock or a row could be taken for another: each channel is the one that
+was asked for.
+"""
 
 import numpy as np
 import pytest
@@ -29,8 +31,12 @@ def test_arrow_columns_that_share_a_name(suffix, tmp_path):
     import pyarrow as pa
     from pyarrow import feather, parquet
 
-    table = pa.Table.from_arrays([pa.array(a) for a in (T, U, Y, 2 * Y)], names=["t", "u", "y", "y"])
-    (parquet.write_table if suffix == ".parquet" else feather.write_feather)(table, tmp_path / f"run{suffix}")
+    table = pa.Table.from_arrays(
+        [pa.array(a) for a in (T, U, Y, 2 * Y)], names=["t", "u", "y", "y"]
+    )
+    (parquet.write_table if suffix == ".parquet" else feather.write_feather)(
+        table, tmp_path / f"run{suffix}"
+    )
     arrays = read_channels(tmp_path / f"run{suffix}").arrays
     np.testing.assert_array_equal(arrays["y"], Y)
     np.testing.assert_array_equal(arrays["y.4"], 2 * Y)
@@ -39,7 +45,9 @@ def test_arrow_columns_that_share_a_name(suffix, tmp_path):
 def test_channels_of_a_labview_file_each_with_its_own_step(tmp_path):
     lines = [line.replace("Delta_X\t0.001\t0.001", "Delta_X\t0.001\t0.002") for line in lvm("No")]
     (tmp_path / "run.lvm").write_text("\n".join(lines))
-    with pytest.raises(ValueError, match=r"u and y must be sampled together, .* 'u' at 1000 Hz, 'y' at 500 Hz"):
+    with pytest.raises(
+        ValueError, match=r"u and y must be sampled together, .* 'u' at 1000 Hz, 'y' at 500 Hz"
+    ):
         nlfrf.load_record(tmp_path / "run.lvm")
 
 
@@ -47,13 +55,21 @@ def test_scopes_with_signals_of_the_same_label(tmp_path):
     from scipy.io import savemat
 
     def scope(*labelled):
-        signals = np.zeros(len(labelled), dtype=[("values", object), ("dimensions", object), ("label", object)])
+        signals = np.zeros(
+            len(labelled), dtype=[("values", object), ("dimensions", object), ("label", object)]
+        )
         for i, (label, values) in enumerate(labelled):
             signals[i] = (values[:, None], 1.0, label)
         return {"time": T[:, None], "signals": signals, "blockName": "rig/Scope"}
 
-    savemat(tmp_path / "run.mat", {"One": scope(("u", U), ("y", Y)), "Two": scope(("y", 2 * Y), ("y", 3 * Y))})
-    with pytest.raises(ValueError, match=r"y must name a signal of 'run.mat', one of One\.time, One\.y, .*; got 'y'"):
+    savemat(
+        tmp_path / "run.mat",
+        {"One": scope(("u", U), ("y", Y)), "Two": scope(("y", 2 * Y), ("y", 3 * Y))},
+    )
+    with pytest.raises(
+        ValueError,
+        match=r"y must name a signal of 'run.mat', one of One\.time, One\.y, .*; got 'y'",
+    ):
         nlfrf.load_record(tmp_path / "run.mat")
     for name, factor in (("One.y", 1), ("Two.y", 2), ("Two.2", 3)):
         record = nlfrf.load_record(tmp_path / "run.mat", y=name)
@@ -65,7 +81,9 @@ def test_dspace_rasters_of_their_own_clocks(tmp_path):
     from scipy.io import savemat
 
     slow = slice(None, None, 2)
-    channels = np.zeros(3, dtype=[("Name", object), ("Data", object), ("Unit", object), ("XIndex", object)])
+    channels = np.zeros(
+        3, dtype=[("Name", object), ("Data", object), ("Unit", object), ("XIndex", object)]
+    )
     channels[0], channels[1] = ("slow u", U[slow], "N", 2.0), ("slow y", Y[slow], "mm", 2.0)
     channels[2] = ("u", U, "N", 1.0)
     rasters = np.zeros(2, dtype=[("Name", object), ("Data", object)])

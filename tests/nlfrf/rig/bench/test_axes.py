@@ -1,4 +1,6 @@
-"""Rigs of several axes: against exact discretisation, an adaptive integrator, and the rig of one axis, law by law."""
+"""Rigs of several axes: against exact discretisation, an adaptive integrator, and the rig of one
+axis, law by law.
+"""
 
 import numpy as np
 import pytest
@@ -8,7 +10,15 @@ from scipy.linalg import expm
 import nlfrf
 from benchmarks.bench_axes import attack
 from nlfrf import multisine, paper_rig, simulate
-from nlfrf.friction import Coulomb, Dahl, GeneralizedMaxwellSlip, Leuven, LuGre, OwnFriction, VaryingSliders
+from nlfrf.friction import (
+    Coulomb,
+    Dahl,
+    GeneralizedMaxwellSlip,
+    Leuven,
+    LuGre,
+    OwnFriction,
+    VaryingSliders,
+)
 from nlfrf.hysteresis import Exponential, Table, Tanh
 from nlfrf.rig import Rig, run, two_axis_stage
 from tests.support.virgin_curves import chord_elements
@@ -19,7 +29,9 @@ COULOMB = Coulomb(Fc=0.7, Fs=1.0, vs=0.01, sigma2=0.4)
 
 
 def exactly(rig, force, fs):
-    """Positions (n_y, n) of the rig without friction and cubic springs, its forces held over each sample."""
+    """Positions (n_y, n) of the rig without friction and cubic springs, its forces held over each
+    sample.
+    """
     n, m = rig.n_axes, rig.n_inputs
     block = np.zeros((2 * n + m, 2 * n + m))
     block[:n, n : 2 * n] = np.eye(n)
@@ -63,14 +75,30 @@ def test_the_stage_moves_as_an_adaptive_integrator_says(kind):
         f = u - rig.stiffness @ x - rig.damping @ v
         if kind == "springs":
             inner = 4.5e10 * (x[0] - x[1]) ** 3
-            return np.concatenate([v, (f - [3.3e10 * x[0] ** 3 + inner, 1.2e11 * x[1] ** 3 - inner]) / [1, 1.5], 0 * z])
-        dz = v - law.sigma0 * np.abs(v) / (law.Fc + (law.Fs - law.Fc) * np.exp(-((v / law.vs) ** 2))) * z
-        return np.concatenate([v, (f - law.sigma0 * z - law.sigma1 * dz - law.sigma2 * v) / [1, 1.5], dz])
+            return np.concatenate(
+                [
+                    v,
+                    (f - [3.3e10 * x[0] ** 3 + inner, 1.2e11 * x[1] ** 3 - inner]) / [1, 1.5],
+                    0 * z,
+                ]
+            )
+        dz = (
+            v
+            - law.sigma0
+            * np.abs(v)
+            / (law.Fc + (law.Fs - law.Fc) * np.exp(-((v / law.vs) ** 2)))
+            * z
+        )
+        return np.concatenate(
+            [v, (f - law.sigma0 * z - law.sigma1 * dz - law.sigma2 * v) / [1, 1.5], dz]
+        )
 
     state, exact = np.zeros(6), []
     for u in force.T:
         exact.append(state)
-        state = solve_ivp(rates, (0, 1 / FS), state, "DOP853", args=(u,), rtol=1e-10, atol=1e-14).y[:, -1]
+        state = solve_ivp(rates, (0, 1 / FS), state, "DOP853", args=(u,), rtol=1e-10, atol=1e-14).y[
+            :, -1
+        ]
     exact = np.array(exact).T
     motion = run(rig, force, fs=FS, oversampling=16, hold="zoh")
     assert np.abs(motion.x - exact[:2]).max() < 2e-6 * np.abs(exact[:2]).max()
@@ -81,14 +109,25 @@ def test_the_stage_moves_as_an_adaptive_integrator_says(kind):
 
 LAWS = {
     "Leuven": (paper_rig().friction, 1e-6),
-    "Leuven, elements": (Leuven(curve=chord_elements(Tanh(64e3, 1.0), np.geomspace(5e-7, 5e-5, 8))), 1e-6),
+    "Leuven, elements": (
+        Leuven(curve=chord_elements(Tanh(64e3, 1.0), np.geomspace(5e-7, 5e-5, 8))),
+        1e-6,
+    ),
     "Leuven, table": (Leuven(curve=Table(z=[1e-5, 3e-5, 9e-5], F=[0.5, 0.9, 1.2])), 1e-6),
     "Leuven, exponential": (Leuven(n=2.0, curve=Exponential(64e3, 1.0)), 1e-6),
     "LuGre": (LUGRE, 1e-8),
     "Dahl": (Dahl(sigma0=64e3, Fc=0.7), 1e-8),
     "Coulomb": (COULOMB, 1e-6),
-    "GMS": (GeneralizedMaxwellSlip(stiffness=[4e4, 2.4e4], alpha=[0.5, 0.5], C=10, Fc=0.7, Fs=1.0, vs=0.01), 1e-7),
-    "sliders": (VaryingSliders(stiffness=[4e4, 2.4e4], strength=[0.5, 0.5], stiction=1.4, vs=0.01, seed=3), 1e-3),
+    "GMS": (
+        GeneralizedMaxwellSlip(
+            stiffness=[4e4, 2.4e4], alpha=[0.5, 0.5], C=10, Fc=0.7, Fs=1.0, vs=0.01
+        ),
+        1e-7,
+    ),
+    "sliders": (
+        VaryingSliders(stiffness=[4e4, 2.4e4], strength=[0.5, 0.5], stiction=1.4, vs=0.01, seed=3),
+        1e-3,
+    ),
 }
 
 
@@ -96,7 +135,9 @@ LAWS = {
 def test_one_axis_of_a_matrix_is_the_rig_of_one_axis(name):
     """Beside another axis with another law, to which nothing couples it, and alone."""
     law, tolerance = LAWS[name]
-    force = np.convolve(2.5 * np.random.default_rng(2).standard_normal(2000), np.ones(8) / 2, "same")
+    force = np.convolve(
+        2.5 * np.random.default_rng(2).standard_normal(2000), np.ones(8) / 2, "same"
+    )
     single = run(Rig(1.0, 80e3, law, 0.4), force, fs=4096.0, oversampling=4)
     alone = run(Rig([[1.0]], [[80e3]], [law], [[0.4]]), force[None], fs=4096.0, oversampling=4)
     other = Rig(np.diag([2.0, 1.0]), np.diag([5e4, 80e3]), [LUGRE, law], np.diag([3.0, 0.4]))
@@ -104,7 +145,8 @@ def test_one_axis_of_a_matrix_is_the_rig_of_one_axis(name):
     assert np.abs(single.v).max() > 0.02  # it slides
     for x, friction in ((alone.x[0], alone.friction[0]), (beside.x[1], beside.friction[1])):
         assert np.abs(x - single.x).max() < tolerance * np.abs(single.x).max()
-        # at the very first sample dry friction of one axis says what would hold it, here what it slides with
+        # at the very first sample dry friction of one axis says what would hold it, here what it
+        # slides with
         assert np.abs(friction - single.friction)[1:].max() < 100 * tolerance
 
 
@@ -120,18 +162,31 @@ def test_dry_friction_holds_one_axis_while_the_other_moves():
     assert share.min() > 0.05
     assert share.max() < 0.95
     assert (at_rest[0] & ~at_rest[1]).sum() > 50  # one moves while the other is held
-    assert (np.abs(motion.friction) <= np.array([[1.0], [0.5]]) + 0.4 * np.abs(motion.v) * [[1], [0]] + 1e-6).all()
+    assert (
+        np.abs(motion.friction)
+        <= np.array([[1.0], [0.5]]) + 0.4 * np.abs(motion.v) * [[1], [0]] + 1e-6
+    ).all()
     off = []
-    for sigma0, oversampling in ((5e7, 64), (2e8, 256)):  # dry friction is that of bristles that do not bend
+    for sigma0, oversampling in (
+        (5e7, 64),
+        (2e8, 256),
+    ):  # dry friction is that of bristles that do not bend
         bristles = {"sigma0": sigma0, "sigma1": 0.1 * sigma0**0.5}
-        laws = [LuGre(sigma2=one.sigma2, Fc=one.Fc, Fs=one.Fs, vs=one.vs, **bristles) for one in rig.friction]
-        near = run(Rig(mass, rig.stiffness, laws, rig.damping), force, fs=4096.0, oversampling=oversampling)
+        laws = [
+            LuGre(sigma2=one.sigma2, Fc=one.Fc, Fs=one.Fs, vs=one.vs, **bristles)
+            for one in rig.friction
+        ]
+        near = run(
+            Rig(mass, rig.stiffness, laws, rig.damping), force, fs=4096.0, oversampling=oversampling
+        )
         off.append(np.abs(near.x - motion.x).max() / np.abs(motion.x).max())
     assert off[1] < 0.5 * off[0] < 0.01
 
 
 def test_random_machines_lose_energy_and_do_not_depend_on_the_step():
-    """One to four axes with any laws, springs and mass matrices; `python -m benchmarks.bench_axes` tries more."""
+    """One to four axes with any laws, springs and mass matrices; `python -m benchmarks.bench_axes`
+    tries more.
+    """
     gained, changed, rigs = zip(*(attack(seed) for seed in range(12)), strict=True)
     assert max(gained) < 1e-9
     assert np.median(changed) < 1e-4
@@ -140,7 +195,9 @@ def test_random_machines_lose_energy_and_do_not_depend_on_the_step():
 
 
 def test_friction_sends_nothing_to_even_lines():
-    ms = multisine("odd", fs=FS, n_samples=1024, f_min=2, f_max=150, rms=(2.0, 3.0), n_inputs=2, rng=1)
+    ms = multisine(
+        "odd", fs=FS, n_samples=1024, f_min=2, f_max=150, rms=(2.0, 3.0), n_inputs=2, rng=1
+    )
     record = simulate(two_axis_stage(), ms, n_discard=6, oversampling=2)
     spectrum = np.abs(np.fft.rfft(record.y[:, :, 0]))
     assert spectrum[..., ms.lines.even].max() < 1e-8 * spectrum[..., ms.lines.excited].max()
@@ -160,14 +217,21 @@ def test_a_linear_stage_is_identified_as_it_is(design):
         frm = nlfrf.identify(record)
         s = 2j * np.pi * frm.f
         # far below the resonances the hold is a delay of half a sample
-        low = np.linalg.inv(rig.mass * s[0] ** 2 + rig.damping * s[0] + rig.stiffness) * np.exp(-s[0] / 2 / FS)
+        low = np.linalg.inv(rig.mass * s[0] ** 2 + rig.damping * s[0] + rig.stiffness) * np.exp(
+            -s[0] / 2 / FS
+        )
         assert np.abs(frm.G[..., 0] - rig.sensors @ low).max() < 1e-3 * np.abs(low).max()
 
 
 def test_records_carry_what_the_rig_knows():
     ms = multisine(fs=FS, n_samples=512, f_min=4, f_max=100, rng=1)
     record = simulate(paper_rig(), ms, n_discard=12, oversampling=4)
-    assert (record.u_name, record.y_name, record.u_unit, record.y_unit) == ("force", "position", "N", "m")
+    assert (record.u_name, record.y_name, record.u_unit, record.y_unit) == (
+        "force",
+        "position",
+        "N",
+        "m",
+    )
     two_mass = Rig(
         mass=np.diag([1.0, 2.0]),
         stiffness=[[5e4, -5e4], [-5e4, 7e4]],
@@ -181,7 +245,9 @@ def test_records_carry_what_the_rig_knows():
     assert load.y.shape == (1, 1, 512)
     assert (load.u_name, load.y_name) == ("F1", "load")
     motion = run(two_mass, np.tile(ms.u, 41), fs=FS, oversampling=16)
-    assert np.abs(motion.x[1, -512:] - load.y[0, 0]).max() < 3e-2 * load.y.max()  # straight lines between the samples
+    assert (
+        np.abs(motion.x[1, -512:] - load.y[0, 0]).max() < 3e-2 * load.y.max()
+    )  # straight lines between the samples
 
 
 def test_finished_experiments_of_a_stage_are_kept(tmp_path):
@@ -189,42 +255,90 @@ def test_finished_experiments_of_a_stage_are_kept(tmp_path):
     done = []
     first = simulate(two_axis_stage(), ms, n_discard=40, oversampling=4, resume=tmp_path)
     again = simulate(
-        two_axis_stage(), ms, n_discard=40, oversampling=4, resume=tmp_path, progress=lambda *n: done.append(n)
+        two_axis_stage(),
+        ms,
+        n_discard=40,
+        oversampling=4,
+        resume=tmp_path,
+        progress=lambda *n: done.append(n),
     )
     assert np.array_equal(first.y, again.y)
     assert done == [(2, 2)]
     simulate(
-        two_axis_stage("springs"), ms, n_discard=40, oversampling=4, resume=tmp_path, progress=lambda *n: done.append(n)
+        two_axis_stage("springs"),
+        ms,
+        n_discard=40,
+        oversampling=4,
+        resume=tmp_path,
+        progress=lambda *n: done.append(n),
     )
     assert done[1:] == [(1, 2), (2, 2)]  # another machine
 
 
 ONE = np.eye(2)
-OWN = OwnFriction(derivative=lambda x, v, z: v - z, force=lambda x, v, z: z[0], rest=[0.0], stiffness=1.0)
+OWN = OwnFriction(
+    derivative=lambda x, v, z: v - z, force=lambda x, v, z: z[0], rest=[0.0], stiffness=1.0
+)
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"mass": np.ones((2, 3))}, r"mass must be a number or a square matrix, got shape \(2, 3\)"),
-        ({"mass": [[1.0, 0.1], [0.0, 1.0]]}, "mass must be symmetric, got .* differs from its transpose by up to 0.1"),
-        ({"mass": [[1.0, 2.0], [2.0, 1.0]]}, "mass must be positive definite, got eigenvalues from -1 to 3"),
+        (
+            {"mass": np.ones((2, 3))},
+            r"mass must be a number or a square matrix, got shape \(2, 3\)",
+        ),
+        (
+            {"mass": [[1.0, 0.1], [0.0, 1.0]]},
+            "mass must be symmetric, got .* differs from its transpose by up to 0.1",
+        ),
+        (
+            {"mass": [[1.0, 2.0], [2.0, 1.0]]},
+            "mass must be positive definite, got eigenvalues from -1 to 3",
+        ),
         ({"mass": [[1.0, 1.0], [1.0, 1.0]]}, "mass must be positive definite"),
         ({"stiffness": 3.0}, r"stiffness must have the shape of mass, \(2, 2\), got shape \(\)"),
-        ({"stiffness": -ONE}, "stiffness must be positive semidefinite, got eigenvalues from -1 to -1"),
-        ({"damping": np.ones(2)}, r"damping must have the shape of mass, \(2, 2\), got shape \(2,\)"),
+        (
+            {"stiffness": -ONE},
+            "stiffness must be positive semidefinite, got eigenvalues from -1 to -1",
+        ),
+        (
+            {"damping": np.ones(2)},
+            r"damping must have the shape of mass, \(2, 2\), got shape \(2,\)",
+        ),
         ({"damping": np.diag([1.0, -1.0])}, "damping must be positive semidefinite"),
-        ({"friction": [None]}, "friction must be a list with a law or None for each of the 2 axes, got 1"),
-        ({"friction": LUGRE}, "friction must be a list with a law or None for each of the 2 axes, got LuGre"),
+        (
+            {"friction": [None]},
+            "friction must be a list with a law or None for each of the 2 axes, got 1",
+        ),
+        (
+            {"friction": LUGRE},
+            "friction must be a list with a law or None for each of the 2 axes, got LuGre",
+        ),
         ({"friction": [None, 3.0]}, r"friction must be one of the laws of nlfrf.friction, got 3.0"),
-        ({"friction": [OWN, None]}, r"friction\[0\] must be one of the laws .* for several axes, got OwnFriction"),
+        (
+            {"friction": [OWN, None]},
+            r"friction\[0\] must be one of the laws .* for several axes, got OwnFriction",
+        ),
         ({"cubic": -ONE}, "cubic must hold springs of zero or positive stiffness, got -1"),
         ({"cubic": [[1.0, 2.0], [0.0, 1.0]]}, "cubic must be symmetric"),
-        ({"sensors": np.ones((1, 3))}, r"sensors must have 2 columns, one per axis, got shape \(1, 3\)"),
-        ({"actuators": np.ones((3, 1))}, r"actuators must have 2 rows, one per axis, got shape \(3, 1\)"),
-        ({"actuators": [[1.0, 0.0], [1.0, 0.0]]}, "actuators must act on some axis with every channel"),
+        (
+            {"sensors": np.ones((1, 3))},
+            r"sensors must have 2 columns, one per axis, got shape \(1, 3\)",
+        ),
+        (
+            {"actuators": np.ones((3, 1))},
+            r"actuators must have 2 rows, one per axis, got shape \(3, 1\)",
+        ),
+        (
+            {"actuators": [[1.0, 0.0], [1.0, 0.0]]},
+            "actuators must act on some axis with every channel",
+        ),
         ({"inputs": ("Fx",)}, r"inputs must be 2 different names, got \('Fx',\)"),
-        ({"inputs": "xy"}, "inputs must be 2 different names, got 'xy'"),  # one text is one name, not two letters
+        (
+            {"inputs": "xy"},
+            "inputs must be 2 different names, got 'xy'",
+        ),  # one text is one name, not two letters
         ({"outputs": ("x", "x")}, "outputs must be 2 different names"),
         ({"outputs": (1, 2)}, r"outputs must be 2 different names, got \(1, 2\)"),
     ],
@@ -256,13 +370,19 @@ def test_multisines_that_do_not_fit_the_rig_are_refused():
         simulate(paper_rig(), multisine(n_inputs=2, **options))
     with pytest.raises(ValueError, match="signal must have 2 channels, like the rig, got 3"):
         run(two_axis_stage(), np.zeros((3, 10)), fs=FS)
-    with pytest.raises(ValueError, match="oversampling must be at least 2 for a stable integration step"):
+    with pytest.raises(
+        ValueError, match="oversampling must be at least 2 for a stable integration step"
+    ):
         run(two_axis_stage(), np.zeros((2, 10)), fs=100.0)
-    with pytest.raises(ValueError, match="nonlinearity must be one of 'friction', 'springs', 'none', got 'both'"):
+    with pytest.raises(
+        ValueError, match="nonlinearity must be one of 'friction', 'springs', 'none', got 'both'"
+    ):
         two_axis_stage("both")
 
 
 def test_a_machine_that_runs_away_between_steps_is_refused():
     """Cubic springs grow stiffer than the step can follow."""
-    with pytest.raises(ValueError, match=r"oversampling must be about .* for a stable integration step in sliding"):
+    with pytest.raises(
+        ValueError, match=r"oversampling must be about .* for a stable integration step in sliding"
+    ):
         run(two_axis_stage("springs"), np.full((2, 200), 3e8), fs=FS, oversampling=8)

@@ -1,4 +1,6 @@
-"""A controller matrix around several axes: against the closed loop of linear theory and the loop of one axis."""
+"""A controller matrix around several axes: against the closed loop of linear theory and the loop of
+one axis.
+"""
 
 from types import SimpleNamespace
 
@@ -31,7 +33,12 @@ def test_a_linear_stage_in_a_loop_is_the_closed_loop(K):
     response = run(stage, r, K, disturbance=disturbance, noise=noise, oversampling=16)
     zero, mass = np.zeros((2, 2)), stage.mass
     plant = control.ss(
-        np.block([[zero, np.eye(2)], [-np.linalg.solve(mass, stage.stiffness), -np.linalg.solve(mass, stage.damping)]]),
+        np.block(
+            [
+                [zero, np.eye(2)],
+                [-np.linalg.solve(mass, stage.stiffness), -np.linalg.solve(mass, stage.damping)],
+            ]
+        ),
         np.vstack([zero, np.linalg.inv(mass)]),
         np.hstack([stage.sensors, zero]),
         zero,
@@ -48,15 +55,21 @@ def test_a_linear_stage_in_a_loop_is_the_closed_loop(K):
 PI = SimpleNamespace(A=[[1.0]], B=[[1.0]], C=[[200.0]], D=[[3e3]], dt=1 / 2000)
 
 
-@pytest.mark.parametrize("law", [paper_rig().friction, Coulomb(Fc=0.7, Fs=1.0, vs=0.01)], ids=["Leuven", "Coulomb"])
+@pytest.mark.parametrize(
+    "law", [paper_rig().friction, Coulomb(Fc=0.7, Fs=1.0, vs=0.01)], ids=["Leuven", "Coulomb"]
+)
 @pytest.mark.parametrize("delay", [0.0, 0.25e-3, 1.1e-3])
 def test_loops_around_axes_that_do_not_meet_are_loops_of_one_axis(law, delay):
     r = 2e-4 * np.sin(2 * np.pi * 20 * np.arange(600) / 2000)
     options = {"delay": delay, "resolution": 1e-7, "saturation": 20.0}
     single = run(Rig(1.0, 80e3, law, 0.4), r, Controller(PI, **options), initial=(1e-5, 0.02))
     rig = Rig(np.diag([1.0, 2.0]), np.diag([80e3, 90e3]), [law, None], np.diag([0.4, 5.0]))
-    both = control.append(control.ss(PI.A, PI.B, PI.C, PI.D, PI.dt), control.ss([], [], [], [[50.0]], PI.dt))
-    response = run(rig, np.stack([r, 0 * r]), Controller(both, **options), initial=[[1e-5, 1e-6], [0.02, 0.0]])
+    both = control.append(
+        control.ss(PI.A, PI.B, PI.C, PI.D, PI.dt), control.ss([], [], [], [[50.0]], PI.dt)
+    )
+    response = run(
+        rig, np.stack([r, 0 * r]), Controller(both, **options), initial=[[1e-5, 1e-6], [0.02, 0.0]]
+    )
     assert np.abs(response.x[0] - single.x).max() < 1e-6 * np.abs(single.x).max()
     assert np.abs(response.u[0] - single.u).max() < 1e-3  # one step of the sensor now and then
     assert np.abs(response.friction[0] - single.friction).max() < 0.02
@@ -66,7 +79,9 @@ def test_loops_around_axes_that_do_not_meet_are_loops_of_one_axis(law, delay):
 
 def test_limits_act_channel_by_channel():
     r = np.outer([1e-4, 2e-4], np.ones(300))
-    response = run(two_axis_stage(), r, Controller(FULL, saturation=[0.15, np.inf], resolution=[1e-6, 0.0]))
+    response = run(
+        two_axis_stage(), r, Controller(FULL, saturation=[0.15, np.inf], resolution=[1e-6, 0.0])
+    )
     assert np.abs(response.u[0]).max() == 0.15
     assert np.abs(response.u[1]).max() > 0.5
     assert np.allclose(response.y[0] / 1e-6, np.round(response.y[0] / 1e-6), atol=1e-9)
@@ -104,7 +119,9 @@ def test_a_small_axis_that_goes_on_is_seen_beside_a_large_one_that_settles():
 
 def test_outcome_is_that_of_the_channel_that_swings_most():
     t = np.arange(4000) / 2000
-    channels = np.where(t < 0.5, np.sin(300 * t), np.stack([0.1 * np.sin(300 * t), np.zeros(t.size)]))
+    channels = np.where(
+        t < 0.5, np.sin(300 * t), np.stack([0.1 * np.sin(300 * t), np.zeros(t.size)])
+    )
     rows = np.zeros((2, 4000))
     told = Trajectory(t=t, signals={"r": channels, "x": rows, "friction": rows}, units={})
     assert told.outcome(0.5) == "limit cycle"
@@ -114,7 +131,12 @@ def test_outcome_is_that_of_the_channel_that_swings_most():
 def limited(K, options):
     """The controller with its limits, which are taken out of the options."""
     return Controller(
-        K, **{name: options.pop(name) for name in ("delay", "saturation", "resolution") if name in options}
+        K,
+        **{
+            name: options.pop(name)
+            for name in ("delay", "saturation", "resolution")
+            if name in options
+        },
     )
 
 
@@ -122,8 +144,16 @@ def limited(K, options):
     ("K", "options", "message"),
     [
         (pid(1.0, 0.0, dt=1 / FS), {}, "K must have 2 inputs and 2 outputs, got 1 and 1"),
-        (control.ss([], [], [], np.ones((3, 2)), 1 / FS), {}, "K must have 2 inputs and 2 outputs, got 2 and 3"),
-        (FULL, {"saturation": [1.0, 2.0, 3.0]}, r"saturation must be one number or 2, one per channel, got shape"),
+        (
+            control.ss([], [], [], np.ones((3, 2)), 1 / FS),
+            {},
+            "K must have 2 inputs and 2 outputs, got 2 and 3",
+        ),
+        (
+            FULL,
+            {"saturation": [1.0, 2.0, 3.0]},
+            r"saturation must be one number or 2, one per channel, got shape",
+        ),
         (FULL, {"saturation": [1.0, -2.0]}, "saturation must be positive, got -2"),
         (FULL, {"resolution": -1.0}, "resolution must be zero or positive, got -1"),
         (FULL, {"noise": np.zeros(10)}, "noise must have 2 channels, like the rig, got 1"),
@@ -132,7 +162,11 @@ def limited(K, options):
             {"disturbance": np.zeros((2, 9))},
             "disturbance must have one value for each of the 10 samples",
         ),
-        (FULL, {"initial": np.zeros(3)}, r"initial must hold positions and velocities, shape \(2, 2\), got .*\(3,\)"),
+        (
+            FULL,
+            {"initial": np.zeros(3)},
+            r"initial must hold positions and velocities, shape \(2, 2\), got .*\(3,\)",
+        ),
         (FULL, {"oversampling": 0}, "oversampling must be a whole number of at least 1, got 0"),
     ],
 )
@@ -146,7 +180,9 @@ def test_references_and_stacks_that_do_not_fit_are_refused():
         run(two_axis_stage(), np.zeros(10), FULL)
     with pytest.raises(ValueError, match="signal must have 2 channels, like the rig, got 3"):
         run(two_axis_stage(), np.zeros((3, 10)), FULL)
-    with pytest.raises(ValueError, match="rig must have one axis in a stack of loops, got a rig of matrices with 2"):
+    with pytest.raises(
+        ValueError, match="rig must have one axis in a stack of loops, got a rig of matrices with 2"
+    ):
         run_loops(two_axis_stage(), np.zeros((2, 10)), [FULL])
 
 

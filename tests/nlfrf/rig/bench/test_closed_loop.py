@@ -1,4 +1,6 @@
-"""The sampled loop against linear theory where friction acts as a spring, and what friction does to it."""
+"""The sampled loop against linear theory where friction acts as a spring, and what friction does to
+it.
+"""
 
 from types import SimpleNamespace
 
@@ -21,7 +23,9 @@ PI = controller([[1.0]], [[1.0]], [[200.0]], [[3e3]])
 
 
 def linear_loop(K, r, *, delay, disturbance=None):
-    """The stuck rig, (k + K0) stiff and 13.4 Ns/m damped, under the same controller: exact between samples."""
+    """The stuck rig, (k + K0) stiff and 13.4 Ns/m damped, under the same controller: exact between
+    samples.
+    """
     A = np.array([[0.0, 1.0], [-144e3, -13.4]])
     whole, part = divmod(delay * FS, 1)
 
@@ -32,7 +36,10 @@ def linear_loop(K, r, *, delay, disturbance=None):
         return big[:2, :2], big[:2, 2]
 
     first, second = hold(part), hold(1 - part)
-    x, state, forces, out = np.zeros(2), np.zeros(K.A.shape[0]), np.zeros(r.size + int(whole) + 1), []
+    x = np.zeros(2)
+    state = np.zeros(K.A.shape[0])
+    forces = np.zeros(r.size + int(whole) + 1)
+    out = []
     for k in range(r.size):
         out.append(x[0])
         e = r[k] - x[0]
@@ -63,10 +70,19 @@ def test_disturbance_enters_at_the_input_of_the_rig():
 
 
 def hunting(Fs):
-    """The example of Canudas de Wit, Olsson, Astrom and Lischinsky (1995): PID on a mass, Kp = 3, Ki = 4, Kv = 6."""
+    """The example of Canudas de Wit, Olsson, Astrom and Lischinsky (1995):
+
+    PID on a mass, Kp = 3, Ki = 4, Kv = 6.
+    """
     fs = 500.0
     rig = Rig(1.0, 0.0, LuGre(sigma0=1e5, sigma1=np.sqrt(1e5), sigma2=0.4, Fc=1.0, Fs=Fs, vs=1e-3))
-    PID = controller([[1.0, 0.0], [0.0, 0.0]], [[1.0], [1.0]], [[4 / fs, -6 * fs]], [[6 * fs + 3 + 4 / fs]], dt=1 / fs)
+    PID = controller(
+        [[1.0, 0.0], [0.0, 0.0]],
+        [[1.0], [1.0]],
+        [[4 / fs, -6 * fs]],
+        [[6 * fs + 3 + 4 / fs]],
+        dt=1 / fs,
+    )
     response = run(rig, np.minimum(np.arange(20_000) / fs / 2, 1.0), PID)
     assert not response.diverged
     return response.e
@@ -116,7 +132,12 @@ def test_refinement_changes_little():
 def limited(K, options):
     """The controller with its limits, which are taken out of the options."""
     return Controller(
-        K, **{name: options.pop(name) for name in ("delay", "saturation", "resolution") if name in options}
+        K,
+        **{
+            name: options.pop(name)
+            for name in ("delay", "saturation", "resolution")
+            if name in options
+        },
     )
 
 
@@ -138,11 +159,18 @@ def limited(K, options):
             {},
             "K must have finite matrices, got a nonfinite number in A",
         ),
-        (controller([[1.0j]], [[1.0]], [[1.0]], [[1.0]]), {}, "K must have real matrices, got A of dtype complex128"),
+        (
+            controller([[1.0j]], [[1.0]], [[1.0]], [[1.0]]),
+            {},
+            "K must have real matrices, got A of dtype complex128",
+        ),
         (
             controller([[1.0, 2.0]], [[1.0]], [[1.0]], [[1.0]]),
             {},
-            r"K must have A \(s, s\), B \(s, 1\) and C \(1, s\), got shapes \(1, 2\), \(1, 1\) and \(1, 1\)",
+            (
+                r"K must have A \(s, s\), B \(s, 1\) and C \(1, s\), got shapes \(1, 2\), \(1, 1\)"
+                r" and \(1, 1\)"
+            ),
         ),
         (3.0, {}, "K must have A, B, C, D and dt, got float without A, B, C, D, dt"),
         (PI, {"delay": -1.0}, "delay must be zero or positive, got -1"),
@@ -153,7 +181,11 @@ def limited(K, options):
             r"initial must hold .* shape \(2, 1\), got .*\(2, 2\)",
         ),
         (PI, {"resolution": -1.0}, "resolution must be zero or positive, got -1"),
-        (PI, {"noise": np.zeros(3)}, "noise must have one value for each of the 10 samples of r, got 3"),
+        (
+            PI,
+            {"noise": np.zeros(3)},
+            "noise must have one value for each of the 10 samples of r, got 3",
+        ),
         (PI, {"oversampling": 0}, "oversampling must be a whole number of at least 1, got 0"),
     ],
 )
@@ -165,7 +197,8 @@ def test_refusals_name_the_parameter(K, options, message):
 def test_a_rig_far_too_fast_for_the_clock_is_refused():
     light = Rig(mass=1e-12, stiffness=paper_rig().stiffness, friction=paper_rig().friction)
     with pytest.raises(
-        ValueError, match=r"fs must leave the rig at most 10000 integration steps per sample, got 2000 Hz"
+        ValueError,
+        match=r"fs must leave the rig at most 10000 integration steps per sample, got 2000 Hz",
     ):
         run(light, np.zeros(10), PI)
 
@@ -204,7 +237,9 @@ BURST = np.where(T_AFTER < 0.5, 1.0, 0.0)
 def test_outcome_of_a_loop_left_alone(after, outcome):
     response = left_alone(np.where(BURST > 0, np.sin(300 * T_AFTER), after))
     assert response.outcome(0.5) == outcome
-    assert response.residual(0.5) == pytest.approx(np.ptp(after[T_AFTER >= 1.625]) / 2, rel=0.01, abs=1e-12)
+    assert response.residual(0.5) == pytest.approx(
+        np.ptp(after[T_AFTER >= 1.625]) / 2, rel=0.01, abs=1e-12
+    )
 
 
 def test_a_loop_that_ran_away_has_no_residual():
@@ -225,12 +260,16 @@ def test_the_rig_settles_under_little_gain_and_cycles_under_too_much():
     force[:500] = np.random.default_rng(0).standard_normal(500)
     for gain, outcome in ((1.0, "settled"), (1e3, "limit cycle")):
         K = controller([[1.0]], [[gain]], [[200.0]], [[3.0 * gain]])
-        response = run(paper_rig(), np.zeros(2000), Controller(K, saturation=5.0), disturbance=force)
+        response = run(
+            paper_rig(), np.zeros(2000), Controller(K, saturation=5.0), disturbance=force
+        )
         assert response.outcome(0.25) == outcome
 
 
 def test_a_machine_that_sticks_while_its_integrator_winds_up_has_not_settled():
-    """It slips again later: no swing in two quarters of the silence is not rest while the force still rises."""
+    """It slips again later: no swing in two quarters of the silence is not rest while the force
+    still rises.
+    """
     K = controller([[1.0, 0.0], [0.0, 0.0]], [[1.0], [1.0]], [[30.0, -150e3]], [[230e3]], dt=1e-3)
     force = 2 * np.random.default_rng(0).standard_normal(300)
     rig = Rig(1.0, 0.0, Coulomb(Fc=0.7, Fs=1.0, vs=0.01), 0.4)
@@ -256,17 +295,22 @@ LAWS = [
     paper_rig().friction,
     Coulomb(Fc=0.7, Fs=1.0, vs=0.01),
     GeneralizedMaxwellSlip(stiffness=[4e4, 2.4e4], alpha=[0.5, 0.5], C=10, Fc=0.7, Fs=1.0, vs=0.01),
-    VaryingSliders(stiffness=[4e4, 2.4e4], strength=[0.5, 0.5], stiction=1.4, vs=0.01, dwell=0.1, seed=3),
+    VaryingSliders(
+        stiffness=[4e4, 2.4e4], strength=[0.5, 0.5], stiction=1.4, vs=0.01, dwell=0.1, seed=3
+    ),
 ]
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
 def test_a_stack_is_its_runs(law):
-    """Controllers of different order, bursts, delays and initial states, each as if it had run alone."""
+    """Controllers of different order, bursts, delays and initial states, each as if it had run
+    alone.
+    """
     rig, rng = Rig(1.0, 80e3, law, 0.4), np.random.default_rng(2)
     PID = controller([[1.0, 0.0], [0.0, 0.0]], [[1.0], [1.0]], [[20.0, -4e3]], [[9e3]])
     Ks, delays = [PI, PID, PI], [0.0, 0.7e-3, 1.2e-3]
-    bursts, begins = rng.standard_normal((3, 300)), np.array([[0.0, 0.0], [1e-5, 0.02], [0.0, -0.01]])
+    bursts = rng.standard_normal((3, 300))
+    begins = np.array([[0.0, 0.0], [1e-5, 0.02], [0.0, -0.01]])
     done = []
     together = run_loops(
         rig,
@@ -277,7 +321,9 @@ def test_a_stack_is_its_runs(law):
         progress=lambda number, total: done.append((number, total)),
     )
     for K, delay, burst, begin, response in zip(Ks, delays, bursts, begins, together, strict=True):
-        alone = run(rig, np.zeros(300), Controller(K, delay=delay), disturbance=burst, initial=begin)
+        alone = run(
+            rig, np.zeros(300), Controller(K, delay=delay), disturbance=burst, initial=begin
+        )
         for name in ("x", "v", "u", "friction"):
             assert np.array_equal(getattr(alone, name), getattr(response, name)), name
         assert (alone.x[0], alone.v[0]) == tuple(begin)
@@ -287,7 +333,10 @@ def test_a_stack_is_its_runs(law):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"initial": np.zeros((2, 3))}, r"initial must hold a position and a velocity, got shape \(2, 3\)"),
+        (
+            {"initial": np.zeros((2, 3))},
+            r"initial must hold a position and a velocity, got shape \(2, 3\)",
+        ),
         (
             {"controllers": [PI, PI], "initial": np.zeros((3, 2))},
             "controllers must be given once or for each of the 3 runs, got 2",
@@ -296,7 +345,10 @@ def test_a_stack_is_its_runs(law):
             {"controllers": [PI, controller([[1.0]], [[1.0]], [[1.0]], [[1.0]], dt=1e-3)]},
             r"controllers must have one sampling time, got 0\.0005 s and 0\.001 s",
         ),
-        ({"disturbance": np.zeros((1, 4))}, "disturbance must have one value for each of the 10 samples of r, got 4"),
+        (
+            {"disturbance": np.zeros((1, 4))},
+            "disturbance must have one value for each of the 10 samples of r, got 4",
+        ),
     ],
 )
 def test_stacks_that_do_not_agree_are_refused(options, message):
@@ -304,7 +356,14 @@ def test_stacks_that_do_not_agree_are_refused(options, message):
         run_loops(paper_rig(), np.zeros(10), **{"controllers": PI, **options})
 
 
-VARIED = {"stiction": 1.5, "vs": 1e-3, "dwell": 0.01, "wavelength": 3e-5, "asymmetry": 0.5, "seed": 7}
+VARIED = {
+    "stiction": 1.5,
+    "vs": 1e-3,
+    "dwell": 0.01,
+    "wavelength": 3e-5,
+    "asymmetry": 0.5,
+    "seed": 7,
+}
 
 
 @pytest.mark.parametrize("options", [{}, VARIED], ids=["constant", "varying"])
@@ -321,11 +380,15 @@ def test_sliders_slip_between_their_limits_and_never_give_energy_back(options):
     assert slips.sum() > 3000
     clear = slips & (np.sign(before) == np.sign(after))
     assert (slip[clear] * after[clear] > 0).all()
-    assert np.abs(after[slips]).min() > W / law.stiction * (1 - 1e-9) * (1 if not options else 0.999)
+    assert np.abs(after[slips]).min() > W / law.stiction * (1 - 1e-9) * (
+        1 if not options else 0.999
+    )
 
 
 def test_compiled_loops_are_found_again_by_the_next_process():
-    """The cache on disk knows code by what it closes over; a compiled function among that is new in every process."""
+    """The cache on disk knows code by what it closes over; a compiled function among that is new in
+    every process.
+    """
     from nlfrf.rig.kernels.loops import run_loops
 
     assert [type(cell.cell_contents) for cell in run_loops.py_func.__closure__] == [str]

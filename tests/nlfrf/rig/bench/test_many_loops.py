@@ -1,4 +1,6 @@
-"""Many loops: the same whoever computes them, kept as they are done, resumed after a kill, and not for other code."""
+"""Many loops: the same whoever computes them, kept as they are done, resumed after a kill, and not
+for other code.
+"""
 
 import pickle
 import subprocess
@@ -39,7 +41,8 @@ def here():
 
 def same(these, those):
     return len(these) == len(those) and all(
-        np.array_equal(a.x, b.x) and np.array_equal(a.u, b.u) for a, b in zip(these, those, strict=True)
+        np.array_equal(a.x, b.x) and np.array_equal(a.u, b.u)
+        for a, b in zip(these, those, strict=True)
     )
 
 
@@ -51,7 +54,9 @@ def test_processes_give_the_same_as_threads(here):
 def test_a_cluster_of_dask_gives_the_same(here):
     distributed = pytest.importorskip("distributed")
     with (
-        distributed.LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster,
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None
+        ) as cluster,
         distributed.Client(cluster) as client,
     ):
         assert same(run_loops(**arguments(), executor=client.get_executor()), here)
@@ -81,7 +86,9 @@ def refusing(response):
 def test_what_is_wanted_is_found_in_the_worker_and_no_response_comes_back(here, monkeypatch):
     monkeypatch.setattr(loop_results, "to_trajectories", None)  # here, not there
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
-        assert run_loops(**arguments(), executor=executor, of=last) == [last(response) for response in here]
+        assert run_loops(**arguments(), executor=executor, of=last) == [
+            last(response) for response in here
+        ]
         with pytest.raises(Small, match="nothing"):
             run_loops(**arguments(5), executor=executor, of=refusing)
 
@@ -90,12 +97,17 @@ def test_what_is_wanted_is_found_in_the_worker_and_no_response_comes_back(here, 
 def test_a_lambda_and_what_a_folder_keeps_are_looked_at_here(here, tmp_path):
     wanted = [last(response) for response in here]
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
-        assert run_loops(**arguments(), executor=executor, of=lambda response: float(response.x[-1])) == wanted
+        assert (
+            run_loops(**arguments(), executor=executor, of=lambda response: float(response.x[-1]))
+            == wanted
+        )
         assert run_loops(**arguments(), executor=executor, of=last, resume=tmp_path) == wanted
     assert not loop_results.can_pickle(lambda response: response.x)
     assert loop_results.can_pickle(last)
     kept = []  # whatever is wanted of them, the runs are there
-    assert same(run_loops(**arguments(), resume=tmp_path, progress=lambda *done: kept.append(done)), here)
+    assert same(
+        run_loops(**arguments(), resume=tmp_path, progress=lambda *done: kept.append(done)), here
+    )
     assert kept == [(2, 2)]
 
 
@@ -142,7 +154,9 @@ def test_a_killed_run_is_resumed_without_loss(here, tmp_path):
     assert killed.returncode == -9
     assert len(list(tmp_path.glob("*.npz"))) >= 1
     done = []
-    resumed = run_loops(**arguments(), resume=tmp_path, progress=lambda *counts: done.append(counts))
+    resumed = run_loops(
+        **arguments(), resume=tmp_path, progress=lambda *counts: done.append(counts)
+    )
     assert done[0] == (1, 2)
     assert done[-1] == (2, 2)
     assert same(resumed, here)

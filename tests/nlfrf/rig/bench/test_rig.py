@@ -52,7 +52,9 @@ def test_lugre_agrees_with_an_independent_integrator():
     assert np.abs(motion.z - exact.y[2]).max() < 1e-5 * np.abs(motion.z).max()
 
 
-@pytest.mark.parametrize("curve", [Linear(64e3), MaxwellSlip([64e3], [1e6]), ElasticPlastic(64e3, 1e6)])
+@pytest.mark.parametrize(
+    "curve", [Linear(64e3), MaxwellSlip([64e3], [1e6]), ElasticPlastic(64e3, 1e6)]
+)
 def test_leuven_with_a_straight_curve_is_lugre(curve):
     u = force(4096, rms=2.5)
     lugre = run(Rig(1.0, 80e3, LuGre(sigma0=64e3, **LUGRE)), u, fs=4096.0, oversampling=2)
@@ -67,7 +69,9 @@ def test_elements_and_stack_move_the_rig_alike(rms):
     knots = np.sort(elements.strength / elements.stiffness)
     table = Table(knots, virgin(elements, knots))
     u = force(4096, rms=rms)
-    stack, slip = (run(Rig(1.0, 80e3, Leuven(curve=curve)), u, fs=4096.0) for curve in (table, elements))
+    stack, slip = (
+        run(Rig(1.0, 80e3, Leuven(curve=curve)), u, fs=4096.0) for curve in (table, elements)
+    )
     assert np.abs(stack.x - slip.x).max() < 1e-12 * np.abs(stack.x).max()
     assert np.abs(stack.friction - slip.friction).max() < 1e-12
 
@@ -89,7 +93,13 @@ def test_leuven_agrees_with_an_independent_integrator():
         return [v, np.interp(t, motion.t, u) - 80e3 * x - (fh + 13.0 * dz + 0.4 * v), *df]
 
     exact = solve_ivp(
-        derivative, (0, (n - 1) / fs), np.zeros(5), rtol=1e-8, atol=1e-12, max_step=0.1 / fs, t_eval=motion.t
+        derivative,
+        (0, (n - 1) / fs),
+        np.zeros(5),
+        rtol=1e-8,
+        atol=1e-12,
+        max_step=0.1 / fs,
+        t_eval=motion.t,
     )
     assert np.abs(motion.x).max() > 2e-5  # elements slip, and turn
     assert np.abs(motion.x - exact.y[0]).max() < 5e-6 * np.abs(motion.x).max()
@@ -113,7 +123,9 @@ def test_force_turned_around_turns_the_motion_around_to_the_last_bit():
     frictions = [Leuven(), Leuven(n=2.0), Dahl(sigma0=64e3, Fc=1.0, n=1.5), gms]
     for friction in (*frictions, Coulomb(**sliding)):
         rig = Rig(1.0, 80e3, friction)
-        assert np.array_equal(run(rig, -u, fs=2048.0, oversampling=4).x, -run(rig, u, fs=2048.0, oversampling=4).x)
+        assert np.array_equal(
+            run(rig, -u, fs=2048.0, oversampling=4).x, -run(rig, u, fs=2048.0, oversampling=4).x
+        )
 
 
 def test_dahl_yields_at_the_coulomb_force():
@@ -134,7 +146,8 @@ def test_dahl_yields_at_the_coulomb_force():
     ids=lambda c: type(c).__name__,
 )
 def test_refinement_converges(curve, worst, order):
-    # fourth order where the curve is smooth, as steps are divided where its branches meet; else second
+    # fourth order where the curve is smooth, as steps are divided where its branches meet; else
+    # second
     u = force(2048, rms=1.0)
     rig = Rig(1.0, 80e3, Leuven(curve=curve))
     x = [run(rig, u, fs=2048.0, oversampling=steps).x for steps in (2, 8, 64)]
@@ -149,7 +162,13 @@ def test_refinement_converges(curve, worst, order):
         (Coulomb(Fc=0.7, Fs=1.0, vs=0.01, sigma2=0.4), 1e-5, 3.5),
         (
             GeneralizedMaxwellSlip(
-                stiffness=[20e3, 20e3, 24e3], alpha=[0.2, 0.3, 0.5], C=20.0, Fs=1.0, Fc=0.7, vs=0.01, sigma2=0.4
+                stiffness=[20e3, 20e3, 24e3],
+                alpha=[0.2, 0.3, 0.5],
+                C=20.0,
+                Fs=1.0,
+                Fc=0.7,
+                vs=0.01,
+                sigma2=0.4,
             ),
             1.5e-4,
             1.7,
@@ -181,9 +200,13 @@ def test_coarse_step_is_announced_with_its_error():
     fs, frequency = 512.0, np.sqrt(144e3) / 2 / np.pi
     t = np.arange(8 * 512) / fs
     force = 1e-8 * np.sin(2 * np.pi * frequency * t)
-    with pytest.warns(DataWarning, match=r"is wrong by (\d+) %. Use an oversampling of (\d+)") as warned:
+    with pytest.warns(
+        DataWarning, match=r"is wrong by (\d+) %. Use an oversampling of (\d+)"
+    ) as warned:
         coarse = run(paper_rig(), force, fs=fs)
-    said, enough = (float(word) for word in re.search(r"by (\d+) %.*of (\d+)", str(warned[0].message)).groups())
+    said, enough = (
+        float(word) for word in re.search(r"by (\d+) %.*of (\d+)", str(warned[0].message)).groups()
+    )
     fine, held = (run(paper_rig(), force, fs=fs, oversampling=n) for n in (32, int(enough)))
     late = slice(6 * 512, None)
 
@@ -197,7 +220,9 @@ def test_coarse_step_is_announced_with_its_error():
 def test_step_too_long_for_sliding_is_refused_with_one_that_was_tried():
     rig = Rig(1.0, 80e3, Leuven(curve=Tanh(64e3, 1.0), n=3.0))
     u = 60.0 * np.sin(2 * np.pi * 40 * np.arange(4096) / 4096)
-    with pytest.raises(ValueError, match=r"oversampling must be about (\d+) for a stable .* in sliding") as refused:
+    with pytest.raises(
+        ValueError, match=r"oversampling must be about (\d+) for a stable .* in sliding"
+    ) as refused:
         run(rig, u, fs=4096.0)
     enough = int(str(refused.value).split("about ")[1].split()[0])
     assert np.isfinite(run(rig, u, fs=4096.0, oversampling=enough).x).all()

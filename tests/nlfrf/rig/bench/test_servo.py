@@ -1,4 +1,6 @@
-"""The servo axis: against closed forms, against linear theory in other hands, against the loop of the rig, attacked."""
+"""The servo axis: against closed forms, against linear theory in other hands, against the loop of
+the rig, attacked.
+"""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -17,10 +19,25 @@ from nlfrf.rig import Controller, Drive, Rig, ServoAxis, run, simulate_servo
 FS = 4000.0
 TS = 1 / FS
 PRESETS = ("linear motor", "belt", "ball screw", "joint")
-DRIVE = Drive(fs=FS, kv=40, kp=20, kp_unit="A/(m/s)", torque_constant=50.0, tn=0.03, lag=4e-4, velocity_feedforward=1.0)
+DRIVE = Drive(
+    fs=FS,
+    kv=40,
+    kp=20,
+    kp_unit="A/(m/s)",
+    torque_constant=50.0,
+    tn=0.03,
+    lag=4e-4,
+    velocity_feedforward=1.0,
+)
 MASS = ServoAxis(motor_inertia=12.0, drive=DRIVE)
 TWO = replace(
-    MASS, motor_inertia=7.0, load_inertia=15.0, stiffness=1.3e6, damping=90.0, motor_damping=20.0, load_damping=30.0
+    MASS,
+    motor_inertia=7.0,
+    load_inertia=15.0,
+    stiffness=1.3e6,
+    damping=90.0,
+    motor_damping=20.0,
+    load_damping=30.0,
 )
 
 
@@ -50,14 +67,20 @@ def test_the_lag_of_the_current_is_an_exponential():
 
 
 UNDAMPED = replace(
-    TWO, damping=0.0, motor_damping=0.0, load_damping=0.0, drive=replace(DRIVE, lag=0.0, delay_periods=0.0)
+    TWO,
+    damping=0.0,
+    motor_damping=0.0,
+    load_damping=0.0,
+    drive=replace(DRIVE, lag=0.0, delay_periods=0.0),
 )
 
 
 def test_motor_and_load_swing_against_each_other_at_the_resonance():
     assert np.isclose(UNDAMPED.resonance, np.sqrt(1.3e6 * (1 / 7 + 1 / 15)) / 2 / np.pi)
     w = 2 * np.pi * UNDAMPED.resonance
-    trace = run(UNDAMPED, {"torque": np.zeros(400)}, initial=[[0.0, 0.0], [1.0, -7 / 15]], oversampling=4)
+    trace = run(
+        UNDAMPED, {"torque": np.zeros(400)}, initial=[[0.0, 0.0], [1.0, -7 / 15]], oversampling=4
+    )
     assert np.allclose(trace.x, np.outer([1.0, -7 / 15], np.sin(w * trace.t) / w), atol=1e-5 / w)
 
 
@@ -79,7 +102,9 @@ def test_the_spring_to_ground_holds_a_sprung_axis():
 
 def test_break_away_is_where_the_force_passes_stiction():
     axis = replace(
-        MASS, motor_friction=Coulomb(Fc=9.0, Fs=13.0, vs=0.01), drive=replace(DRIVE, lag=0.0, delay_periods=0.0)
+        MASS,
+        motor_friction=Coulomb(Fc=9.0, Fs=13.0, vs=0.01),
+        drive=replace(DRIVE, lag=0.0, delay_periods=0.0),
     )
     force = np.linspace(0.0, 20.0, 2000)
     trace = run(axis, {"torque": force})
@@ -89,7 +114,9 @@ def test_break_away_is_where_the_force_passes_stiction():
 
 
 def dragged(friction, v, damping=0.0, n=40000):
-    """A load of 2 kg behind a spring of 5 kN/m whose other end moves at a constant velocity: a motor of 1e9 kg."""
+    """A load of 2 kg behind a spring of 5 kN/m whose other end moves at a constant velocity: a
+    motor of 1e9 kg.
+    """
     axis = ServoAxis(
         motor_inertia=1e9,
         drive=Drive(fs=FS, kv=0, kp=0, kp_unit="N/(m/s)"),
@@ -118,7 +145,9 @@ def test_stick_slip_has_the_period_and_the_force_of_the_closed_form(v):
 
 
 @pytest.mark.parametrize(("share", "slips"), [(0.8, True), (1.2, False)])
-def test_steady_sliding_is_lost_where_the_falling_stribeck_curve_outweighs_the_damping(share, slips):
+def test_steady_sliding_is_lost_where_the_falling_stribeck_curve_outweighs_the_damping(
+    share, slips
+):
     Fs, Fc, vs, v = 10.0, 6.0, 0.02, 0.015
     slope = 2 * v / vs**2 * (Fs - Fc) * np.exp(-((v / vs) ** 2))
     trace = dragged(Coulomb(Fc=Fc, Fs=Fs, vs=vs), v, damping=share * slope)
@@ -159,14 +188,19 @@ def in_state_space(axis):
     rig, n = axis.rig, axis.rig.n_axes
     forces = np.hstack([rig.stiffness, rig.damping])
     A = np.vstack([np.eye(n, 2 * n, n), -np.linalg.solve(rig.mass, forces)])
-    B = np.vstack([np.zeros((n, 1)), np.linalg.solve(rig.mass, rig.actuators)]) * axis.force_constant
+    B = (
+        np.vstack([np.zeros((n, 1)), np.linalg.solve(rig.mass, rig.actuators)])
+        * axis.force_constant
+    )
     plant = control.ss(A, B, np.hstack([rig.sensors, 0 * rig.sensors]), 0)
     if axis.drive.lag:
         plant = plant * control.ss(-1 / axis.drive.lag, 1 / axis.drive.lag, 1, 0)
     return control.c2d(plant, TS) * control.tf([1], [1, 0], TS) ** int(axis.drive.delay_periods)
 
 
-@pytest.mark.parametrize("axis", [MASS, TWO, replace(TWO, drive=replace(DRIVE, encoder="load", kv=15, kp=6))])
+@pytest.mark.parametrize(
+    "axis", [MASS, TWO, replace(TWO, drive=replace(DRIVE, encoder="load", kv=15, kp=6))]
+)
 @pytest.mark.parametrize("feedforward", [0.0, 1.0])
 def test_the_linear_axis_is_the_closed_loop_of_linear_theory(axis, feedforward):
     drive = replace(axis.drive, velocity_feedforward=feedforward)
@@ -191,14 +225,20 @@ def test_filters_are_those_of_scipy():
     notch = signal.tf2sos(*signal.iirnotch(180, 5, fs=FS))
     low = signal.butter(2, 600, fs=FS, output="sos")
     sections = np.vstack([notch, low])
-    held = replace(MASS, motor_friction=Coulomb(Fc=1e6), drive=replace(DRIVE, filters=sections, tn=np.inf))
+    held = replace(
+        MASS, motor_friction=Coulomb(Fc=1e6), drive=replace(DRIVE, filters=sections, tn=np.inf)
+    )
     speed = np.random.default_rng(1).standard_normal(400) * 1e-2
     trace = run(held, {"velocity": speed})
     assert np.allclose(trace.current_set, signal.sosfilt(sections, DRIVE.kp * speed), atol=1e-14)
 
 
 def test_a_slower_position_loop_holds_the_velocity_set_point():
-    held = replace(MASS, motor_friction=Coulomb(Fc=1e6), drive=replace(DRIVE, position_every=4, velocity_feedforward=0))
+    held = replace(
+        MASS,
+        motor_friction=Coulomb(Fc=1e6),
+        drive=replace(DRIVE, position_every=4, velocity_feedforward=0),
+    )
     r = np.random.default_rng(2).standard_normal(40)
     trace = run(held, r)
     assert np.allclose(trace.velocity_set, DRIVE.kv * np.repeat(r[::4], 4))
@@ -211,7 +251,9 @@ LAWS = [
     LuGre(sigma0=2e5, sigma1=300.0, sigma2=2.0, Fc=10.0, Fs=13.0, vs=0.01),
     Leuven(Fs=13.0, Fc=10.0, curve=Leuven().curve.__class__(K0=2e5, Fy=13.0)),
     Coulomb(Fc=10.0, Fs=13.0, vs=0.01),
-    GeneralizedMaxwellSlip(stiffness=[1e5, 2e5], alpha=[0.5, 0.5], C=100, Fc=10.0, Fs=13.0, vs=0.01),
+    GeneralizedMaxwellSlip(
+        stiffness=[1e5, 2e5], alpha=[0.5, 0.5], C=100, Fc=10.0, Fs=13.0, vs=0.01
+    ),
 ]
 
 
@@ -229,7 +271,9 @@ def test_one_mass_under_its_drive_is_the_rig_in_a_sampled_loop(law):
     K = SimpleNamespace(A=K.A, B=K.B, C=K.C, D=K.D, dt=TS)
     rig = Rig([[12.0]], [[0.0]], [law], [[20.0]])
     response = run(rig, r[None], Controller(K, delay=TS, resolution=1e-6))
-    assert np.abs(trace.position - response.y[0]).max() <= 2.1e-6  # one step of the encoder now and then
+    assert (
+        np.abs(trace.position - response.y[0]).max() <= 2.1e-6
+    )  # one step of the encoder now and then
     assert np.abs(trace.x[0] - response.x[0]).max() < 2e-3 * np.abs(response.x).max()
 
 
@@ -245,14 +289,17 @@ def test_the_drive_sees_whole_steps_of_the_encoder():
 
 
 def test_the_current_keeps_its_limit_and_the_integrator_does_not_wind_up():
-    """A held motor: 2 A of the proportional part and 4 A a second of the integral part reach 3 A after 1000 periods."""
+    """A held motor: 2 A of the proportional part and 4 A a second of the integral part reach 3 A
+    after 1000 periods.
+    """
     held = replace(MASS, motor_friction=Coulomb(Fc=1e6), drive=replace(DRIVE, tn=0.5, limit=3.0))
     speed = np.where(np.arange(8000) < 6000, 0.1, -0.1)
     trace = run(held, {"velocity": speed})
     asked = 2.0 + 4.0 * trace.t
     assert np.allclose(trace.current_set[:6000], np.minimum(asked[:6000], 3.0), atol=2e-3)
     assert np.array_equal(np.flatnonzero(np.diff(trace.limited)), [999, 5999])
-    # turned round, it is 1 A of the integral part, not 6 A of five seconds, less the proportional part
+    # turned round, it is 1 A of the integral part, not 6 A of five seconds, less the proportional
+    # part
     assert np.isclose(trace.current_set[6000], 1.0 - 2.0, atol=2e-3)
 
 
@@ -338,7 +385,9 @@ def test_a_random_axis_left_alone_gains_no_energy(seed):
     energy = np.einsum("in,ij,jn->n", trace.v, rig.mass, trace.v) / 2
     energy += np.einsum("in,ij,jn->n", trace.x, rig.stiffness, trace.x) / 2
     # what elements and bristles hold at most: Fs^2 / K0 and a generous factor
-    stored = sum(0 if law is None or isinstance(law, Coulomb) else 2 * 13.0**2 / 2e5 for law in rig.friction)
+    stored = sum(
+        0 if law is None or isinstance(law, Coulomb) else 2 * 13.0**2 / 2e5 for law in rig.friction
+    )
     gained = energy[alone] - np.minimum.accumulate(energy[alone])
     assert gained.max() <= stored + 1e-6 * energy.max()
 
@@ -347,7 +396,9 @@ def test_a_random_axis_left_alone_gains_no_energy(seed):
 
 
 def frf(record):
-    """(F,) frequencies [rad/s], and output over input on the excited lines, averaged over all periods."""
+    """(F,) frequencies [rad/s], and output over input on the excited lines, averaged over all
+    periods.
+    """
     u, y = (np.fft.rfft(one.mean(axis=1))[:, record.lines.excited] for one in (record.u, record.y))
     return 2 * np.pi * record.f0 * record.lines.excited, np.median(y / u, axis=0)
 
@@ -394,7 +445,9 @@ def test_every_port_gives_a_record_with_its_reference(port, rms):
 def test_what_makes_another_record_than_was_asked_for_is_said():
     axis = servo_axis("linear motor")
     ms = multisine(fs=FS, n_samples=1000, f_min=8, f_max=200, rms=30.0, rng=1)
-    with pytest.warns(DataWarning, match="turned back in .* % of the samples.*Raise base_velocity above 0.001"):
+    with pytest.warns(
+        DataWarning, match="turned back in .* % of the samples.*Raise base_velocity above 0.001"
+    ):
         simulate_servo(axis, ms, base_velocity=0.001)
     weak = replace(axis, drive=replace(axis.drive, limit=0.5))
     with pytest.warns(DataWarning) as said:
@@ -431,7 +484,10 @@ def test_a_preset_comes_to_its_set_point(name):
         ),
         ({"motion": "circular"}, "motion must be"),
         ({"motion": "rotary"}, "must be A or N for a velocity loop in"),
-        ({"drive": replace(DRIVE, torque_constant=np.nan)}, r"torque_constant must be given \[N/A\]"),
+        (
+            {"drive": replace(DRIVE, torque_constant=np.nan)},
+            r"torque_constant must be given \[N/A\]",
+        ),
         ({"drive": replace(DRIVE, encoder="both")}, "drive must read one encoder"),
         ({"drive": None}, "drive must be"),
         ({"motor_friction": 3.0}, "friction must be one of the laws"),
@@ -449,7 +505,10 @@ def test_a_machine_that_is_none_is_refused(fields, message):
         ({"tn": 0.0}, "tn must be positive"),
         ({"velocity_feedforward": 1.5}, "velocity_feedforward must lie between 0 and 1, got 1.5"),
         ({"position_every": 0}, "position_every must be"),
-        ({"filters": np.ones((2, 5))}, r"filters must be elements or second-order sections .*got shape \(2, 5\)"),
+        (
+            {"filters": np.ones((2, 5))},
+            r"filters must be elements or second-order sections .*got shape \(2, 5\)",
+        ),
     ],
 )
 def test_a_drive_that_is_none_is_refused(fields, message):
@@ -460,7 +519,9 @@ def test_a_drive_that_is_none_is_refused(fields, message):
 def test_signals_that_make_no_run_are_refused():
     ms = multisine(fs=1000, n_samples=1000, f_min=8, f_max=200, rng=1)
     own = replace(ms, fs=FS)
-    with pytest.raises(ValueError, match="position, velocity or force must be given, with at least one sample"):
+    with pytest.raises(
+        ValueError, match="position, velocity or force must be given, with at least one sample"
+    ):
         run(MASS, {})
     with pytest.raises(ValueError, match="signal must have no entry 'position'"):
         run(MASS, {"torque": np.zeros(5), "position": np.zeros(5)})
@@ -468,16 +529,24 @@ def test_signals_that_make_no_run_are_refused():
         run(MASS, np.zeros(5), fs=4000)
     with pytest.raises(ValueError, match="position must have one value for each of the 4 samples"):
         run(MASS, {"position": np.zeros(5), "velocity": np.zeros(4)})
-    with pytest.raises(ValueError, match="ms must be sampled like the drive, at 4000 Hz, got 1000 Hz"):
+    with pytest.raises(
+        ValueError, match="ms must be sampled like the drive, at 4000 Hz, got 1000 Hz"
+    ):
         simulate_servo(MASS, ms)
-    with pytest.raises(ValueError, match='port must be "force" and base_velocity 0 in an open loop'):
+    with pytest.raises(
+        ValueError, match='port must be "force" and base_velocity 0 in an open loop'
+    ):
         simulate_servo(MASS, own, closed=False, port="position")
-    with pytest.raises(ValueError, match="base_velocity must not be zero if the axis moves back and forth, got 2"):
+    with pytest.raises(
+        ValueError, match="base_velocity must not be zero if the axis moves back and forth, got 2"
+    ):
         simulate_servo(MASS, own, strokes=2)
     with pytest.raises(ValueError, match="n_discard must be at least 1 in motion"):
         simulate_servo(MASS, own, base_velocity=0.1, n_discard=0)
     wild = replace(MASS, drive=replace(DRIVE, kp=1e5))
-    with pytest.raises(ValueError, match="axis must be stable under its drive, got one that ran away after"):
+    with pytest.raises(
+        ValueError, match="axis must be stable under its drive, got one that ran away after"
+    ):
         simulate_servo(wild, own)
     with pytest.raises(ValueError, match="preset must be"):
         servo_axis("rack")

@@ -21,7 +21,14 @@ from nlfrf.signals.multisine import multisine
 
 def odd(n_realizations=1, *, kind="special-odd", rms=0.25, n_samples=4096, rng=5):
     return multisine(
-        kind, fs=4096, n_samples=n_samples, f_min=1, f_max=140, rms=rms, n_realizations=n_realizations, rng=rng
+        kind,
+        fs=4096,
+        n_samples=n_samples,
+        f_min=1,
+        f_max=140,
+        rms=rms,
+        n_realizations=n_realizations,
+        rng=rng,
     )
 
 
@@ -38,7 +45,9 @@ LUGRE = LuGre(sigma0=64e3, sigma1=13, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01)
 
 
 @pytest.mark.parametrize(
-    "friction", [Leuven(), Leuven(curve=Exponential(64e3, 1.0)), LUGRE], ids=["tanh", "exp", "LuGre"]
+    "friction",
+    [Leuven(), Leuven(curve=Exponential(64e3, 1.0)), LUGRE],
+    ids=["tanh", "exp", "LuGre"],
 )
 @pytest.mark.parametrize("rms", [0.025, 0.25, 2.5])
 @pytest.mark.parametrize("kind", ["odd", "odd-odd", "special-odd", "random-odd"])
@@ -55,7 +64,11 @@ def test_odd_grids_are_answered_with_half_wave_antisymmetry_to_rounding(kind, rm
 def test_result_does_not_depend_on_who_computes_it():
     ms, rig = odd(4, n_samples=8192), paper_rig()
     y = simulate(rig, ms).y
-    for executor in (ThreadPoolExecutor(1), ThreadPoolExecutor(3), ProcessPoolExecutor(2, get_context("spawn"))):
+    for executor in (
+        ThreadPoolExecutor(1),
+        ThreadPoolExecutor(3),
+        ProcessPoolExecutor(2, get_context("spawn")),
+    ):
         with executor:
             assert np.array_equal(simulate(rig, ms, executor=executor).y, y)
 
@@ -68,7 +81,9 @@ def test_result_is_the_same_on_a_cluster():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # sockets of the cluster, closed by its own time
         with (
-            distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+            distributed.LocalCluster(
+                n_workers=2, threads_per_worker=1, dashboard_address=None
+            ) as cluster,
             distributed.Client(cluster) as client,
         ):
             record = simulate(rig, ms, executor=client.get_executor())
@@ -77,7 +92,9 @@ def test_result_is_the_same_on_a_cluster():
 
 def test_progress_counts_up_to_the_total():
     seen = []
-    simulate(paper_rig(), odd(3, n_samples=8192), progress=lambda done, total: seen.append((done, total)))
+    simulate(
+        paper_rig(), odd(3, n_samples=8192), progress=lambda done, total: seen.append((done, total))
+    )
     assert seen == [(1, 3), (2, 3), (3, 3)]
 
 
@@ -104,11 +121,15 @@ def test_executor_that_dies_is_named_and_what_was_done_is_kept(tmp_path):
     with (
         Dying() as dying,
         pytest.raises(
-            ValueError, match=r"executor must finish all 5 runs, got BrokenExecutor .* after \d, .* are lost"
+            ValueError,
+            match=r"executor must finish all 5 runs, got BrokenExecutor .* after \d, .* are lost",
         ),
     ):
         simulate(rig, ms, executor=dying)
-    with Dying() as dying, pytest.raises(ValueError, match=r"executor must finish all 5 runs, got .* are kept in"):
+    with (
+        Dying() as dying,
+        pytest.raises(ValueError, match=r"executor must finish all 5 runs, got .* are kept in"),
+    ):
         simulate(rig, ms, executor=dying, resume=tmp_path)
     kept = len(list(tmp_path.glob("*.npz")))
     seen = []
@@ -128,16 +149,22 @@ simulate(paper_rig(), ms, resume=sys.argv[1], progress=stop)
 
 
 def test_run_that_was_killed_is_resumed(tmp_path):
-    killed = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path)], capture_output=True, check=False)
+    killed = subprocess.run(
+        [sys.executable, "-c", KILLED, str(tmp_path)], capture_output=True, check=False
+    )
     assert killed.returncode == -signal.SIGKILL, killed.stderr.decode()
     assert len(list(tmp_path.glob("*.npz"))) == 3
     ms, seen = odd(6, n_samples=8192), []
-    short, damaged, _ = sorted(tmp_path.glob("*.npz"))  # files that cannot be read are computed again
+    short, damaged, _ = sorted(
+        tmp_path.glob("*.npz")
+    )  # files that cannot be read are computed again
     short.write_bytes(short.read_bytes()[:1000])
     whole = damaged.read_bytes()
     version = whole.index(b"PK\x01\x02") + 6  # of ZIP that is needed to read it
     damaged.write_bytes(whole[:version] + b"\xff" + whole[version + 1 :])
-    record = simulate(paper_rig(), ms, resume=tmp_path, progress=lambda done, total: seen.append((done, total)))
+    record = simulate(
+        paper_rig(), ms, resume=tmp_path, progress=lambda done, total: seen.append((done, total))
+    )
     assert seen == [(1, 6), (2, 6), (3, 6), (4, 6), (5, 6), (6, 6)]
     assert np.array_equal(record.y, simulate(paper_rig(), ms).y)
 
@@ -162,7 +189,13 @@ def test_results_of_another_experiment_are_not_taken(tmp_path):
         (paper_rig(), ms, {"hold": "zoh"}),
     ]
     for rig, excitation, options in others:
-        simulate(rig, excitation, resume=tmp_path, progress=lambda done, total: seen.append(done), **options)
+        simulate(
+            rig,
+            excitation,
+            resume=tmp_path,
+            progress=lambda done, total: seen.append(done),
+            **options,
+        )
     assert seen == [1, 2] * len(others)
 
 
@@ -190,14 +223,18 @@ def test_a_step_that_is_not_stable_in_sliding_is_refused_with_one_that_is():
 
 def test_held_force_is_a_force_delayed_by_half_a_sample():
     ms = odd(rms=1e-4)
-    smooth, held = (simulate(paper_rig(), ms, hold=hold, n_discard=4) for hold in ("band-limited", "zoh"))
+    smooth, held = (
+        simulate(paper_rig(), ms, hold=hold, n_discard=4) for hold in ("band-limited", "zoh")
+    )
     ratio = (np.fft.rfft(held.y[0, 0]) / np.fft.rfft(smooth.y[0, 0]))[ms.lines.excited]
     f = ms.f / ms.fs
     assert np.abs(ratio / (np.sinc(f) * np.exp(-1j * np.pi * f)) - 1).max() < 1e-5
 
 
 def test_unsettled_record_is_announced():
-    with pytest.warns(DataWarning, match=r"steady state was not reached: .* Raise n_discard above 0"):
+    with pytest.warns(
+        DataWarning, match=r"steady state was not reached: .* Raise n_discard above 0"
+    ):
         simulate(paper_rig(), odd(), n_discard=0, n_periods=2)
 
 
@@ -209,13 +246,17 @@ def test_refusals_name_the_parameter():
     with pytest.raises(ValueError, match="resume must be a folder, got the file"):
         simulate(paper_rig(), odd(), resume=__file__)
     coarse = multisine(fs=100, n_samples=400, f_min=1, f_max=40, rng=1)
-    with pytest.raises(ValueError, match=r"oversampling must be at least \d+ for a stable integration step"):
+    with pytest.raises(
+        ValueError, match=r"oversampling must be at least \d+ for a stable integration step"
+    ):
         simulate(paper_rig(), coarse)
 
 
 def test_step_too_long_in_sliding_is_refused():
     rig = Rig(1.0, 80e3, Leuven(n=3.0))
-    with pytest.raises(ValueError, match=r"oversampling must be about \d+ for a stable integration step in sliding"):
+    with pytest.raises(
+        ValueError, match=r"oversampling must be about \d+ for a stable integration step in sliding"
+    ):
         simulate(rig, odd(2, rms=60.0, n_samples=2048))
 
 
@@ -227,10 +268,15 @@ def test_step_accepted_in_sliding_is_right_and_a_longer_one_refused_with_its_nam
     exact = simulate(rig, ms, oversampling=32).y
     accepted = simulate(rig, ms, oversampling=enough).y
     assert np.sqrt(np.mean((accepted - exact) ** 2)) < 2e-3 * exact.std()
-    with pytest.raises(ValueError, match=f"oversampling must be about {enough} for a stable .* in sliding"):
+    with pytest.raises(
+        ValueError, match=f"oversampling must be about {enough} for a stable .* in sliding"
+    ):
         simulate(rig, ms, oversampling=enough // 2)
 
 
 def test_numba_is_loaded_by_the_first_simulation_only():
     code = "import sys, nlfrf; print([m for m in ('numba', 'matplotlib') if m in sys.modules])"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
+    assert (
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip()
+        == "[]"
+    )

@@ -1,4 +1,6 @@
-"""Hysteresis against what is known of it in closed form, and its two memories against each other."""
+"""Hysteresis against what is known of it in closed form, and its two memories against each
+other.
+"""
 
 import numpy as np
 import pytest
@@ -17,7 +19,13 @@ from nlfrf.hysteresis import (
 )
 from tests.support.virgin_curves import chord_elements, virgin
 
-CURVES = [Linear(3.0), Tanh(3.0, 2.0), Exponential(3.0, 2.0), Parabola(3.0, 2.0), ElasticPlastic(3.0, 2.0)]
+CURVES = [
+    Linear(3.0),
+    Tanh(3.0, 2.0),
+    Exponential(3.0, 2.0),
+    Parabola(3.0, 2.0),
+    ElasticPlastic(3.0, 2.0),
+]
 CURVES += [Table([0.2, 0.7, 1.5], [0.5, 1.2, 1.6]), MaxwellSlip([1.0, 2.0], [0.4, 1.5])]
 
 
@@ -50,13 +58,17 @@ def test_branches_are_the_virgin_curve_at_twice_the_size(curve):
 def test_symmetric_loop_loses_the_masing_energy(curve):
     amplitude = 0.9
     quarter = np.linspace(0, amplitude, 20001)
-    cycle = np.concatenate([quarter, quarter[-2::-1], -quarter[1:], -quarter[-2::-1], quarter[1:], quarter[-2::-1]])
+    cycle = np.concatenate(
+        [quarter, quarter[-2::-1], -quarter[1:], -quarter[-2::-1], quarter[1:], quarter[-2::-1]]
+    )
     cycle = np.concatenate([cycle, -quarter[1:], -quarter[-2::-1]])
     force = hysteresis_force(curve, cycle)
     last = slice(4 * 20000, None)
     lost = np.trapezoid(force[last], cycle[last])
     area = quad(lambda z: float(virgin(curve, z)), 0, amplitude, points=[2 / 3])[0]
-    assert lost == pytest.approx(8 * area - 4 * amplitude * float(virgin(curve, amplitude)), rel=1e-6)
+    assert lost == pytest.approx(
+        8 * area - 4 * amplitude * float(virgin(curve, amplitude)), rel=1e-6
+    )
 
 
 @pytest.mark.parametrize("curve", CURVES, ids=lambda c: type(c).__name__)
@@ -68,9 +80,13 @@ def test_closed_inner_loops_are_wiped_out(curve):
 
 def test_memory_that_is_too_short_is_announced_and_costs_only_the_innermost_loops():
     curve = Tanh(1.0, 1.0)
-    inward = np.linspace(2, 0, 400) * np.where(np.arange(400) % 2, -1, 1)  # 400 nested turning points
+    inward = np.linspace(2, 0, 400) * np.where(
+        np.arange(400) % 2, -1, 1
+    )  # 400 nested turning points
     path = np.concatenate([inward, -inward[250::-1]])
-    with pytest.warns(DataWarning, match=r"the hysteresis memory of 256 turning points overflowed \d+ times"):
+    with pytest.warns(
+        DataWarning, match=r"the hysteresis memory of 256 turning points overflowed \d+ times"
+    ):
         force = hysteresis_force(curve, path)
     elements = chord_elements(curve, np.geomspace(4e-3, 6, 2000))  # no memory to overflow
     assert np.abs(force - hysteresis_force(elements, path)).max() < 1e-3

@@ -1,4 +1,6 @@
-"""Friction laws: their numbers, what they refuse, and the properties the paper claims of its model."""
+"""Friction laws: their numbers, what they refuse, and the properties the paper claims of its
+model.
+"""
 
 import numpy as np
 import pytest
@@ -28,8 +30,12 @@ def name(law):
 @pytest.mark.parametrize("v", [3e-4, 3e-3, -0.01, 0.03, 0.2])
 def test_stribeck_curve_is_recovered_from_constant_velocities(law, v):
     fs = 20 * abs(v) / 5e-5
-    friction = run(law, np.full(2000, v), fs=fs, oversampling=int(np.ceil(2e4 / fs))).friction  # 5 mm of travel
-    stribeck = np.sign(v) * (law.Fc + (law.Fs - law.Fc) * np.exp(-(np.abs(v / law.vs) ** law.delta)))
+    friction = run(
+        law, np.full(2000, v), fs=fs, oversampling=int(np.ceil(2e4 / fs))
+    ).friction  # 5 mm of travel
+    stribeck = np.sign(v) * (
+        law.Fc + (law.Fs - law.Fc) * np.exp(-(np.abs(v / law.vs) ** law.delta))
+    )
     assert friction[-1] == pytest.approx(stribeck + 0.4 * v, rel=0.01)
 
 
@@ -50,7 +56,9 @@ def test_friction_lag_opens_with_frequency():
     areas = []
     for f in (1.0, 10.0, 50.0):
         t = np.arange(3 * 2000) / (2000 * f)
-        motion = run(Leuven(), 0.008 + 0.006 * np.sin(2 * np.pi * f * t), fs=2000 * f, oversampling=4)
+        motion = run(
+            Leuven(), 0.008 + 0.006 * np.sin(2 * np.pi * f * t), fs=2000 * f, oversampling=4
+        )
         last = slice(2 * 2000, None)
         areas.append(abs(np.trapezoid(motion.friction[last], motion.v[last])))
     assert areas[1] > 5 * areas[0]
@@ -58,10 +66,13 @@ def test_friction_lag_opens_with_frequency():
 
 
 def test_presliding_is_hysteresis_with_non_local_memory():
-    # slow motion between turning points; at the same position the force depends on which of them came before
+    # slow motion between turning points; at the same position the force depends on which of them
+    # came before
     z = np.array([0.0, 8e-6, -4e-6, 4e-6, 0.0, 4e-6, 8e-6])
     speed, fs = 1e-5, 1e4
-    v = np.concatenate([np.sign(step) * np.full(round(abs(step) / speed * fs), speed) for step in np.diff(z)])
+    v = np.concatenate(
+        [np.sign(step) * np.full(round(abs(step) / speed * fs), speed) for step in np.diff(z)]
+    )
     motion = run(Leuven(sigma1=0.0, sigma2=0.0, n=8.0), v, fs=fs)
     exact = hysteresis_force(Tanh(64e3, 1.0), motion.z)
     assert np.abs(motion.friction - exact).max() < 1e-5  # the motion turns between two samples
@@ -89,7 +100,9 @@ def test_elements_of_gms_hold_the_hysteresis_of_maxwell_slip_in_presliding():
     v = np.repeat(rng.uniform(-1e-5, 1e-5, 60), 200)
     motion = run(law, v, fs=1000.0)
     elements = MaxwellSlip(GMS["stiffness"], GMS["alpha"])  # at rest s(v) = Fs = 1
-    assert np.abs(motion.friction - 0.4 * motion.v - hysteresis_force(elements, motion.x)).max() < 3e-3
+    assert (
+        np.abs(motion.friction - 0.4 * motion.v - hysteresis_force(elements, motion.x)).max() < 3e-3
+    )
 
 
 def test_gms_slips_with_the_lag_it_was_given():
@@ -144,7 +157,9 @@ def test_the_other_laws_refuse():
         LuGre(sigma0=0.0, sigma1=1.0, sigma2=1.0, Fc=1.0, Fs=1.0, vs=1.0)
     with pytest.raises(ValueError, match="Fc must be positive"):
         Dahl(sigma0=1.0, Fc=0.0)
-    with pytest.raises(ValueError, match=r"vs must be given if Fs = 1 N exceeds Fc = 0\.7 N, got none"):
+    with pytest.raises(
+        ValueError, match=r"vs must be given if Fs = 1 N exceeds Fc = 0\.7 N, got none"
+    ):
         Coulomb(Fc=0.7, Fs=1.0)
     with pytest.raises(ValueError, match=r"Fs must be at least Fc = 0\.7 N, got 0\.5 N"):
         Coulomb(Fc=0.7, Fs=0.5, vs=1.0)
@@ -160,7 +175,14 @@ def test_the_other_laws_refuse():
 
 def test_leuven_defaults_are_the_paper_s():
     law = Leuven()
-    assert (law.Fs, law.Fc, law.vs, law.delta, law.sigma1, law.sigma2) == (1.0, 0.7, 0.01, 2.0, 13.0, 0.4)
+    assert (law.Fs, law.Fc, law.vs, law.delta, law.sigma1, law.sigma2) == (
+        1.0,
+        0.7,
+        0.01,
+        2.0,
+        13.0,
+        0.4,
+    )
     assert isinstance(law.curve, Tanh)
 
 
@@ -169,5 +191,7 @@ def test_drive_refuses_bad_arguments():
         run(Leuven(), [0.0, np.inf], fs=1e3)
     with pytest.raises(ValueError, match="signal must hold at least one sample, got none"):
         run(Leuven(), [], fs=1e3)
-    with pytest.raises(ValueError, match=r"oversampling must be about \d+ for a stable integration step in sliding"):
+    with pytest.raises(
+        ValueError, match=r"oversampling must be about \d+ for a stable integration step in sliding"
+    ):
         run(Leuven(), np.full(100, 5.0), fs=1e3)

@@ -1,4 +1,6 @@
-"""A friction law of the user's own: against the laws that are there, against SciPy, compiled and not."""
+"""A friction law of the user's own: against the laws that are there, against SciPy, compiled and
+not.
+"""
 
 import numpy as np
 import pytest
@@ -34,14 +36,20 @@ def tanh_force(x, v, z):
     return 0.7 * np.tanh(v / 0.01)
 
 
-OWN = OwnFriction(derivative=lugre_rate, force=lugre_force, rest=[0.0], stiffness=SIGMA0, damping=SIGMA1 + SIGMA2)
-SLIDING = OwnFriction(derivative=viscous_rate, force=tanh_force, rest=[], stiffness=0.0, damping=70.0)
+OWN = OwnFriction(
+    derivative=lugre_rate, force=lugre_force, rest=[0.0], stiffness=SIGMA0, damping=SIGMA1 + SIGMA2
+)
+SLIDING = OwnFriction(
+    derivative=viscous_rate, force=tanh_force, rest=[], stiffness=0.0, damping=70.0
+)
 
 
 def test_lugre_written_by_hand_is_lugre():
     t = np.arange(4000) / 4000
     force = 1.5 * np.sin(2 * np.pi * 12 * t)
-    mine, theirs = (run(Rig(1.0, 80e3, law), force, fs=4000.0, oversampling=16) for law in (OWN, BUILT_IN))
+    mine, theirs = (
+        run(Rig(1.0, 80e3, law), force, fs=4000.0, oversampling=16) for law in (OWN, BUILT_IN)
+    )
     assert np.max(np.abs(mine.x - theirs.x)) < 1e-3 * np.max(np.abs(theirs.x))
     assert np.max(np.abs(mine.friction - theirs.friction)) < 5e-3 * np.max(np.abs(theirs.friction))
     assert OWN.compiled
@@ -62,7 +70,9 @@ def test_a_law_without_a_state_agrees_with_scipy():
         u = np.interp(now, t, force)
         return [y[1], u - 0.5 * y[1] - 4e3 * y[0] - 0.7 * np.tanh(y[1] / 0.01)]
 
-    wanted = solve_ivp(rates, (0, t[-1]), [0.0, 0.0], t_eval=t, rtol=1e-8, atol=1e-12, max_step=1e-3)
+    wanted = solve_ivp(
+        rates, (0, t[-1]), [0.0, 0.0], t_eval=t, rtol=1e-8, atol=1e-12, max_step=1e-3
+    )
     assert np.max(np.abs(found.x - wanted.y[0])) < 1e-3 * np.max(np.abs(wanted.y[0]))
 
 
@@ -75,14 +85,18 @@ def test_what_numba_cannot_compile_runs_as_it_is():
     plain = OwnFriction(derivative=viscous_rate, force=force, rest=[], stiffness=0.0, damping=70.0)
     assert not plain.compiled
     push = np.linspace(0, 2, 200)
-    slow, quick = (run(Rig(1.0, 4e3, law), push, fs=4000.0, oversampling=4) for law in (plain, SLIDING))
+    slow, quick = (
+        run(Rig(1.0, 4e3, law), push, fs=4000.0, oversampling=4) for law in (plain, SLIDING)
+    )
     assert slow.x == pytest.approx(quick.x, rel=1e-12, abs=1e-18)
 
 
 def test_a_multisine_is_identified_on_it():
     ms = nlfrf.multisine(fs=2048, n_samples=2048, f_min=4, f_max=150, rms=0.5, rng=1)
     rig = Rig(1.0, 80e3, OWN)
-    mine, theirs = (nlfrf.identify(simulate(r, ms, n_periods=2)) for r in (rig, Rig(1.0, 80e3, BUILT_IN)))
+    mine, theirs = (
+        nlfrf.identify(simulate(r, ms, n_periods=2)) for r in (rig, Rig(1.0, 80e3, BUILT_IN))
+    )
     assert np.max(np.abs(mine.G - theirs.G) / np.abs(theirs.G)) < 0.02
 
 
@@ -103,7 +117,12 @@ def test_a_step_too_long_is_refused_with_one_that_would_do():
     ],
 )
 def test_what_is_no_law_is_refused(fields, said):
-    given = {"derivative": lugre_rate, "force": lugre_force, "rest": [0.0], "stiffness": SIGMA0} | fields
+    given = {
+        "derivative": lugre_rate,
+        "force": lugre_force,
+        "rest": [0.0],
+        "stiffness": SIGMA0,
+    } | fields
     with pytest.raises(ValueError, match=said):
         OwnFriction(**given)
 

@@ -1,4 +1,6 @@
-"""Classical margins against closed forms and python-control; steps against closed forms and scipy."""
+"""Classical margins against closed forms and python-control; steps against closed forms and
+scipy.
+"""
 
 import control
 import numpy as np
@@ -39,7 +41,10 @@ def test_the_bandwidth_is_that_of_the_sensitivity():
 
 
 def test_every_crossover_is_named():
-    """1/s times a resonance of gain 1/(2 zeta): |L| = 1 at one, and twice around the resonance at ten."""
+    """1/s times a resonance of gain 1/(2 zeta):
+
+    |L| = 1 at one, and twice around the resonance at ten.
+    """
     L = 1 / (1j * OMEGA) * 100 / (100 - OMEGA**2 + 0.2j * OMEGA)
     seen = classical_margins(OMEGA, L)
     size = lambda omega: abs(100 / (1j * omega * (100 - omega**2 + 0.2j * omega)))  # noqa: E731
@@ -60,7 +65,9 @@ def test_a_sampled_loop_has_its_gain_margin_at_nyquist():
 
 def test_the_report_says_them():
     plant, w = control.tf([1], [1, 3, 3, 1]), control.tf([0.05], [1])
-    model = UncertaintyModel(plant, w, "multiplicative", np.array([0.1, 10.0]), np.array([0.05, 0.05]))
+    model = UncertaintyModel(
+        plant, w, "multiplicative", np.array([0.1, 10.0]), np.array([0.05, 0.05])
+    )
     report = check(model, 4.0)
     assert report.classical.gain_margin == pytest.approx(2.0, rel=1e-3)
     said = unwrapped(report)
@@ -78,7 +85,9 @@ def test_overshoot_and_settling_of_a_second_order_loop(zeta):
     t = np.linspace(0, 150, 200_000)
     wd = np.sqrt(1 - zeta**2)
     y = 1 - np.exp(-zeta * t) * (np.cos(wd * t) + zeta / wd * np.sin(wd * t))
-    assert step.settling_time == pytest.approx(t[np.flatnonzero(np.abs(y - 1) > 0.02)[-1]], rel=0.01)
+    assert step.settling_time == pytest.approx(
+        t[np.flatnonzero(np.abs(y - 1) > 0.02)[-1]], rel=0.01
+    )
     assert step.rise_time == pytest.approx(t[np.argmax(y > 0.9)] - t[np.argmax(y > 0.1)], rel=0.03)
 
 
@@ -124,11 +133,15 @@ def test_a_step_of_a_set_is_that_of_its_nominal_and_of_its_worst_plant(dt):
 
 
 def test_a_worst_plant_that_was_sampled_has_its_delay_once():
-    G, omega = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2))), np.geomspace(0.1, 30, 20)
+    G = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
+    omega = np.geomspace(0.1, 30, 20)
     gains, radius = (control.ss([], [], [], [[0.5]]),) * 2, np.full((4, 20), 0.5)
-    model = UncertaintyModel(nominal=G, form="input", left=gains, right=gains, omega=omega, radius=radius)
+    model = UncertaintyModel(
+        nominal=G, form="input", left=gains, right=gains, omega=omega, radius=radius
+    )
     K, delay = control.ss([], [], [], 0.5 * np.eye(2), 0.1), 0.25
-    step, worst = step_response(model, K, delay=delay, duration=1.0), worst_case(model, K, delay=delay)
+    step = step_response(model, K, delay=delay, duration=1.0)
+    worst = worst_case(model, K, delay=delay)
     assert worst.plant.dt == 0.1
     assert np.all(step.worst.y[:, :3] == 0)  # until 0.25 s
     assert step.worst.y[0, 3] > 0
@@ -149,23 +162,33 @@ def test_a_step_of_one_of_several_references_is_that_of_the_closed_loop(dt):
     A = rng.standard_normal((4, 4))
     A -= (np.linalg.eigvals(A).real.max() + 0.5) * np.eye(4)
     G = control.ss(A, rng.standard_normal((4, 2)), rng.standard_normal((3, 4)), np.zeros((3, 2)))
-    K = control.ss([[-1.0]], 0.1 * np.ones((1, 3)), [[0.2], [-0.1]], 0.05 * rng.standard_normal((2, 3)), dt)
+    K = control.ss(
+        [[-1.0]], 0.1 * np.ones((1, 3)), [[0.2], [-0.1]], 0.05 * rng.standard_normal((2, 3)), dt
+    )
     seen = sampled(G, dt) if dt else G
     loop = control.feedback(seen * K, np.eye(3))
     for j in range(3):
         step = step_response(G, K, duration=3.0, reference=j)
         assert (step.y.shape[0], step.u.shape[0], step.reference) == (3, 2, j)
         even = np.linspace(0, 3, 1501) if not dt else step.t
-        wanted = control.forced_response(loop, even, np.outer(np.eye(3)[j], np.ones(even.size))).outputs
+        wanted = control.forced_response(
+            loop, even, np.outer(np.eye(3)[j], np.ones(even.size))
+        ).outputs
         for found, one in zip(step.y, wanted, strict=True):
-            np.testing.assert_allclose(np.interp(even, step.t, found), one, atol=1e-9 if dt else 1e-3)
+            np.testing.assert_allclose(
+                np.interp(even, step.t, found), one, atol=1e-9 if dt else 1e-3
+            )
         assert step.final == pytest.approx(loop.dcgain()[j, j])
-    with pytest.raises(ValueError, match="reference must be below the 3 outputs of the plant, got 3"):
+    with pytest.raises(
+        ValueError, match="reference must be below the 3 outputs of the plant, got 3"
+    ):
         step_response(G, K, reference=3)
 
 
 def test_the_delay_margin_is_the_least_of_all_crossovers():
-    """1/s alone has pi/2; with a light mode far above, whose phase margin is larger, the mode limits the delay."""
+    """1/s alone has pi/2; with a light mode far above, whose phase margin is larger, the mode
+    limits the delay.
+    """
     omega = np.unique(np.concatenate([np.geomspace(0.1, 100, 2000), np.linspace(15, 25, 20001)]))
     s = 1j * omega
     assert classical_margins(omega, 1 / s).delay_margin == pytest.approx(np.pi / 2, rel=1e-5)

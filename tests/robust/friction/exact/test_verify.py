@@ -1,4 +1,6 @@
-"""A proof of a machine with friction, made again over the rationals: what holds is verified, what was changed not."""
+"""A proof of a machine with friction, made again over the rationals: what holds is verified, what
+was changed not.
+"""
 
 from dataclasses import fields, replace
 from typing import get_args
@@ -75,7 +77,10 @@ def test_delays_bristles_and_continuous_controllers(K, friction, delay):
 )
 def test_a_stronger_claim_than_was_proved_fails(proof, changes, failed):
     claim = proof.certificate.claim
-    ports = tuple(replace(port, **{k: v for k, v in changes.items() if hasattr(port, k)}) for port in claim.ports)
+    ports = tuple(
+        replace(port, **{k: v for k, v in changes.items() if hasattr(port, k)})
+        for port in claim.ports
+    )
     others = {name: value for name, value in changes.items() if hasattr(claim, name)}
     found = verify_friction(replace(claim, ports=ports, **others))
     assert not found.verified

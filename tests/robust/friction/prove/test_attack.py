@@ -1,9 +1,18 @@
-"""A seeded part of the harness: bursts at what is proved, with frictions of the class; springs that refute, played."""
+"""A seeded part of the harness: bursts at what is proved, with frictions of the class; springs that
+refute, played.
+"""
 
 import numpy as np
 
 import robust
-from benchmarks.bench_friction_proof import attacked, bristles, moving, samples_needed, spring_oscillates, verdicts
+from benchmarks.bench_friction_proof import (
+    attacked,
+    bristles,
+    moving,
+    samples_needed,
+    spring_oscillates,
+    verdicts,
+)
 from nlfrf.friction import VaryingSliders
 from tests.support.friction_loops import ORACLES, T, pd, pid
 

@@ -1,4 +1,6 @@
-"""Bounded friction: machines faster than their clock in closed form, the stability boundary, what is refused."""
+"""Bounded friction: machines faster than their clock in closed form, the stability boundary, what
+is refused.
+"""
 
 import re
 
@@ -19,7 +21,9 @@ STILL = control.StateSpace([], [], [], [[0.0]], T)
 @pytest.mark.attack(every=2)
 @pytest.mark.parametrize("swings", [2e-3, 2e-2, 0.3, 3.0, 20.0, 32.0])
 def test_a_mode_hunts_as_in_closed_form_whatever_the_clock(swings):
-    """coth(pi zeta/(2 sqrt(1 - zeta^2)))/k; it was 1/k at 32 swings a sample, and took long at few swings a sample."""
+    """coth(pi zeta/(2 sqrt(1 - zeta^2)))/k; it was 1/k at 32 swings a sample, and took long at few
+    swings a sample.
+    """
     zeta = 0.01
     machine, k = fast_machine(swings, zeta)
     K = control.StateSpace([], [], [], [[1e-9 * k]], 0.01)
@@ -37,7 +41,9 @@ def test_a_bang_bang_friction_stays_within_the_bound():
 
 @pytest.mark.parametrize("swings", [0.2, 3.3, 20.2])
 def test_a_sure_kick_is_sure_and_little_more(swings):
-    """Less than the least kick that no |f| <= 1 N stops, from the exact effect of a force on the unstable mode."""
+    """Less than the least kick that no |f| <= 1 N stops, from the exact effect of a force on the
+    unstable mode.
+    """
     machine, k = fast_machine(swings, 0.05 if swings < 5 else 0.02)
     K = control.StateSpace([], [], [], [[-1.3 * k]], 0.01)
     kick = prove_friction(machine, K, MaxwellSlip(k), Fs=1.0).kick_sure
@@ -47,7 +53,12 @@ def test_a_sure_kick_is_sure_and_little_more(swings):
 
 @pytest.mark.parametrize(
     ("numbers", "K"),
-    [((1.0, 1e4, 0.0), 0.0), ((1.0, 1e4, 0.0), STILL), ((1.0, 0.0, 0.0), STILL), ((1.0, 0.0, 5.0), 0.0)],
+    [
+        ((1.0, 1e4, 0.0), 0.0),
+        ((1.0, 1e4, 0.0), STILL),
+        ((1.0, 0.0, 0.0), STILL),
+        ((1.0, 0.0, 5.0), 0.0),
+    ],
 )
 def test_at_the_stability_boundary_nothing_is_proved(numbers, K):
     """f = -sign(v) pumps an undamped spring without end; a constant f pushes a free mass away."""
@@ -77,7 +88,9 @@ def test_a_pole_beside_one_is_told_from_it():
 
 
 def test_a_gain_is_no_machine():
-    with pytest.raises(ValueError, match="mass must be a model that moves, from force to position, got a gain"):
+    with pytest.raises(
+        ValueError, match="mass must be a model that moves, from force to position, got a gain"
+    ):
         friction_plant(control.StateSpace([], [], [], [[0.0]]))
 
 
@@ -88,7 +101,9 @@ def test_a_machine_that_turns_speaks_of_rad_and_newton_metres():
     assert "kNm/rad" in said
     assert "Nm s/rad" in said
     assert not re.search(r"kN/m|\bkg\b(?! m\^2)|Ns/m|\d m\b|\bN\b", said)
-    with pytest.raises(ValueError, match="friction must be in the units of the machine, rad, got m"):
+    with pytest.raises(
+        ValueError, match="friction must be in the units of the machine, rad, got m"
+    ):
         prove_friction(machine, 10.0, MaxwellSlip(640.0))
     with pytest.raises(ValueError, match='position_unit must be "m" or "rad", got \'deg\''):
         Bounded(1.0, position_unit="deg")

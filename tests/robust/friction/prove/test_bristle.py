@@ -1,4 +1,6 @@
-"""Bristles that creep: the inequality along motions of LuGre, the certificate, and where passivity alone decides."""
+"""Bristles that creep: the inequality along motions of LuGre, the certificate, and where passivity
+alone decides.
+"""
 
 import numpy as np
 import pytest
@@ -31,7 +33,9 @@ RIG_FRICTION = Bristle(64e3, 1 / 0.7, 13.0)
 
 
 def pieces_of_lugre(k, Fc, Fs, a, rng, n=60):
-    """Per piece of constant velocity: v, length, and at its nodes the force F of the bristle and its filter Fh."""
+    """Per piece of constant velocity: v, length, and at its nodes the force F of the bristle and
+    its filter Fh.
+    """
     F = Fh = 0.0
     for _ in range(n):
         v, span = rng.normal() * 5 * rng.choice([0.0, 1.0], p=[0.1, 0.9]), 0.05 * rng.exponential()
@@ -49,9 +53,16 @@ def pieces_of_lugre(k, Fc, Fs, a, rng, n=60):
 
 
 @settings(max_examples=40, deadline=None, derandomize=True)
-@given(rho=st.floats(1.0, 3.0), a=st.floats(0.5, 50.0), seed=st.integers(0, 2**32 - 1), spare=st.floats(1.0, 2.0))
+@given(
+    rho=st.floats(1.0, 3.0),
+    a=st.floats(0.5, 50.0),
+    seed=st.integers(0, 2**32 - 1),
+    spare=st.floats(1.0, 2.0),
+)
 def test_no_bristle_gives_back_more_than_it_stored(rho, a, seed, spare):
-    """Both integrals of the class, along LuGre whose Stribeck curve jumps about in [Fc, Fs], from rest."""
+    """Both integrals of the class, along LuGre whose Stribeck curve jumps about in [Fc, Fs], from
+    rest.
+    """
     rng = np.random.default_rng(seed)
     k, Fc = 10 ** rng.uniform(-1, 1, 2)
     totals, least, size = np.zeros(2), np.zeros(2), 1e-300
@@ -90,16 +101,21 @@ def test_what_a_solver_leaves_open_of_the_block_is_closed(rho, seed):
 
 @pytest.mark.parametrize(("c", "verdict"), [(5.8, "proved"), (5.5, "not decided")])
 def test_where_the_microdamping_must_be_outweighed(c, verdict):
-    """z' = (1 - rho) v at its worst: only a viscous friction above sigma1 (rho - 1) = 5.571 Ns/m outweighs it."""
+    """z' = (1 - rho) v at its worst: only a viscous friction above sigma1 (rho - 1) = 5.571 Ns/m
+    outweighs it.
+    """
     assert prove_friction(friction_plant(1.0, 80e3, c), 0.0, RIG_FRICTION).verdict == verdict
 
 
 def test_the_friction_of_the_paper_lies_only_here():
-    """Its rig: damping is proved; with integral action the constant weights do not reach (none of O2)."""
+    """Its rig: damping is proved; with integral action the constant weights do not reach (none of
+    O2).
+    """
     proof = prove_friction(RIG, pd(20e3, 60.0), RIG_FRICTION)
     assert proof.verdict == "proved"
     assert (
-        "bristle friction with a stiffness up to 64 kN/m and a damping of 13 Ns/m, whose bristles creep" in proof.claim
+        "bristle friction with a stiffness up to 64 kN/m and a damping of 13 Ns/m, whose bristles"
+        " creep" in proof.claim
     )
     assert "creep" not in proof.not_claimed
     assert prove_friction(RIG, pid(20e3, 3e5, 60.0), RIG_FRICTION).verdict == "not decided"
@@ -109,14 +125,18 @@ def test_the_friction_of_the_paper_lies_only_here():
 
 
 def test_limits_of_a_bristle():
-    """A spring alone as controller: stiction until what the microdamping gives back takes all of c = 20 Ns/m."""
+    """A spring alone as controller: stiction until what the microdamping gives back takes all of c
+    = 20 Ns/m.
+    """
     machine = friction_plant(1.0, 80e3, 20.0)
     for stiction, verdict in ((1 / 0.7, "proved"), (1 + 20 / 13, "not decided")):
         assert prove_friction(machine, 0.0, Bristle(64e3, stiction, 13.0)).verdict == verdict
 
 
 def test_energy_falls_along_a_motion_with_lugre():
-    """The judged energy just before every sample, along the loop with LuGre integrated by another hand."""
+    """The judged energy just before every sample, along the loop with LuGre integrated by another
+    hand.
+    """
     K0, rho, sigma = 64e3, 1 / 0.7, 13.0
     loop = friction_loop(RIG, pd(20e3, 60.0))
     omega, rates = loop_frequencies(loop, 300), filter_rates(1.5 * RIG.resonance)[0]
@@ -124,12 +144,18 @@ def test_energy_falls_along_a_motion_with_lugre():
     weights = bristle_multipliers(table, rates, Bristle(K0, rho, sigma))
     used = np.isin(rates, weights.rates)
     theta = [weights.free, *weights.weights, *(weights.block[i, j] for i, j in BLOCK_ENTRIES)]
-    assert (np.linalg.eigvalsh(np.einsum("wcij,c->wij", table[:, np.r_[True, used, [True] * 6]], theta)) < 0).all()
+    assert (
+        np.linalg.eigvalsh(np.einsum("wcij,c->wij", table[:, np.r_[True, used, [True] * 6]], theta))
+        < 0
+    ).all()
     form = bristle_dissipation(loop, weights)
     judged = in_balanced_coordinates(form)
     found = ((slack, proposed_storage(judged.form, slack)) for slack in SLACKS)
     storages = (
-        build_storage(judged, P, slack=slack, n_intervals=N) for slack, P in found if P is not None for N in (8, 128)
+        build_storage(judged, P, slack=slack, n_intervals=N)
+        for slack, P in found
+        if P is not None
+        for N in (8, 128)
     )
     storage = next(storage for storage in storages if not judge_storage(judged, storage)[0])
     back, used = np.linalg.inv(judged.V), weights.rates

@@ -1,4 +1,6 @@
-"""The inequality that every Maxwell-slip friction obeys: along exact motions of elements, and as algebra."""
+"""The inequality that every Maxwell-slip friction obeys: along exact motions of elements, and as
+algebra.
+"""
 
 from itertools import pairwise
 
@@ -22,7 +24,8 @@ class Exact:
         if v == 0:
             return [(0.0, start, 0.0)]
         d = np.sign(v)
-        # a slider may vary: a force it no longer holds drops at once, one it holds again has to be loaded up to it
+        # a slider may vary: a force it no longer holds drops at once, one it holds again has to be
+        # loaded up to it
         limit = max(self.W * self.rng.uniform(1 / self.rho, 1), d * start)
         when = (limit - d * start) / (self.k * abs(v))
         if when >= duration:
@@ -67,13 +70,18 @@ def test_no_stack_of_elements_gives_back_more_than_it_stored(n, rho, a, seed, sp
     rng = np.random.default_rng(seed)
     k, W = 10 ** rng.uniform(-1, 1, n), 10 ** rng.uniform(-1, 1, n)
     elements = [Exact(*pair, rho, rng) for pair in zip(k, W, strict=True)]
-    pieces = [(rng.choice([0.0, 1.0], p=[0.1, 0.9]) * rng.normal() * 5, 0.05 * rng.exponential()) for _ in range(60)]
+    pieces = [
+        (rng.choice([0.0, 1.0], p=[0.1, 0.9]) * rng.normal() * 5, 0.05 * rng.exponential())
+        for _ in range(60)
+    ]
     least, size = least_supply(elements, pieces, a, rho, spare * k.sum())
     assert least >= -1e-9 * size * 60
 
 
 def test_the_inequality_notices_a_slider_outside_the_class():
-    """Sliders that hold three times what they slip at, said to hold 1.05 times: the inequality must break somewhere."""
+    """Sliders that hold three times what they slip at, said to hold 1.05 times: the inequality must
+    break somewhere.
+    """
     broken = 0
     for seed in range(40):
         rng = np.random.default_rng(seed)
@@ -87,15 +95,24 @@ def test_the_inequality_notices_a_slider_outside_the_class():
 @settings(max_examples=200, deadline=None, derandomize=True)
 @given(rho=st.floats(1.0, 10.0), share=st.floats(1e-3, 0.999), a=st.floats(0.1, 100.0))
 def test_a_damper_across_the_spring_loses_energy(rho, share, a):
-    """With f = F + tau F' what is left of the inequality is a form in (F', F - fh), never negative where a tau < 1."""
+    """With f = F + tau F' what is left of the inequality is a form in (F', F - fh), never negative
+    where a tau < 1.
+    """
     tau = share / a
     g = a * tau / (rho * (1 - a * tau))
     form = np.array([[tau * (1 - a * tau / rho), -a * tau / rho], [-a * tau / rho, g * a]])
     rng = np.random.default_rng(0)
-    for F, rate, fh in rng.normal(size=(20, 3)):  # that this is the form: (f - fh/rho) F' - fh'^2/(rho a) - dS/dt
+    for F, rate, fh in rng.normal(
+        size=(20, 3)
+    ):  # that this is the form: (f - fh/rho) F' - fh'^2/(rho a) - dS/dt
         f = F + tau * rate
         fh_rate = a * (f - fh)
-        stored = F * rate - (rate * fh + F * fh_rate) / rho + fh * fh_rate / rho + g * (F - fh) * (rate - fh_rate)
+        stored = (
+            F * rate
+            - (rate * fh + F * fh_rate) / rho
+            + fh * fh_rate / rho
+            + g * (F - fh) * (rate - fh_rate)
+        )
         left = (f - fh / rho) * rate - fh_rate**2 / (rho * a) - stored
         e = np.array([rate, F - fh])
         assert np.isclose(left, e @ form @ e, rtol=1e-9, atol=1e-9 * (1 + abs(left) + abs(stored)))

@@ -1,4 +1,6 @@
-"""Every passive friction: sharp resonances of the controller, springs on a fine grid, delays, hidden states."""
+"""Every passive friction: sharp resonances of the controller, springs on a fine grid, delays,
+hidden states.
+"""
 
 import control
 import numpy as np
@@ -24,7 +26,10 @@ def needed(proof):
 
 
 def test_a_sharp_resonance_is_seen():
-    """Pole radius 1 - 1e-4 at 150 Hz: 17.35 Ns/m by Colgate and Schenkel, 10 are there, and a spring is unstable."""
+    """Pole radius 1 - 1e-4 at 150 Hz:
+
+    17.35 Ns/m by Colgate and Schenkel, 10 are there, and a spring is unstable.
+    """
     angle = 0.94319
     K = sampled_resonance(100.0, 10**0.5, 1 - 1e-4, angle)
     machine = friction_plant(1.0, 0.0, 10.0)
@@ -42,7 +47,8 @@ def test_a_sharp_resonance_is_seen():
 
 def test_a_light_mode_of_a_continuous_controller_is_seen():
     """zeta = 1e-4 at 300 rad/s: a spring of 72 kN/m puts a pole at +0.0085."""
-    machine, K = friction_plant(1.0, 1e4, 5.0), continuous_resonance(2e3 * 0.9486833, np.radians(60), 300.0, 1e-4)
+    machine = friction_plant(1.0, 1e4, 5.0)
+    K = continuous_resonance(2e3 * 0.9486833, np.radians(60), 300.0, 1e-4)
     assert friction_loop(machine, K).growth(72028.234) == pytest.approx(0.00852, abs=1e-4)
     proof = prove_friction(machine, K, PASSIVE)
     assert proof.verdict == "not decided"
@@ -58,7 +64,9 @@ def test_no_spring_breaks_what_is_proved():
 
 
 def test_a_delay_needs_more_damping():
-    """A wall of K = 20 kN/m: K T/2 = 10 Ns/m without a delay, with one sample of it 3 K T/2 = 30."""
+    """A wall of K = 20 kN/m: K T/2 = 10 Ns/m without a delay, with one sample of it 3 K T/2 =
+    30.
+    """
     wall = pd(20e3, 0.0)
     for samples, least in ((0, 10.0), (1, 30.0)):
         too_little, enough = (

@@ -1,4 +1,6 @@
-"""Friction at several places of a machine, as at motor and load: proofs, bounds, and what is refused."""
+"""Friction at several places of a machine, as at motor and load: proofs, bounds, and what is
+refused.
+"""
 
 import re
 from dataclasses import replace
@@ -21,7 +23,12 @@ from robust.friction.plant import (
     two_mass_plant,
 )
 from robust.friction.proof.dissipation import maxwell_slip_dissipation
-from robust.friction.proof.multipliers import filter_rates, multiplier_terms, negative_multipliers, port_terms
+from robust.friction.proof.multipliers import (
+    filter_rates,
+    multiplier_terms,
+    negative_multipliers,
+    port_terms,
+)
 from robust.friction.proof.prove import prove_friction
 from robust.friction.proof.storage import certified_dissipation
 from robust.io.certificates import verify_certificate
@@ -38,7 +45,9 @@ def screw_proof(**changed):
     given = {"machine": SCREW, "friction": CLASSES, "settings": DRIVE} | changed
     settings = given.pop("settings")
     K = cascade(settings, output_unit="N")
-    return prove_friction(given.pop("machine"), K, given.pop("friction"), delay=settings.delay, **given)
+    return prove_friction(
+        given.pop("machine"), K, given.pop("friction"), delay=settings.delay, **given
+    )
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +59,10 @@ def doubled(stiffness=80e3, damping=0.4):
     """One mass of 1 kg whose friction is counted at two ports in the same place."""
     one = friction_plant(1.0, stiffness, damping)
     return replace(
-        one, B_port=np.column_stack([one.B_port] * 2), C_port=np.vstack([one.C_port] * 2), port_names=("one", "two")
+        one,
+        B_port=np.column_stack([one.B_port] * 2),
+        C_port=np.vstack([one.C_port] * 2),
+        port_names=("one", "two"),
     )
 
 
@@ -66,7 +78,9 @@ def test_motor_and_load_are_proved_and_verified(proof):
     assert proof.certificate.verify().verified
     text = " ".join(str(proof).split())
     for stiffness, ratio, place in (("25000", "1.2", "motor"), ("12500", "1.3", "load")):
-        assert re.search(rf"up to {stiffness} kN/m, [^(]*at most {ratio} times [^)]*\) at the {place}", text)
+        assert re.search(
+            rf"up to {stiffness} kN/m, [^(]*at most {ratio} times [^)]*\) at the {place}", text
+        )
     assert proof.counterexample is None
     assert np.isnan(proof.kick_sure)
 
@@ -99,7 +113,9 @@ def test_files_keep_the_ports(proof, tmp_path):
 
 
 def test_two_ports_in_one_place_are_as_one():
-    """Half of K0 at each is in the class of all of it at one, and has the same springs and the same bound."""
+    """Half of K0 at each is in the class of all of it at one, and has the same springs and the same
+    bound.
+    """
     K, K0 = PD(), 64e3
     one = prove_friction(friction_plant(1.0, 80e3, 0.4), K, MaxwellSlip(K0), Fs=1.0)
     two = prove_friction(doubled(), K, [MaxwellSlip(K0 / 2)] * 2, Fs=(0.3, 0.7))
@@ -111,7 +127,9 @@ def test_two_ports_in_one_place_are_as_one():
 def test_a_loop_that_a_spring_refutes_at_one_port_is_refuted_with_both_halves():
     machine, K = friction_plant(1.0, 80e3, 0.4), PD(Kp=20e3, Kd=60.0)
     loops = friction_loop(machine, K), friction_loop(doubled(), K)
-    single, double = (destabilizing_stiffness(loop, K0) for loop, K0 in zip(loops, (4e6, [2e6, 2e6]), strict=True))
+    single, double = (
+        destabilizing_stiffness(loop, K0) for loop, K0 in zip(loops, (4e6, [2e6, 2e6]), strict=True)
+    )
     assert single is not None
     assert double is not None
     assert np.sum(double[0]) == pytest.approx(single[0], rel=0.4)  # the worst of a coarse grid
@@ -122,19 +140,26 @@ def test_a_loop_that_a_spring_refutes_at_one_port_is_refuted_with_both_halves():
 
 
 def test_a_port_with_next_to_no_friction_changes_nothing():
-    alone = prove_friction(one_port(SCREW, 0), cascade(DRIVE, output_unit="N"), CLASSES[0], delay=DRIVE.delay)
+    alone = prove_friction(
+        one_port(SCREW, 0), cascade(DRIVE, output_unit="N"), CLASSES[0], delay=DRIVE.delay
+    )
     with_little = screw_proof(friction=(CLASSES[0], MaxwellSlip(100.0, 1.3)))
     assert alone.verdict == with_little.verdict == "proved"
 
 
 def one_port(machine, port):
-    return replace(machine, B_port=machine.B_port[:, port], C_port=machine.C_port[port], port_names=())
+    return replace(
+        machine, B_port=machine.B_port[:, port], C_port=machine.C_port[port], port_names=()
+    )
 
 
 def test_the_bound_is_the_sum_over_the_ports_at_the_worst_of_them(proof):
     K = cascade(DRIVE, output_unit="N")
     bounds = [
-        sum(force * prove_at(column, row, K) for force, column in zip((100, 60), SCREW.B_port.T, strict=True))
+        sum(
+            force * prove_at(column, row, K)
+            for force, column in zip((100, 60), SCREW.B_port.T, strict=True)
+        )
         for row in SCREW.C_port
     ]
     assert proof.error_bound == pytest.approx(max(bounds), rel=1e-9)
@@ -156,13 +181,17 @@ class Slider:
 
 
 def test_the_energy_falls_with_elements_at_both_ports():
-    """V of the certificate with the stored energy of each element, of known elements, along a fine simulation."""
+    """V of the certificate with the stored energy of each element, of known elements, along a fine
+    simulation.
+    """
     K = cascade(DRIVE, output_unit="N")
     loop = friction_loop(SCREW, K, DRIVE.delay)
     omega, K0, rho = loop_frequencies(loop, 300), np.array([25e6, 12.5e6]), np.array([1.2, 1.3])
     for rates in filter_rates(1.5 * SCREW.resonance):
         theta = negative_multipliers(
-            port_terms(mobility(loop, omega), omega, rates=rates, K0=K0, rho=rho), couplings=(0.9,), least=1e-9
+            port_terms(mobility(loop, omega), omega, rates=rates, K0=K0, rho=rho),
+            couplings=(0.9,),
+            least=1e-9,
         )
         if theta is None:
             continue
@@ -178,7 +207,9 @@ def test_the_energy_falls_with_elements_at_both_ports():
     weights = [own[1:][chosen] for own, chosen in zip(mu, used, strict=True)]
     rest = loop.rest()[0]
     rng = np.random.default_rng(3)
-    xi = 1e-6 * rng.standard_normal(loop.F.shape[0]) * np.where(np.arange(loop.F.shape[0]) < 4, 1, 0)
+    xi = (
+        1e-6 * rng.standard_normal(loop.F.shape[0]) * np.where(np.arange(loop.F.shape[0]) < 4, 1, 0)
+    )
     filters = [np.zeros((3, one.size)) for one in a]  # of each element, at the rates of its port
     steps, values = 400, []
     h = T / steps
@@ -188,10 +219,23 @@ def test_the_energy_falls_with_elements_at_both_ports():
     for _ in range(60):
         xi = loop.jumps[0] @ xi
         values.append(
-            stored_energy(xi, filters, elements, a=a, weights=weights, mu=mu, rest=rest, loop=loop, energy=energy, P=P)
+            stored_energy(
+                xi,
+                filters,
+                elements,
+                a=a,
+                weights=weights,
+                mu=mu,
+                rest=rest,
+                loop=loop,
+                energy=energy,
+                P=P,
+            )
         )
         for _ in range(steps):
-            f = np.array([sum(one.force for one in elements if one.port == port) for port in (0, 1)])
+            f = np.array(
+                [sum(one.force for one in elements if one.port == port) for port in (0, 1)]
+            )
             xi = np.asarray(step.A) @ xi + np.asarray(step.B) @ f
             v = loop.v @ xi
             for i, one in enumerate(elements):
@@ -227,8 +271,14 @@ def test_rows_of_one_port_are_those_of_a_single_friction():
     loop = friction_loop(friction_plant(1.0, 80e3, 0.4), PD())
     omega = loop_frequencies(loop, 100)
     response, rates = mobility(loop, omega), filter_rates(400.0)[0]
-    table = port_terms(response[:, None, None], omega, rates=rates, K0=np.array([64e3]), rho=np.array([1.3]))
-    assert np.allclose(table[..., 0, 0], multiplier_terms(response, omega, rates=rates, K0=64e3, rho=1.3), rtol=1e-12)
+    table = port_terms(
+        response[:, None, None], omega, rates=rates, K0=np.array([64e3]), rho=np.array([1.3])
+    )
+    assert np.allclose(
+        table[..., 0, 0],
+        multiplier_terms(response, omega, rates=rates, K0=64e3, rho=1.3),
+        rtol=1e-12,
+    )
 
 
 def test_multipliers_make_every_matrix_negative():
@@ -243,7 +293,9 @@ def test_multipliers_make_every_matrix_negative():
 
 @pytest.mark.attack
 def test_friction_with_stiction_at_both_settles_within_a_bound_that_is_verified(tmp_path):
-    """Half of the bound of any friction on this axis; a spring of the class beside any rest is below it."""
+    """Half of the bound of any friction on this axis; a spring of the class beside any rest is
+    below it.
+    """
     soft = replace(DRIVE, kp=DRIVE.kp / 2)
     given = {"settings": soft, "friction": (MaxwellSlip(25e6, 1.5), MaxwellSlip(12.5e6, 1.5))}
     found = screw_proof(**given, Fs=(100, 60))
@@ -252,7 +304,9 @@ def test_friction_with_stiction_at_both_settles_within_a_bound_that_is_verified(
     assert found.certificate.verify().verified
     assert "of at most 100 N at the motor and 60 N at the load" in found.claim
     robust.save(found, tmp_path / "settles.json")
-    assert verify_certificate(tmp_path / "settles.json", model=SCREW, K=cascade(soft, output_unit="N")).verified
+    assert verify_certificate(
+        tmp_path / "settles.json", model=SCREW, K=cascade(soft, output_unit="N")
+    ).verified
     claim = found.certificate.claim
     own = claim.settling
     for changed in (
@@ -291,12 +345,24 @@ def test_a_load_encoder_is_not_decided_with_its_reason():
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"friction": CLASSES[0]}, "friction must be a class for each friction port of the machine, 2, got 1"),
+        (
+            {"friction": CLASSES[0]},
+            "friction must be a class for each friction port of the machine, 2, got 1",
+        ),
         ({"friction": (*CLASSES, CLASSES[0])}, "2, got 3"),
         ({"friction": (CLASSES[0], 64e3)}, "friction must be a class such as"),
-        ({"friction": (CLASSES[0], Bristle(64e3))}, "MaxwellSlip at each of several ports, got bristle friction"),
-        ({"friction": (CLASSES[0], Bounded(1.0))}, "MaxwellSlip at each of several ports, got friction of at most 1 N"),
-        ({"friction": (MaxwellSlip(1e3, position_unit="rad"),) * 2}, "in the units of the machine, m, got rad"),
+        (
+            {"friction": (CLASSES[0], Bristle(64e3))},
+            "MaxwellSlip at each of several ports, got bristle friction",
+        ),
+        (
+            {"friction": (CLASSES[0], Bounded(1.0))},
+            "MaxwellSlip at each of several ports, got friction of at most 1 N",
+        ),
+        (
+            {"friction": (MaxwellSlip(1e3, position_unit="rad"),) * 2},
+            "in the units of the machine, m, got rad",
+        ),
         ({"Fs": 100.0}, "Fs must be a force for each friction port, 2, got 1"),
         ({"Fs": (100.0, -1.0)}, "Fs must be"),
     ],
@@ -310,7 +376,9 @@ def test_what_knows_one_port_refuses_several():
     K = cascade(DRIVE, output_unit="N")
     for call in (
         lambda: robust.prove_friction(SCREW, K, CLASSES, Fs=(1.0, 1.0), saturation=20.0),
-        lambda: robust.design_frf(control.tf([1], [1, 1, 1]), "PD", M_S=2.0, dt=T, prove=(SCREW, CLASSES[0])),
+        lambda: robust.design_frf(
+            control.tf([1], [1, 1, 1]), "PD", M_S=2.0, dt=T, prove=(SCREW, CLASSES[0])
+        ),
     ):
         with pytest.raises(ValueError, match="port"):
             call()

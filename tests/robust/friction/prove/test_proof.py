@@ -1,4 +1,6 @@
-"""The verdict: what is proved falls along motions, what is refuted grows, and nothing passes the judge by mistake."""
+"""The verdict: what is proved falls along motions, what is refuted grows, and nothing passes the
+judge by mistake.
+"""
 
 from dataclasses import replace
 
@@ -13,7 +15,11 @@ from robust.friction import Bounded, MaxwellSlip
 from robust.friction.nominal import machines_of_nominal, undamped
 from robust.friction.plant import friction_loop, loop_frequencies, mobility
 from robust.friction.proof.dissipation import maxwell_slip_dissipation
-from robust.friction.proof.multipliers import filter_rates, maxwell_slip_multipliers, multiplier_terms
+from robust.friction.proof.multipliers import (
+    filter_rates,
+    maxwell_slip_multipliers,
+    multiplier_terms,
+)
 from robust.friction.proof.storage import (
     SLACKS,
     build_storage,
@@ -37,7 +43,9 @@ def closed_poles(K, delay):
 
 
 def load_with_port(sign):
-    """Two masses on a spring, pushed and measured at the first; friction at the second, by the sign of its force."""
+    """Two masses on a spring, pushed and measured at the first; friction at the second, by the sign
+    of its force.
+    """
     A = [[0, 1, 0, 0], [-50, 0, 50, 0], [0, 0, 0, 1], [80, 0, -80, 0]]
     B, C = [[0, 0], [1, 0], [0, 0], [0, sign * 1.6]], [[1, 0, 0, 0], [0, 0, 1, 0]]
     return control.StateSpace(A, B, C, np.zeros((2, 2)), 0)
@@ -50,10 +58,15 @@ def test_a_machine_whose_friction_brakes_is_taken():
 
 @pytest.mark.parametrize("damping", [0.0, 0.5, 20.0])
 def test_viscous_friction_of_a_free_mass_takes_no_proof_away(damping):
-    """Filters that were placed by its pole -c/m found no proof of a loop that is proved without that friction."""
+    """Filters that were placed by its pole -c/m found no proof of a loop that is proved without
+    that friction.
+    """
     drive = Drive(fs=4000, kv=100, kp=7550, kp_unit="N/(m/s)", tn=0.01)
     machine = friction_plant(12.0, 0.0, damping)
-    assert prove_friction(machine, cascade(drive), MaxwellSlip(2.5e6), delay=0.5e-3).verdict == "proved"
+    assert (
+        prove_friction(machine, cascade(drive), MaxwellSlip(2.5e6), delay=0.5e-3).verdict
+        == "proved"
+    )
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.3e-3, 1e-3, 1.7e-3, 2e-3])
@@ -66,7 +79,9 @@ def test_poles_of_the_sliding_loop(delay):
 
 @pytest.mark.parametrize("delay", [0.0, 0.4e-3])
 def test_mobility_against_integration(delay):
-    """The part at w of the velocity under f = exp(j w t), by quadrature over the period of a steady motion."""
+    """The part at w of the velocity under f = exp(j w t), by quadrature over the period of a steady
+    motion.
+    """
     loop = friction_loop(RIG, pid(20e3, 3e5, 60), delay)
     omega = 2 * np.pi * 125.0  # eight samples a period
     n = loop.F.shape[0]
@@ -98,10 +113,14 @@ def test_mobility_against_integration(delay):
 
 
 def stored_energy(loop, K0, rho):
-    """A judged storage function, as V_tot of (state, filters, elastic force) just before a sample."""
+    """A judged storage function, as V_tot of (state, filters, elastic force) just before a
+    sample.
+    """
     omega = loop_frequencies(loop)
     rates = filter_rates(1.5 * RIG.resonance)[0]
-    mu, _ = maxwell_slip_multipliers(multiplier_terms(mobility(loop, omega), omega, rates=rates, K0=K0, rho=rho))
+    mu, _ = maxwell_slip_multipliers(
+        multiplier_terms(mobility(loop, omega), omega, rates=rates, K0=K0, rho=rho)
+    )
     mu[mu < 1e-9 * mu.max()] = 0
     form = maxwell_slip_dissipation(loop, rates, mu=mu, K0=K0, rho=rho)
     judged = in_balanced_coordinates(form)
@@ -138,15 +157,21 @@ def test_energy_falls_along_motions_with_elements(name):
 
 @pytest.mark.parametrize("name", ["P1", "P2", "P4"])
 def test_energy_falls_at_every_sample_with_one_element(name):
-    """With one element the form in the total force is its energy where its stiffness is all of K0."""
+    """With one element the form in the total force is its energy where its stiffness is all
+    of K0.
+    """
     loop, K0, rho = oracle_loop(name), 64e3, 1.05
     P, form, rates, _ = stored_energy(loop, K0, rho)
     rest, _ = loop.rest()
     start = np.zeros(loop.F.shape[0])
     start[1] = 0.02
     energies = []
-    for xi, filters, elastic in motion(loop, [Element(K0, 1.0, rho, np.random.default_rng(3))], start, rates, 250):
-        full = np.concatenate([xi - filters[0] * rest, filters[1:] - filters[0], [filters[0], elastic]])
+    for xi, filters, elastic in motion(
+        loop, [Element(K0, 1.0, rho, np.random.default_rng(3))], start, rates, 250
+    ):
+        full = np.concatenate(
+            [xi - filters[0] * rest, filters[1:] - filters[0], [filters[0], elastic]]
+        )
         energies.append(full[:-2] @ P @ full[:-2] + full @ form.stored @ full)
     energies = np.array(energies)
     assert (np.diff(energies) < 1e-9 * energies[0]).all()
@@ -157,12 +182,19 @@ def test_the_judge_refuses_what_is_not_so():
     loop = oracle_loop("P1")
     omega = loop_frequencies(loop)
     rates = filter_rates(1.5 * RIG.resonance)[0]
-    mu, _ = maxwell_slip_multipliers(multiplier_terms(mobility(loop, omega), omega, rates=rates, K0=64e3, rho=1.05))
-    judged = in_balanced_coordinates(maxwell_slip_dissipation(loop, rates, mu=mu, K0=64e3, rho=1.05))
+    mu, _ = maxwell_slip_multipliers(
+        multiplier_terms(mobility(loop, omega), omega, rates=rates, K0=64e3, rho=1.05)
+    )
+    judged = in_balanced_coordinates(
+        maxwell_slip_dissipation(loop, rates, mu=mu, K0=64e3, rho=1.05)
+    )
     passed = 0
     for slack in SLACKS:
         P = proposed_storage(judged.form, slack)
-        if P is None or judge_storage(judged, build_storage(judged, P, slack=slack, n_intervals=32))[0]:
+        if (
+            P is None
+            or judge_storage(judged, build_storage(judged, P, slack=slack, n_intervals=32))[0]
+        ):
             continue
         passed += 1
         storage = build_storage(judged, P, slack=slack, n_intervals=32)
@@ -176,7 +208,9 @@ def test_nothing_unstable_is_ever_certified():
     rng = np.random.default_rng(5)
     tried = 0
     while tried < 12:
-        loop = friction_loop(RIG, pid(rng.uniform(-60e3, 60e3), 10 ** rng.uniform(4, 7), rng.uniform(0, 200)))
+        loop = friction_loop(
+            RIG, pid(rng.uniform(-60e3, 60e3), 10 ** rng.uniform(4, 7), rng.uniform(0, 200))
+        )
         kappas = np.linspace(0, 64e3, 40)
         if max(loop.growth(kappa) for kappa in kappas) > 1e-6:
             tried += 1
@@ -229,7 +263,9 @@ def test_a_numerical_failure_is_told(monkeypatch):
 def test_what_is_said():
     proof = prove_friction(RIG, pid(20e3, 3e5, 60), SLIP, Fs=1.0)
     text = unwrapped(proof)
-    assert text.startswith("proved: Comes to rest from every state with every Maxwell-slip friction with a presliding")
+    assert text.startswith(
+        "proved: Comes to rest from every state with every Maxwell-slip friction with a presliding"
+    )
     assert "up to 64 kN/m" in text
     assert "sampled at 1 kHz" in text
     assert "not claimed: a law that creeps below break-away (LuGre, Dahl, Leuven)" in text
@@ -244,7 +280,9 @@ def test_continuous_controllers_are_proved_and_refuted():
 
 
 def test_friction_at_the_motor_of_two_masses():
-    """Friction at the motor, position measured at the load: force and friction at one mass, the sensor at the other."""
+    """Friction at the motor, position measured at the load: force and friction at one mass, the
+    sensor at the other.
+    """
     k, c = 1e6, 5.0
     A = [[0, 0, 1, 0], [0, 0, 0, 1], [-k, k, -c, c], [k, -k, c, -c]]
     B, C = [[0, 0], [0, 0], [1, 1], [0, 0]], [[0, 1, 0, 0], [1, 0, 0, 0]]
@@ -266,8 +304,14 @@ def test_a_model_of_the_rig_is_the_rig():
     [
         (lambda: friction_plant(0.0, 1.0), "mass must be positive, got 0"),
         (lambda: friction_plant(1.0), "stiffness must be given with a mass"),
-        (lambda: friction_plant(control.ss(control.tf([1, 0], [1, 1, 1]))), "must have a velocity at its friction"),
-        (lambda: friction_plant(control.ss(control.tf([1, 0, 0], [1, 1, 1]))), "mass must be a strictly proper model"),
+        (
+            lambda: friction_plant(control.ss(control.tf([1, 0], [1, 1, 1]))),
+            "must have a velocity at its friction",
+        ),
+        (
+            lambda: friction_plant(control.ss(control.tf([1, 0, 0], [1, 1, 1]))),
+            "mass must be a strictly proper model",
+        ),
         (
             lambda: friction_plant(-control.tf([1], [2, 3, 100])),
             "got -0.5 m/s per second and N: its friction would push",
@@ -276,8 +320,14 @@ def test_a_model_of_the_rig_is_the_rig():
             lambda: friction_plant(-control.tf([1], [2, 0, 0])),
             "its friction would push. Change the sign of the model, and of K with it",
         ),
-        (lambda: friction_plant(load_with_port(-1.0), port=True), "accelerates in its own direction at the friction"),
-        (lambda: friction_plant(control.ss([[0.5]], [[1]], [[1]], 0, T)), "mass must be a continuous model, got one"),
+        (
+            lambda: friction_plant(load_with_port(-1.0), port=True),
+            "accelerates in its own direction at the friction",
+        ),
+        (
+            lambda: friction_plant(control.ss([[0.5]], [[1]], [[1]], 0, T)),
+            "mass must be a continuous model, got one",
+        ),
         (lambda: MaxwellSlip(0.0), "K0 must be positive, got 0"),
         (lambda: MaxwellSlip(np.inf), "K0 must be"),
         (lambda: MaxwellSlip(np.nan), "K0 must be"),
@@ -287,8 +337,14 @@ def test_a_model_of_the_rig_is_the_rig():
         (lambda: Bounded(-1.0), "Fs must be positive, got -1"),
         (lambda: prove_friction(RIG, 1.0, 3.0), "friction must be a class such as"),
         (lambda: prove_friction(3.0, 1.0, SLIP), "machine must be a friction_plant, got 3.0"),
-        (lambda: prove_friction(RIG, 1.0, SLIP, delay=1e-3), "delay must be 0 s with a continuous controller"),
-        (lambda: prove_friction(RIG, pid(1, 1, 1), SLIP, delay=1.0), "delay must be at most 20 samples"),
+        (
+            lambda: prove_friction(RIG, 1.0, SLIP, delay=1e-3),
+            "delay must be 0 s with a continuous controller",
+        ),
+        (
+            lambda: prove_friction(RIG, pid(1, 1, 1), SLIP, delay=1.0),
+            "delay must be at most 20 samples",
+        ),
     ],
 )
 def test_refusals(call, message):
@@ -299,12 +355,17 @@ def test_refusals(call, message):
 def test_a_bounded_class_has_its_own_friction():
     with pytest.raises(ValueError, match=r"Fs must be that of the class, 1 N, or left out, got 5"):
         prove_friction(RIG, 1e3, Bounded(1.0), Fs=5.0)
-    assert prove_friction(RIG, 1e3, Bounded(1.0), Fs=1.0).verdict == prove_friction(RIG, 1e3, Bounded(1.0)).verdict
+    assert (
+        prove_friction(RIG, 1e3, Bounded(1.0), Fs=1.0).verdict
+        == prove_friction(RIG, 1e3, Bounded(1.0)).verdict
+    )
 
 
 @pytest.mark.parametrize("order", [1, 2, 4])
 def test_a_pade_approximation_is_taken_as_the_delay_it_stands_for(order):
-    """Its roots were turned onto the axis with those of the machine: "a state does not come to rest"."""
+    """Its roots were turned onto the axis with those of the machine: "a state does not come to
+    rest".
+    """
     tau = 5e-4
     late = control.ss(control.tf(*control.pade(tau, order)) * control.tf([1.0], [1.0, 4.0, 80e3]))
     exact = friction_plant(1.0, 80e3, 4.0)
@@ -319,12 +380,16 @@ def test_a_pade_approximation_is_taken_as_the_delay_it_stands_for(order):
     proof = prove_friction(friction_plant(late), K, friction, delay=2e-4)
     assert "with 0.7 ms of delay" in proof.claim
     assert proof.certificate.verify().verified
-    with pytest.raises(ValueError, match=r"delay must be 0 s with a continuous controller, got 0\.0005 s"):
+    with pytest.raises(
+        ValueError, match=r"delay must be 0 s with a continuous controller, got 0\.0005 s"
+    ):
         prove_friction(friction_plant(late), 1e3, friction)
 
 
 def test_real_poles_lose_their_damping_too():
-    """A free mass whose friction slides has none that swing: left where they were, "without damping" was damped."""
+    """A free mass whose friction slides has none that swing: left where they were, "without
+    damping" was damped.
+    """
     free = undamped(control.ss(control.tf([1.0], [2.0, 46.0, -20.0])))
     assert np.sort(np.linalg.eigvals(free.A).real) == pytest.approx([-(10**0.5), 10**0.5])
     slow = undamped(control.ss(control.tf([1.0], [2.0, 500.0, 2e4])))

@@ -1,4 +1,6 @@
-"""Friction with stiction settles within a bound: its lemma, what is below it, an attack, and the certificate."""
+"""Friction with stiction settles within a bound: its lemma, what is below it, an attack, and the
+certificate.
+"""
 
 from dataclasses import replace
 
@@ -6,7 +8,16 @@ import control
 import numpy as np
 import pytest
 
-from benchmarks.settling import FS, Axis, attack, cascade, draw_axis, draw_law, hunting, settling_proof
+from benchmarks.settling import (
+    FS,
+    Axis,
+    attack,
+    cascade,
+    draw_axis,
+    draw_law,
+    hunting,
+    settling_proof,
+)
 from robust import friction_plant, prove_friction, save
 from robust._base.states import FrictionVerdict
 from robust.friction import MaxwellSlip
@@ -21,7 +32,9 @@ T = 1 / 4000
 MACHINE = friction_plant(10.0, 0.0)
 AXIS = Axis(mass=10.0, K=cascade(10.0, 50.0, T, 0.25, 10.0), T=T, K0=2e6, stiction=1.5)
 SLOW = 2 * np.pi * 10.0  # rad/s
-HUNTS = Axis(mass=10.0, K=cascade(10.0, 10.0, 1e-3, 0.3, 4.0), T=1e-3, K0=80 * SLOW**2, stiction=3.0)
+HUNTS = Axis(
+    mass=10.0, K=cascade(10.0, 10.0, 1e-3, 0.3, 4.0), T=1e-3, K0=80 * SLOW**2, stiction=3.0
+)
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +43,9 @@ def proof():
 
 
 def test_the_rest_beside_constant_sliders_is_bounded():
-    """f with sliders drawn anew whenever they stick, and that drop on the way; g with constant ones."""
+    """f with sliders drawn anew whenever they stick, and that drop on the way; g with constant
+    ones.
+    """
     rng, W, rho, step = np.random.default_rng(1), 1.0, 1.7, 1e-3
     worst, f, g, limit = 0.0, 0.0, 0.0, W
     mean, bound = (W + W / rho) / 2, largest_rest(W, rho)
@@ -54,7 +69,9 @@ def test_the_rest_beside_constant_sliders_is_bounded():
 
 
 def test_no_bound_is_below_that_of_a_spring_of_the_class(proof):
-    """Beside any rest a spring of the class is a friction without stiction: the bound covers its convolution."""
+    """Beside any rest a spring of the class is a friction without stiction: the bound covers its
+    convolution.
+    """
     rest = largest_rest(FS, AXIS.stiction)
     for stiffness in (0.0, AXIS.K0 / 3, AXIS.K0):
         held = friction_loop(friction_plant(10.0, stiffness), AXIS.K, T)
@@ -75,7 +92,9 @@ def test_friction_that_is_chosen_to_hunt_stays_inside():
     proof = settling_proof(HUNTS)
     reached, moves = attack(np.random.default_rng(5), HUNTS, 16)
     assert moves.any()
-    assert 0.05 * proof.settling_error < reached[moves].max() <= reached.max() <= proof.settling_error
+    assert (
+        0.05 * proof.settling_error < reached[moves].max() <= reached.max() <= proof.settling_error
+    )
 
 
 def test_the_certificate_is_verified_and_what_was_changed_is_not(proof, tmp_path):
@@ -98,7 +117,10 @@ def test_the_certificate_is_verified_and_what_was_changed_is_not(proof, tmp_path
     assert not verify_friction(replace(claim, ports=(replace(port, free=1.0),))).verified
     assert "it does not" in dict(verify_friction(replace(claim, P=1.5 * claim.P)).failed).values()
     with pytest.raises(ValueError, match="decay must be finite"):
-        replace(claim, settling=Settling(decay=np.nan, Fs=np.ones(1), error=1.0, rest_weights=np.ones(1)))
+        replace(
+            claim,
+            settling=Settling(decay=np.nan, Fs=np.ones(1), error=1.0, rest_weights=np.ones(1)),
+        )
 
 
 @pytest.mark.attack
@@ -115,7 +137,9 @@ def test_a_continuous_controller_and_a_part_of_a_sample():
 
 
 def test_without_integral_action_the_rest_is_in_the_bound():
-    """K = 20 kN/m holds the mass up to Fs (1 + 1/rho)/2 over K away; a spring of the class keeps it still."""
+    """K = 20 kN/m holds the mass up to Fs (1 + 1/rho)/2 over K away; a spring of the class keeps it
+    still.
+    """
     K = control.ss(control.tf([100.0, 2e4], [1e-4, 1]))
     loop = friction_loop(MACHINE, K)
     open_still = FrictionProof(
@@ -126,7 +150,9 @@ def test_without_integral_action_the_rest_is_in_the_bound():
         machine=MACHINE,
         friction=(MaxwellSlip(1e5, 2.0),),
     )
-    found = open_still.friction[0].settle(open_still, ProofTask(MACHINE, K, 0.0, loop, np.array([FS])))
+    found = open_still.friction[0].settle(
+        open_still, ProofTask(MACHINE, K, 0.0, loop, np.array([FS]))
+    )
     assert found.settling_error > FS * 0.75 / 2e4
     assert found.certificate.verify().verified
 

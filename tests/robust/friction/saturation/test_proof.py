@@ -1,4 +1,6 @@
-"""An actuator that saturates: what is proved with it comes to rest, and the proof is no proof once a number is off."""
+"""An actuator that saturates: what is proved with it comes to rest, and the proof is no proof once
+a number is off.
+"""
 
 from dataclasses import replace
 from functools import cache
@@ -38,8 +40,13 @@ def played(law, K, delay, kick, c=0.4, force=0.0):
 def laws(seed, n):
     rng = np.random.default_rng(seed)
     for _ in range(n):
-        elements = {"stiffness": 64e3 * rng.dirichlet(np.ones(3)), "strength": FS * rng.dirichlet(np.ones(3))}
-        yield VaryingSliders(stiction=1.05, vs=0.01, dwell=0.05, wavelength=1e-4, asymmetry=0.3, **elements)
+        elements = {
+            "stiffness": 64e3 * rng.dirichlet(np.ones(3)),
+            "strength": FS * rng.dirichlet(np.ones(3)),
+        }
+        yield VaryingSliders(
+            stiction=1.05, vs=0.01, dwell=0.05, wavelength=1e-4, asymmetry=0.3, **elements
+        )
 
 
 @cache
@@ -94,7 +101,12 @@ def test_a_number_that_is_off_is_found(name, factor, part):
 def test_weights_that_no_actuator_allows_are_found():
     certificate = oracle_proof("P4").certificate
     own = certificate.claim.actuator
-    for wrong in ({"sector": -own.sector}, {"share": 1.5}, {"limit": 0.5}, {"forgets": 2 + 0 * own.forgets}):
+    for wrong in (
+        {"sector": -own.sector},
+        {"share": 1.5},
+        {"limit": 0.5},
+        {"forgets": 2 + 0 * own.forgets},
+    ):
         claim = replace(certificate.claim, actuator=replace(own, **wrong))
         assert "weights of the class" in dict(replace(certificate, claim=claim).verify().failed)
 
@@ -126,7 +138,9 @@ def test_part_of_a_sample_late():
 
 
 def test_the_rig_of_the_paper_as_far_as_it_never_saturates():
-    proof = prove_friction(RIG, pd(20e3, 60.0), Bristle(64e3, 1 / 0.7, 13.0), Fs=FS, saturation=LIMIT)
+    proof = prove_friction(
+        RIG, pd(20e3, 60.0), Bristle(64e3, 1 / 0.7, 13.0), Fs=FS, saturation=LIMIT
+    )
     assert proof.kick == proof.kick_linear > 0
     assert proof.share == 0
     assert "not tried for this class" in proof.reason
@@ -146,22 +160,31 @@ def test_an_actuator_that_is_asked_for_nothing_never_saturates(friction):
 
 
 def test_the_kick_grows_with_what_the_limit_leaves_over_friction():
-    """With integral action the actuator holds the friction: the kick is in proportion to the limit less Fs."""
+    """With integral action the actuator holds the friction: the kick is in proportion to the limit
+    less Fs.
+    """
     proof = prove_friction(RIG, pid(40e3, 1e6, 120.0), SLIP, Fs=FS, saturation=3.0, delay=T)
     for name in ("kick", "kick_linear"):
-        assert getattr(oracle_proof("P3"), name) == pytest.approx(19 / 2 * getattr(proof, name), rel=1e-6)
+        assert getattr(oracle_proof("P3"), name) == pytest.approx(
+            19 / 2 * getattr(proof, name), rel=1e-6
+        )
 
 
 def test_what_is_refuted_without_saturation_is_with_it():
     proof = prove_friction(RIG, pid(0.0, 2e6, 0.0), SLIP, Fs=FS, saturation=LIMIT)
     assert proof.verdict == "refuted"
     assert proof.kick == 0
-    assert " ".join(str(proof).split()).startswith("refuted: without saturation: the sliding loop is unstable")
+    assert " ".join(str(proof).split()).startswith(
+        "refuted: without saturation: the sliding loop is unstable"
+    )
 
 
 def test_friction_at_a_port_that_the_actuator_cannot_hold():
     lever = control.ss(
-        [[0.0, 1.0], [-80e3, -0.4]], [[0.0, 0.0], [0.01, 1.0]], [[1.0, 0.0], [1.0, 0.0]], np.zeros((2, 2))
+        [[0.0, 1.0], [-80e3, -0.4]],
+        [[0.0, 0.0], [0.01, 1.0]],
+        [[1.0, 0.0], [1.0, 0.0]],
+        np.zeros((2, 2)),
     )
     K = pid(2e6, 3e7, 6e3)
     proof = prove_friction(friction_plant(lever, port=True), K, SLIP, Fs=FS, saturation=LIMIT)
@@ -172,11 +195,23 @@ def test_friction_at_a_port_that_the_actuator_cannot_hold():
 @pytest.mark.parametrize(
     ("friction", "options", "words"),
     [
-        (SLIP, {"saturation": 1.0}, "saturation must be above Fs, the largest friction force, got 1 N and Fs = 1 N"),
+        (
+            SLIP,
+            {"saturation": 1.0},
+            "saturation must be above Fs, the largest friction force, got 1 N and Fs = 1 N",
+        ),
         (SLIP, {"saturation": -1.0}, "saturation must be positive"),
         (SLIP, {"Fs": 0.0}, "Fs must be positive"),
-        (SLIP, {"Fs": None}, "saturation must be above Fs, the largest friction force, got 20 N and Fs = nan N"),
-        (Passive(), {}, "saturation must be left out, there is no proof with it for passive friction"),
+        (
+            SLIP,
+            {"Fs": None},
+            "saturation must be above Fs, the largest friction force, got 20 N and Fs = nan N",
+        ),
+        (
+            Passive(),
+            {},
+            "saturation must be left out, there is no proof with it for passive friction",
+        ),
     ],
 )
 def test_refusals(friction, options, words):

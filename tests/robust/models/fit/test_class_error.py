@@ -1,4 +1,6 @@
-"""What a class of few poles misses of a machine with many: an error of its own, kept from the loop asked for."""
+"""What a class of few poles misses of a machine with many: an error of its own, kept from the loop
+asked for.
+"""
 
 import control
 import numpy as np
@@ -12,11 +14,20 @@ from robust.models import scan_orders
 from robust.models.fit.class_error import balance, loop_tolerance, most_likely_size, target_loop
 from tests.support.printed import unwrapped
 
-pytestmark = pytest.mark.filterwarnings("ignore::robust.DesignWarning")  # each is looked for in the value
+pytestmark = pytest.mark.filterwarnings(
+    "ignore::robust.DesignWarning"
+)  # each is looked for in the value
 F = np.arange(1.0, 150.25, 0.5)
 S = 2j * np.pi * F
 CROSSOVER = 2 * np.pi * 12
-MODES = ((0.3, 60, 0.02), (-0.2, 87, 0.015), (0.25, 110, 0.03), (0.1, 131, 0.02), (-0.15, 160, 0.02), (0.2, 240, 0.02))
+MODES = (
+    (0.3, 60, 0.02),
+    (-0.2, 87, 0.015),
+    (0.25, 110, 0.03),
+    (0.1, 131, 0.02),
+    (-0.15, 160, 0.02),
+    (0.2, 240, 0.02),
+)
 
 
 def stage(s=S):
@@ -45,7 +56,9 @@ def test_few_poles_serve_the_loop_wherever_the_scatter_is_smallest(precision):
     fit = robust.fit_nominal(bla, n_poles=4, omega_c=CROSSOVER)
     assert "does not fit the measurement" in fit.warnings[0]
     low = F < 12
-    assert np.abs(fit.response[low] / stage()[low] - 1).max() < 0.06  # 1e5 by the scatter alone where it falls
+    assert (
+        np.abs(fit.response[low] / stage()[low] - 1).max() < 0.06
+    )  # 1e5 by the scatter alone where it falls
     assert "error of the class: " in unwrapped(fit)
     assert "of |G| below 12 Hz" in unwrapped(fit)
     model = robust.uncertainty(bla, fit)
@@ -59,7 +72,9 @@ def test_few_poles_serve_the_loop_wherever_the_scatter_is_smallest(precision):
 def test_where_the_class_holds_the_machine_the_crossover_changes_nothing():
     G = 3e3 / (S**2 + 8 * S + (2 * np.pi * 20) ** 2)
     bla = measured(G, 1e-3 * np.abs(G))
-    alone, asked = (robust.fit_nominal(bla, n_poles=2, omega_c=omega_c) for omega_c in (None, CROSSOVER))
+    alone, asked = (
+        robust.fit_nominal(bla, n_poles=2, omega_c=omega_c) for omega_c in (None, CROSSOVER)
+    )
     assert not np.any(asked.class_std)
     np.testing.assert_allclose(asked.response, alone.response, rtol=1e-9)
     assert np.isnan(alone.omega_c)
@@ -67,7 +82,9 @@ def test_where_the_class_holds_the_machine_the_crossover_changes_nothing():
 
 
 def test_the_size_of_the_error_is_found_with_its_scatter():
-    """Of N complex errors the relative standard deviation of the size is 1/(2 sqrt(N)) where scatter is small."""
+    """Of N complex errors the relative standard deviation of the size is 1/(2 sqrt(N)) where
+    scatter is small.
+    """
     rng, n, found = np.random.default_rng(3), 400, []
     tolerance, var = rng.uniform(0.5, 2.0, n), np.full(n, 1e-4)
     for _ in range(40):
@@ -85,12 +102,18 @@ def test_an_antiresonance_counts_as_its_octave_and_the_loop_as_its_square():
     assert m[k] > 20 * G[k]
     both = loop_tolerance(2 * np.pi * F, G, CROSSOVER)
     np.testing.assert_allclose(both * target_loop(2 * np.pi * F, CROSSOVER, m) ** 2, m)
-    mixed = np.random.default_rng(0).permutation(F.size)  # lines of several records stand one after the other
-    np.testing.assert_allclose(loop_tolerance(2 * np.pi * F[mixed], G[mixed], CROSSOVER), both[mixed])
+    mixed = np.random.default_rng(0).permutation(
+        F.size
+    )  # lines of several records stand one after the other
+    np.testing.assert_allclose(
+        loop_tolerance(2 * np.pi * F[mixed], G[mixed], CROSSOVER), both[mixed]
+    )
 
 
 @pytest.mark.parametrize(("slope", "falls_by"), [(0, 1), (0.5, 1.5), (1, 2), (2, 2), (-1, 1)])
-def test_beyond_the_crossover_the_loop_falls_by_one_slope_and_with_the_plant_by_up_to_two(slope, falls_by):
+def test_beyond_the_crossover_the_loop_falls_by_one_slope_and_with_the_plant_by_up_to_two(
+    slope, falls_by
+):
     """As L = K G does: K falls with a flat plant, and gives a mass its lead."""
     F = np.array([1e-3, 24.0, 240.0, 2400.0])
     T = target_loop(2 * np.pi * F, CROSSOVER, (F / 24.0) ** -slope)
@@ -102,11 +125,17 @@ def test_beyond_the_crossover_the_loop_falls_by_one_slope_and_with_the_plant_by_
 @given(st.integers(1, 4), st.integers(1, 4), st.integers(0, 10**6))
 def test_rows_and_columns_do_not_depend_on_units(n, m, seed):
     rng = np.random.default_rng(seed)
-    size, left, right = rng.uniform(0.1, 1.0, (n, m)), 10 ** rng.uniform(-4, 4, n), 10 ** rng.uniform(-4, 4, m)
+    size = rng.uniform(0.1, 1.0, (n, m))
+    left = 10 ** rng.uniform(-4, 4, n)
+    right = 10 ** rng.uniform(-4, 4, m)
     rows, columns = balance(size)
-    np.testing.assert_allclose(np.mean((size / rows[:, None] / columns) ** 2, axis=0), 1.0, rtol=1e-3)
+    np.testing.assert_allclose(
+        np.mean((size / rows[:, None] / columns) ** 2, axis=0), 1.0, rtol=1e-3
+    )
     scaled = np.multiply.outer(*balance(size * left[:, None] * right))
-    np.testing.assert_allclose(scaled, np.multiply.outer(rows, columns) * left[:, None] * right, rtol=1e-2)
+    np.testing.assert_allclose(
+        scaled, np.multiply.outer(rows, columns) * left[:, None] * right, rtol=1e-2
+    )
 
 
 def matrix(G, std, seed=0):
@@ -127,8 +156,14 @@ def test_several_channels_in_any_units_serve_the_loop_too():
     units = np.array([[1.0], [1e3]])[:, :, None]
     low, fits = F < 12, []
     for scale in (1.0, units):
-        fits.append(robust.fit_nominal(matrix(scale * G, scale * std), n_poles=6, rank=2, omega_c=CROSSOVER).response)
-        error = np.linalg.norm((fits[-1] / scale - G)[..., low], axis=(0, 1)) / np.linalg.norm(G[..., low], axis=(0, 1))
+        fits.append(
+            robust.fit_nominal(
+                matrix(scale * G, scale * std), n_poles=6, rank=2, omega_c=CROSSOVER
+            ).response
+        )
+        error = np.linalg.norm((fits[-1] / scale - G)[..., low], axis=(0, 1)) / np.linalg.norm(
+            G[..., low], axis=(0, 1)
+        )
         assert error.max() < 0.1
     for one in fits[1] / units - fits[0]:  # the searches end near one another, not at one point
         assert np.abs(one[..., low]).max() < 0.02 * np.abs(fits[0]).max()
@@ -139,7 +174,9 @@ def test_of_several_levels_the_nominal_stands_in_the_middle():
     G = 3e3 / (S**2 + 40 * S + (2 * np.pi * 20) ** 2)
     blas = [measured(0.8 * G, 1e-2 * np.abs(G), 1), measured(1.25 * G, 1e-3 * np.abs(G), 2)]
     fit = robust.fit_nominal(blas, n_poles=2, n_zeros=0, omega_c=CROSSOVER)
-    assert np.abs(fit.response[:10] / G[:10]).mean() == pytest.approx(1.025, abs=0.03)  # 1.245 by the scatter
+    assert np.abs(fit.response[:10] / G[:10]).mean() == pytest.approx(
+        1.025, abs=0.03
+    )  # 1.245 by the scatter
 
 
 def test_the_smallest_order_that_lets_the_loop_be_is_taken_and_no_higher_one_tried():
@@ -166,7 +203,9 @@ def test_without_a_crossover_an_order_is_chosen_by_the_crossover_it_allows():
 def test_a_radius_above_one_below_the_crossover_is_never_without_a_word():
     bla = measured(stage(), PRECISIONS["falling"])
     fit = robust.fit_nominal(bla, n_poles=1, omega_c=2 * np.pi * 40)
-    with pytest.warns(robust.DesignWarning, match=r"reaches .* of \|G\| below the crossover of 40 Hz.*misfit"):
+    with pytest.warns(
+        robust.DesignWarning, match=r"reaches .* of \|G\| below the crossover of 40 Hz.*misfit"
+    ):
         robust.uncertainty(bla, fit)
 
 
@@ -190,7 +229,9 @@ def test_a_crossover_that_no_model_serves_is_refused(omega_c, dt, text):
 
 def test_a_crossover_where_the_gain_is_not_measured_is_refused():
     bla = measured(stage(), np.full(F.size, np.abs(stage()[20])))
-    with pytest.raises(ValueError, match=r"omega_c must lie where \|G\| is above its bound, got 100 Hz"):
+    with pytest.raises(
+        ValueError, match=r"omega_c must lie where \|G\| is above its bound, got 100 Hz"
+    ):
         robust.fit_nominal(bla, n_poles=2, omega_c=2 * np.pi * 100)
 
 
@@ -202,7 +243,9 @@ def test_a_bare_frf_is_weighted_for_the_loop():
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_an_order_that_follows_the_scatter_of_a_line_is_not_taken(seed):
-    """A pole and a zero that the data do not tell apart lower the radius where one noisy line is high, and no more."""
+    """A pole and a zero that the data do not tell apart lower the radius where one noisy line is
+    high, and no more.
+    """
     ms = nlfrf.multisine(fs=1000, n_samples=4000, f_min=1, f_max=150, rms=0.5, rng=seed)
     record = nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2, oversampling=4)
     scan = scan_orders(nlfrf.identify(record), n_poles=range(1, 9), omega_c=2 * np.pi * 20)
@@ -211,7 +254,9 @@ def test_an_order_that_follows_the_scatter_of_a_line_is_not_taken(seed):
 
 
 def test_beside_a_step_of_sparse_lines_the_weight_stays_near_the_radius_that_it_covers():
-    """It covers the larger neighbour from one line to the next, and below the band the first line alone."""
+    """It covers the larger neighbour from one line to the next, and below the band the first line
+    alone.
+    """
     f = np.array([3.0, 9, 11, 17, 19, 25, 27, 33, 41, 49, 57, 73, 81, 97, 105, 121, 137, 153])
     std = np.array([0.1, 0.23, 0.1, *np.full(15, 6e-3)])
     G = 1e3 / (2j * np.pi * f * (2j * np.pi * f + 20))

@@ -32,9 +32,11 @@ def test_bode_plot_takes_a_measured_response(bla):
 @pytest.mark.parametrize("gain", [1e-9, 1e-3, 1e5])
 @pytest.mark.parametrize("n_zeros", [None, 0, 1])
 def test_the_transfer_function_of_a_fit_is_the_fit(gain, n_zeros):
-    """A free zero of an all-pole response goes far out; by SLICOT the transfer function was 0 then, without a word.
+    """A free zero of an all-pole response goes far out; by SLICOT the transfer function was 0 then,
+    without a word.
 
-    python-control itself subtracts characteristic polynomials, in which a gain far below one is lost.
+    python-control itself subtracts characteristic polynomials, in which a gain far below one is
+    lost.
     """
     roots = [(3.0, 0.05), (700.0, 0.01)]
     den = np.polymul(*([1, 2 * d * w, w**2] for w, d in roots))
@@ -46,4 +48,6 @@ def test_the_transfer_function_of_a_fit_is_the_fit(gain, n_zeros):
     found += [control.tf(*polynomials.values())] if polynomials else []
     for transfer in found:
         np.testing.assert_allclose(transfer(1j * omega), fit.G(1j * omega), rtol=1e-6)
-    assert max(np.abs(fit.G.B).max(), np.abs(fit.G.C).max()) < 1e4 * min(np.abs(fit.G.B).max(), np.abs(fit.G.C).max())
+    assert max(np.abs(fit.G.B).max(), np.abs(fit.G.C).max()) < 1e4 * min(
+        np.abs(fit.G.B).max(), np.abs(fit.G.C).max()
+    )

@@ -1,4 +1,6 @@
-"""Standard deviations of poles, zeros, gain and delay, and the probability of a cost, held against Monte Carlo."""
+"""Standard deviations of poles, zeros, gain and delay, and the probability of a cost, held against
+Monte Carlo.
+"""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -25,7 +27,9 @@ def true(delay=0.0):
 
 
 def noise(rng, std=STD):
-    return std / np.sqrt(2) * (rng.standard_normal(OMEGA.size) + 1j * rng.standard_normal(OMEGA.size))
+    return (
+        std / np.sqrt(2) * (rng.standard_normal(OMEGA.size) + 1j * rng.standard_normal(OMEGA.size))
+    )
 
 
 def fitted(G, **more):
@@ -34,11 +38,20 @@ def fitted(G, **more):
 
 
 def inside(fit, name, truth):
-    """Which true roots lie within the 95 % ellipses of their covariances; the intervals of real ones."""
+    """Which true roots lie within the 95 % ellipses of their covariances; the intervals of real
+    ones.
+    """
     known, found = fit.uncertainty, []
-    pairs = zip(getattr(known, name), getattr(known, f"cov_{name}"), getattr(truth.uncertainty, name), strict=True)
+    pairs = zip(
+        getattr(known, name),
+        getattr(known, f"cov_{name}"),
+        getattr(truth.uncertainty, name),
+        strict=True,
+    )
     for root, covariance, true_root in pairs:
-        away = np.array([(true_root - root).real, (true_root - root).imag])[: 1 + bool(true_root.imag)]
+        away = np.array([(true_root - root).real, (true_root - root).imag])[
+            : 1 + bool(true_root.imag)
+        ]
         n = away.size
         found.append(away @ np.linalg.solve(covariance[:n, :n], away) < chi2.ppf(0.95, n))
     return found
@@ -52,12 +65,18 @@ def test_standard_deviations_are_those_of_many_fits(dt):
     fits = [fitted(exact + noise(rng), dt=dt) for _ in range(120)]
     for name in ("poles", "zeros"):
         roots = np.array([getattr(fit.uncertainty, name) for fit in fits])
-        told = np.sqrt(np.mean([getattr(fit.uncertainty, f"std_{name}") ** 2 for fit in fits], axis=0))
-        np.testing.assert_allclose(np.std(roots, axis=0), told, rtol=0.3)  # 120 draws: 4 sigmas are 26 %
+        told = np.sqrt(
+            np.mean([getattr(fit.uncertainty, f"std_{name}") ** 2 for fit in fits], axis=0)
+        )
+        np.testing.assert_allclose(
+            np.std(roots, axis=0), told, rtol=0.3
+        )  # 120 draws: 4 sigmas are 26 %
         real = getattr(fits[0].uncertainty, name).imag == 0
         held = np.array([inside(fit, name, fitted(exact, dt=dt)) for fit in fits])
         for these in (real, ~real):  # pairs are one draw: 4 sigmas of 120
-            assert not these.any() or abs(held[:, these].mean() - 0.95) < 4 * np.sqrt(0.95 * 0.05 / 120)
+            assert not these.any() or abs(held[:, these].mean() - 0.95) < 4 * np.sqrt(
+                0.95 * 0.05 / 120
+            )
     p = np.array([fit.p_value for fit in fits])
     assert abs(p.mean() - 0.5) < 4 / np.sqrt(12 * len(p))
     assert np.mean(p < 0.05) < 0.14
@@ -76,7 +95,9 @@ def test_pairs_share_their_covariance_and_gain_and_delay_have_theirs():
     assert np.std(gains) / np.mean(gains) == pytest.approx(stated, rel=0.7)
     known = fits[0].uncertainty
     pair = np.flatnonzero(known.poles.imag)
-    np.testing.assert_allclose(np.diagonal(known.cov_poles[pair[0]]), np.diagonal(known.cov_poles[pair[1]]))
+    np.testing.assert_allclose(
+        np.diagonal(known.cov_poles[pair[0]]), np.diagonal(known.cov_poles[pair[1]])
+    )
     assert known.cov_poles[pair[0]][0, 1] == -known.cov_poles[pair[1]][0, 1]
     assert np.isnan(fitted(true()).uncertainty.std_delay)
 
@@ -212,9 +233,17 @@ def test_the_separation_of_a_pole_from_a_zero_is_that_of_many_fits():
     rng = np.random.default_rng(7)
     plant = (S**2 + 2 * S + 61.0**2) / (S**2 + 2 * S + 60.0**2) * 30 / (S + 30)
     frd = [control.FrequencyResponseData(plant + noise(rng, 1e-2), OMEGA) for _ in range(60)]
-    fits = [robust.fit_nominal(one, n_poles=3, n_zeros=2, std=np.full(OMEGA.size, 1e-2)) for one in frd]
-    poles, zeros = (np.array([getattr(f.uncertainty, name) for f in fits]) for name in ("poles", "zeros"))
+    fits = [
+        robust.fit_nominal(one, n_poles=3, n_zeros=2, std=np.full(OMEGA.size, 1e-2)) for one in frd
+    ]
+    poles, zeros = (
+        np.array([getattr(f.uncertainty, name) for f in fits]) for name in ("poles", "zeros")
+    )
     light = [int(np.argmax(row.imag)) for row in poles]
-    apart = np.array([p[i] - z[np.argmax(z.imag)] for p, z, i in zip(poles, zeros, light, strict=True)])
-    told = np.median([abs(a) / f.uncertainty.separation[i] for a, f, i in zip(apart, fits, light, strict=True)])
+    apart = np.array(
+        [p[i] - z[np.argmax(z.imag)] for p, z, i in zip(poles, zeros, light, strict=True)]
+    )
+    told = np.median(
+        [abs(a) / f.uncertainty.separation[i] for a, f, i in zip(apart, fits, light, strict=True)]
+    )
     assert np.std(apart) == pytest.approx(told, rel=0.4)  # 60 draws: 4 sigmas are 37 %

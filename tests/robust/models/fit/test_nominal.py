@@ -27,8 +27,12 @@ LIGHT = {18.0: 0.35, 301.1: 0.0194, 310.0: 0.02}
 
 def six_modes():
     """Twelve poles over 2.5 decades, ten zeros between them."""
-    poles = np.concatenate([[(-0.01 + 1j) * w, (-0.01 - 1j) * w] for w in np.geomspace(10, 3000, 6)])
-    zeros = np.concatenate([[(-0.02 + 1j) * w, (-0.02 - 1j) * w] for w in np.geomspace(20, 2000, 5)])
+    poles = np.concatenate(
+        [[(-0.01 + 1j) * w, (-0.01 - 1j) * w] for w in np.geomspace(10, 3000, 6)]
+    )
+    zeros = np.concatenate(
+        [[(-0.02 + 1j) * w, (-0.02 - 1j) * w] for w in np.geomspace(20, 2000, 5)]
+    )
     return lambda s: 1e3 * np.prod(s[:, None] - zeros, axis=1) / np.prod(s[:, None] - poles, axis=1)
 
 
@@ -46,18 +50,28 @@ def test_twelve_poles_over_many_decades():
 
 
 def test_state_space_and_delay_are_the_response():
-    with pytest.warns(DesignWarning, match="does not fit the measurement"):  # the plant has no delay
+    with pytest.warns(
+        DesignWarning, match="does not fit the measurement"
+    ):  # the plant has no delay
         fit = fit_nominal(make_bla(resonance, F_LINES, f0=0.25), n_poles=2, delay=1e-3)
     assert fit.delay == 1e-3
-    assert response(fit.G, fit.omega) * np.exp(-1j * fit.omega * fit.delay) == pytest.approx(fit.response, rel=1e-9)
+    assert response(fit.G, fit.omega) * np.exp(-1j * fit.omega * fit.delay) == pytest.approx(
+        fit.response, rel=1e-9
+    )
 
 
 def test_cost_is_what_scatter_leaves_and_parameters_take():
-    """|residual|^2/var over its estimate is F(2, 2 dof): mean dof/(dof - 1); each parameter takes half a line."""
+    """|residual|^2/var over its estimate is F(2, 2 dof): mean dof/(dof - 1); each parameter takes
+    half a line.
+    """
     ratios, errors = [], []
     for seed in range(40):
         bla = make_bla(
-            resonance, F_LINES, sigma_distortion=0.03 * np.abs(resonance(2j * np.pi * F_LINES)), rng=seed, f0=0.25
+            resonance,
+            F_LINES,
+            sigma_distortion=0.03 * np.abs(resonance(2j * np.pi * F_LINES)),
+            rng=seed,
+            f0=0.25,
         )
         fit = fit_nominal(bla, n_poles=2, n_zeros=0)
         ratios.append(fit.cost / fit.expected_cost)
@@ -70,8 +84,17 @@ def test_cost_is_what_scatter_leaves_and_parameters_take():
 
 def test_undermodelling_shows_in_the_cost():
     plant = six_modes()
-    bla = make_bla(plant, 3 * F_LINES, sigma_distortion=0.01 * np.abs(plant(6j * np.pi * F_LINES)), rng=0, f0=0.75)
-    with pytest.warns(DesignWarning, match=r"8 poles does not fit the measurement: .* error of the class: .* of \|G\|"):
+    bla = make_bla(
+        plant,
+        3 * F_LINES,
+        sigma_distortion=0.01 * np.abs(plant(6j * np.pi * F_LINES)),
+        rng=0,
+        f0=0.75,
+    )
+    with pytest.warns(
+        DesignWarning,
+        match=r"8 poles does not fit the measurement: .* error of the class: .* of \|G\|",
+    ):
         few = fit_nominal(bla, n_poles=8)
     assert few.cost > 100 * fit_nominal(bla, n_poles=12).cost
     fit_nominal([bla, bla], n_poles=8)  # of several records the misfit is what is asked for
@@ -81,9 +104,13 @@ def test_a_pole_where_nothing_was_measured_is_warned_of():
     omega = np.linspace(1, 20, 40)
     slow, fast = (control.FrequencyResponseData(1 / (1j * omega + p), omega) for p in (0.05, 500.0))
     for measured, at in ((slow, "0.007958"), (fast, "79.58")):
-        with pytest.warns(DesignWarning, match=rf"a pole where nothing was measured, at {at} Hz; the band is 0.15"):
+        with pytest.warns(
+            DesignWarning, match=rf"a pole where nothing was measured, at {at} Hz; the band is 0.15"
+        ):
             fit_nominal(measured, n_poles=1, n_zeros=0)
-    discrete = control.FrequencyResponseData(1 / (np.exp(1j * omega * 0.01) - np.exp(-0.0005)), omega)
+    discrete = control.FrequencyResponseData(
+        1 / (np.exp(1j * omega * 0.01) - np.exp(-0.0005)), omega
+    )
     with pytest.warns(DesignWarning, match=r"at 0.00795\d Hz"):
         fit_nominal(discrete, n_poles=1, n_zeros=0, dt=0.01)
 
@@ -125,12 +152,17 @@ def test_stable_option():
 
 
 def test_integrator():
-    fit = fit_nominal(make_bla(lambda s: 5 / (s * (s + 30)), np.linspace(0.5, 50, 100)), n_poles=2, n_zeros=0)
+    fit = fit_nominal(
+        make_bla(lambda s: 5 / (s * (s + 30)), np.linspace(0.5, 50, 100)), n_poles=2, n_zeros=0
+    )
     assert np.sort(np.abs(fit.G.poles())) == pytest.approx([0, 30], abs=1e-3)
 
 
 def test_a_family_is_fitted_as_one():
-    blas = [make_bla(lambda s, f=f: resonance(s, f=f), F_LINES, f0=0.25, sigma_noise=1e-9) for f in (57.0, 61.0)]
+    blas = [
+        make_bla(lambda s, f=f: resonance(s, f=f), F_LINES, f0=0.25, sigma_noise=1e-9)
+        for f in (57.0, 61.0)
+    ]
     fit = fit_nominal(blas, n_poles=2, n_zeros=0)
     assert fit.omega.size == 2 * F_LINES.size
     assert 57 < np.abs(fit.G.poles()[0]) / 2 / np.pi < 61
@@ -145,15 +177,21 @@ def test_frequency_response_data_with_standard_deviations():
     fit = fit_nominal(control.FrequencyResponseData(noisy, omega), n_poles=2, n_zeros=0, std=std)
     assert np.abs(fit.G.poles()) == pytest.approx([50, 50], abs=0.05)
     assert fit.cost / fit.expected_cost == pytest.approx(1, abs=0.5)
-    assert np.isnan(fit_nominal(control.FrequencyResponseData(noisy, omega), n_poles=2).expected_cost)
+    assert np.isnan(
+        fit_nominal(control.FrequencyResponseData(noisy, omega), n_poles=2).expected_cost
+    )
 
 
 def test_scatter_on_a_resonance_does_not_lead_the_start_astray():
-    """Distortion as large as half the peak, next to lines known to a tenth: the pair is found in every draw."""
+    """Distortion as large as half the peak, next to lines known to a tenth: the pair is found in
+    every draw.
+    """
     f = 0.25 * np.arange(5, 575, 2)
     f = f[np.random.default_rng(0).random(f.size) < 0.75]
     size = np.abs(resonance(2j * np.pi * f, 46.0, 0.05))
-    for seed in range(35):  # vector fitting alone loses four of these, at fifty times the cost expected
+    for seed in range(
+        35
+    ):  # vector fitting alone loses four of these, at fifty times the cost expected
         bla = make_bla(
             lambda s: resonance(s, 46.0, 0.05),
             f,
@@ -208,19 +246,25 @@ def test_one_line_that_no_stable_model_reaches():
 
 
 def test_no_pole_comes_to_stand_on_a_line():
-    """An undamped resonance on a line of the data: its pole stays a little damped, and the numerator finite."""
+    """An undamped resonance on a line of the data: its pole stays a little damped, and the
+    numerator finite.
+    """
     s = 2j * np.pi * np.geomspace(0.25, 150, 60)
     for place in (0, 20, 59):
         data = 1 / (s**2 + abs(s[place]) ** 2 * (1 + 1e-14)) + 1e-3 / (s + 30)
         weight = 1 / np.abs(data)
-        poles = vector_fit(s, data, weight=weight, poles=starting_poles(3, abs(s[0]), abs(s[-1]), spacing="log"))
+        poles = vector_fit(
+            s, data, weight=weight, poles=starting_poles(3, abs(s[0]), abs(s[-1]), spacing="log")
+        )
         assert np.all(np.abs(poles.real) >= 0.99e-8 * np.abs(poles))
         zeros, gain = fit_numerator(s, data, weight=weight, poles=poles, n_zeros=2)
         assert np.isfinite([*zeros, gain]).all()
 
 
 def test_a_numerator_of_lower_degree_keeps_the_digits_of_its_zeros():
-    """Dividing by the last coefficient, rounding alone, lost the small zeros: every start was wrong."""
+    """Dividing by the last coefficient, rounding alone, lost the small zeros: every start was
+    wrong.
+    """
     s = 2j * np.pi * F_LINES
     poles = np.concatenate([[(-0.01 + 1j) * w, (-0.01 - 1j) * w] for w in (1.57, 70.0, 370.0)])
     truth = np.concatenate([[(-0.01 + 1j) * w, (-0.01 - 1j) * w] for w in (1.6, 72.0)])
@@ -229,15 +273,17 @@ def test_a_numerator_of_lower_degree_keeps_the_digits_of_its_zeros():
     near = zeros[np.argsort(np.abs(zeros))][:4]
     assert np.sort_complex(near) == pytest.approx(np.sort_complex(truth), rel=1e-9)
     assert np.abs(zeros).max() > 1e8
-    assert gain * np.prod(s[:, None] - zeros, axis=1) / np.prod(s[:, None] - poles, axis=1) == pytest.approx(
-        data, rel=1e-9
-    )
+    assert gain * np.prod(s[:, None] - zeros, axis=1) / np.prod(
+        s[:, None] - poles, axis=1
+    ) == pytest.approx(data, rel=1e-9)
 
 
 @pytest.mark.parametrize("free_delay", [True, False])
 @pytest.mark.parametrize("seed", [21, 34, 55, 64, 70, 108, 118, 157, 161, 180])
 def test_the_fit_costs_what_one_from_the_truth_costs(seed, free_delay):
-    """Plants on which vector fitting with a full numerator, or steps that run against a bound, end in a worse fit."""
+    """Plants on which vector fitting with a full numerator, or steps that run against a bound, end
+    in a worse fit.
+    """
     plant = random_rational(seed)
     fit = fit_nominal(
         plant.frd,
@@ -264,7 +310,9 @@ def test_random_plants_are_fitted_as_from_the_truth():
 def test_a_light_mode_beside_a_damped_one_behind_a_delay_is_found():
     """A pole pair that zeros almost cancel moves the FRF little."""
     s = 2j * np.pi * np.geomspace(10, 2000, 120)
-    section = {w: s**2 + 2 * zeta * 2 * np.pi * w * s + (2 * np.pi * w) ** 2 for w, zeta in LIGHT.items()}
+    section = {
+        w: s**2 + 2 * zeta * 2 * np.pi * w * s + (2 * np.pi * w) ** 2 for w, zeta in LIGHT.items()
+    }
     G = 1e4 * section[301.1] / section[18.0] / section[310.0] * np.exp(-2e-4 * s)
     rng = np.random.default_rng(0)
     G = G * (1 + 0.01 / np.sqrt(2) * (rng.standard_normal(120) + 1j * rng.standard_normal(120)))
@@ -272,7 +320,9 @@ def test_a_light_mode_beside_a_damped_one_behind_a_delay_is_found():
     fit = fit_nominal(measured, n_poles=4, n_zeros=2, delay="estimate", std=std)
     assert fit.cost < 1.3 * fit.expected_cost
     assert fit.delay == pytest.approx(2e-4, rel=0.02)
-    assert np.unique(np.abs(fit.G.poles()).round(6)) / 2 / np.pi == pytest.approx([18.0, 310.0], rel=0.01)
+    assert np.unique(np.abs(fit.G.poles()).round(6)) / 2 / np.pi == pytest.approx(
+        [18.0, 310.0], rel=0.01
+    )
     scan = scan_orders(measured, std=std)
     assert scan.fit.G.nstates == 4
     assert scan.fit.G.zeros().size == 2

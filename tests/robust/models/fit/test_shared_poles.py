@@ -1,4 +1,6 @@
-"""Nominal models of a matrix: exact on a rational matrix, its cost what scatter leaves, residues of rank one."""
+"""Nominal models of a matrix: exact on a rational matrix, its cost what scatter leaves, residues of
+rank one.
+"""
 
 import control
 import numpy as np
@@ -32,13 +34,22 @@ def metric_of(left, right):
 def test_a_stage_is_found_to_rounding_with_as_many_states_as_poles():
     G = stage(OMEGA)
     one = np.broadcast_to(np.eye(2), G.shape)
-    model = fit_shared_poles(OMEGA, G, metric=metric_of(1e6 * one, one), n_poles=4, rank=1, direct=False, stable=True)
+    model = fit_shared_poles(
+        OMEGA, G, metric=metric_of(1e6 * one, one), n_poles=4, rank=1, direct=False, stable=True
+    )
     assert np.abs(model.response(OMEGA) - G).max() < 1e-12 * np.abs(G).max()
     system = model.state_space()
     assert system.nstates == 4
-    np.testing.assert_allclose(np.moveaxis(system(1j * OMEGA), 2, 0), G, atol=1e-12 * np.abs(G).max())
+    np.testing.assert_allclose(
+        np.moveaxis(system(1j * OMEGA), 2, 0), G, atol=1e-12 * np.abs(G).max()
+    )
     exact = np.linalg.eigvals(
-        np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(MASS, STIFF), -np.linalg.solve(MASS, DAMP)]])
+        np.block(
+            [
+                [np.zeros((2, 2)), np.eye(2)],
+                [-np.linalg.solve(MASS, STIFF), -np.linalg.solve(MASS, DAMP)],
+            ]
+        )
     )
     np.testing.assert_allclose(np.sort_complex(system.poles()), np.sort_complex(exact), rtol=1e-9)
 
@@ -50,7 +61,13 @@ def test_the_cost_is_what_scatter_leaves():
     for _ in range(12):
         noisy = G + 1e-6 * (rng.normal(size=G.shape) + 1j * rng.normal(size=G.shape)) / 2**0.5
         model = fit_shared_poles(
-            OMEGA, noisy, metric=metric_of(1e6 * one, one), n_poles=4, rank=1, direct=False, stable=True
+            OMEGA,
+            noisy,
+            metric=metric_of(1e6 * one, one),
+            n_poles=4,
+            rank=1,
+            direct=False,
+            stable=True,
         )
         assert model.n_parameters == 16
         cost = np.sum(np.abs(noisy - model.response(OMEGA)) ** 2) * 1e12
@@ -84,7 +101,9 @@ def test_equal_modes_of_a_symmetric_machine_need_rank_two():
     G = np.eye(2) / (s**2 + 6 * s + 200.0**2)
     one = np.broadcast_to(np.eye(2), G.shape)
     fits = [
-        fit_shared_poles(OMEGA, G, metric=metric_of(one, one), n_poles=2, rank=rank, direct=False, stable=True)
+        fit_shared_poles(
+            OMEGA, G, metric=metric_of(one, one), n_poles=2, rank=rank, direct=False, stable=True
+        )
         for rank in (1, 2)
     ]
     errors = [np.abs(fit.response(OMEGA) - G).max() / np.abs(G).max() for fit in fits]
@@ -95,9 +114,17 @@ def test_equal_modes_of_a_symmetric_machine_need_rank_two():
 
 def held(dt, omega):
     """A record of the stage behind a zero-order hold."""
-    A = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(MASS, STIFF), -np.linalg.solve(MASS, DAMP)]])
+    A = np.block(
+        [
+            [np.zeros((2, 2)), np.eye(2)],
+            [-np.linalg.solve(MASS, STIFF), -np.linalg.solve(MASS, DAMP)],
+        ]
+    )
     system = control.StateSpace(
-        A, np.vstack([np.zeros((2, 2)), np.linalg.inv(MASS)]), np.hstack([MIX, 0 * MIX]), np.zeros((2, 2))
+        A,
+        np.vstack([np.zeros((2, 2)), np.linalg.inv(MASS)]),
+        np.hstack([MIX, 0 * MIX]),
+        np.zeros((2, 2)),
     )
     from robust import sampled
 
@@ -106,7 +133,9 @@ def held(dt, omega):
 
 def behind(delays, dt, rng, noise=0.01):
     """An `Bla` of the stage with each input behind a delay [s], in noise."""
-    ms = nlfrf.multisine("random-odd", fs=1024, n_samples=2048, f_min=2, f_max=100, n_inputs=2, rng=rng)
+    ms = nlfrf.multisine(
+        "random-odd", fs=1024, n_samples=2048, f_min=2, f_max=100, n_inputs=2, rng=rng
+    )
     omega = 2 * np.pi * ms.f
     H = np.moveaxis(held(dt, omega)(np.exp(1j * omega * dt)), 2, 0) if dt else stage(omega)
     H = H * np.exp(-1j * omega[:, None] * np.array(delays))[:, None]
@@ -149,7 +178,9 @@ def test_in_discrete_time_a_delay_is_whole_samples():
 
 
 def test_from_a_record_to_a_nominal_in_discrete_and_in_continuous_time():
-    ms = nlfrf.multisine("random-odd", fs=1024, n_samples=2048, f_min=2, f_max=100, n_inputs=2, rng=1)
+    ms = nlfrf.multisine(
+        "random-odd", fs=1024, n_samples=2048, f_min=2, f_max=100, n_inputs=2, rng=1
+    )
     plant = held(1 / 1024, OMEGA)
     H = np.moveaxis(plant(np.exp(1j * 2 * np.pi * ms.f / 1024)), 2, 0)
     Y = np.einsum("kji,iek->jek", H, ms.spectrum)
@@ -177,7 +208,9 @@ def test_from_a_record_to_a_nominal_in_discrete_and_in_continuous_time():
     scan = scan_orders(frm, n_poles=(2, 4, 6), dt=1 / 1024)
     assert scan.best == 4
     assert scan.fit.cost == fit.cost
-    with pytest.raises(ValueError, match="relative_degree must be 0 or 1 for several channels, got 2"):
+    with pytest.raises(
+        ValueError, match="relative_degree must be 0 or 1 for several channels, got 2"
+    ):
         scan_orders(frm, n_poles=(2, 4), relative_degree=2)
 
 
@@ -185,13 +218,19 @@ def test_refusals():
     ms = nlfrf.multisine("random-odd", fs=512, n_samples=512, f_min=2, f_max=100, n_inputs=2, rng=1)
     u = np.repeat(ms.u[:, :, None], 2, axis=2)
     frm = nlfrf.identify(nlfrf.Record(u=u, y=u, fs=512, lines=ms.lines))
-    with pytest.raises(ValueError, match="n_zeros must be None or n_poles = 4 for several channels, got 2"):
+    with pytest.raises(
+        ValueError, match="n_zeros must be None or n_poles = 4 for several channels, got 2"
+    ):
         fit_nominal(frm, n_poles=4, n_zeros=2)
     with pytest.raises(ValueError, match="dt must put the Nyquist frequency above the last line"):
         fit_nominal(frm, n_poles=4, dt=0.01)
-    with pytest.raises(ValueError, match="delay must be one number or 2, one for each input, none negative, got"):
+    with pytest.raises(
+        ValueError, match="delay must be one number or 2, one for each input, none negative, got"
+    ):
         fit_nominal(frm, n_poles=2, delay=(0.1, 0.2, 0.3))
-    with pytest.raises(ValueError, match=r'delay must be a number .* one for each input, or "estimate", got'):
+    with pytest.raises(
+        ValueError, match=r'delay must be a number .* one for each input, or "estimate", got'
+    ):
         fit_nominal(frm, n_poles=2, delay="guess")
     with pytest.raises(ValueError, match="n_poles must be at most 40"):
         fit_nominal(frm, n_poles=41)

@@ -32,7 +32,9 @@ def step(omega):
 
 
 def friction_bump(omega, rng=0):
-    """What a friction rig leaves: a bump around the resonance over a floor, both with line-to-line scatter."""
+    """What a friction rig leaves: a bump around the resonance over a floor, both with line-to-line
+    scatter.
+    """
     rng = np.random.default_rng(rng)
     scatter = np.exp(0.08 * rng.normal(size=omega.size))
     return (0.03 + 0.8 * np.exp(-0.5 * (np.log(omega / 300) / 0.4) ** 2)) * scatter
@@ -61,8 +63,12 @@ def assert_covers(fit, omega, radius, dt=0.0):
     if not fit.exact:
         for t in np.linspace(0.03, 0.97, 13):
             between = omega[:-1] ** (1 - t) * omega[1:] ** t
-            assert np.all(np.abs(response(fit.W, between)) >= np.maximum(radius[1:], radius[:-1]) * (1 - 1e-6))
-        ends = np.abs([fit.W.dcgain(), response(fit.W, np.array([np.pi / dt]))[0] if dt else fit.W.D[0, 0]])
+            assert np.all(
+                np.abs(response(fit.W, between)) >= np.maximum(radius[1:], radius[:-1]) * (1 - 1e-6)
+            )
+        ends = np.abs(
+            [fit.W.dcgain(), response(fit.W, np.array([np.pi / dt]))[0] if dt else fit.W.D[0, 0]]
+        )
         assert np.all(ends >= radius[[0, -1]] * (1 - 1e-9))
     excess = 20 * np.log10(on_lines / radius)
     assert fit.mean_excess_db == pytest.approx(excess.mean(), abs=1e-6)
@@ -99,10 +105,14 @@ def test_discrete_weights_cover_too(shape):
 
 
 @pytest.mark.parametrize(
-    ("n", "order", "seed"), [(5, 6, 52), (4, 4, 61), (3, 4, 49)], ids=["0.79 left", "0.24 left", "at Nyquist"]
+    ("n", "order", "seed"),
+    [(5, 6, 52), (4, 4, 61), (3, 4, 49)],
+    ids=["0.79 left", "0.24 left", "at Nyquist"],
 )
 def test_few_lines_hide_no_dip_below_nyquist(n, order, seed):
-    """Between two distant lines a dip can hide, most of it in a sliver below the Nyquist frequency."""
+    """Between two distant lines a dip can hide, most of it in a sliver below the Nyquist
+    frequency.
+    """
     omega = np.geomspace(1, 30, n)
     rng = np.random.default_rng(seed)
     rng.choice(3), rng.choice(2)
@@ -117,7 +127,8 @@ def test_few_lines_hide_no_dip_below_nyquist(n, order, seed):
 @pytest.mark.attack(every=5)
 @pytest.mark.parametrize("omega", [OMEGA, LINES], ids=["log", "lines of a special-odd grid"])
 @pytest.mark.parametrize(
-    ("shape", "most_db"), [("resonance", 1.0), ("step up", 2.0), ("step down", 2.0), ("friction", 3.0)]
+    ("shape", "most_db"),
+    [("resonance", 1.0), ("step up", 2.0), ("step down", 2.0), ("friction", 3.0)],
 )
 @pytest.mark.parametrize("order", [5, 6, 8])
 def test_excess_stays_small(omega, shape, most_db, order):
@@ -135,7 +146,9 @@ def test_an_exact_weight_is_recovered(order, seed):
         w = places * np.exp(rng.uniform(-0.7, 0.7, order // 2))
         zeta = 10 ** rng.uniform(-1.7, 0, order // 2)
         pairs = w * (-zeta + 1j * np.sqrt(1 - zeta**2))
-        return order_roots(np.concatenate([pairs, pairs.conj(), -np.exp(rng.uniform(1, 8, order % 2))]))
+        return order_roots(
+            np.concatenate([pairs, pairs.conj(), -np.exp(rng.uniform(1, 8, order % 2))])
+        )
 
     truth = np.abs(response(from_roots(roots(), roots(), 0.7, 0.0), OMEGA))
     fit = fit_weight(OMEGA, truth, order=order)
@@ -153,25 +166,35 @@ def test_more_order_never_costs_more_than_a_little():
 @pytest.mark.parametrize("dt", [0.0, 1e-4])
 @pytest.mark.parametrize("shape", [*SHAPES, "flat"])
 def test_every_state_of_a_chosen_order_pays(shape, dt):
-    """No order from one state less up to `PATIENCE` pairs more has a clearly smaller sum of excess and price."""
+    """No order from one state less up to `PATIENCE` pairs more has a clearly smaller sum of excess
+    and price.
+    """
     radius = (SHAPES | {"flat": np.ones_like})[shape](OMEGA)
     fit = fit_weight(OMEGA, radius, dt=dt)
     assert_covers(fit, OMEGA, radius, dt)
     order = fit.W.nstates
     assert order or shape == "flat"
     assert order <= MAX_CHOSEN_ORDER
-    for other in {max(order - 2, 0), *range(order + 2, min(order + 2 * PATIENCE, MAX_CHOSEN_ORDER) + 1, 2)}:
+    for other in {
+        max(order - 2, 0),
+        *range(order + 2, min(order + 2 * PATIENCE, MAX_CHOSEN_ORDER) + 1, 2),
+    }:
         try:
-            saved = fit.mean_excess_db - fit_weight(OMEGA, radius, order=other, dt=dt).mean_excess_db
+            saved = (
+                fit.mean_excess_db - fit_weight(OMEGA, radius, order=other, dt=dt).mean_excess_db
+            )
         except ValueError:  # that order lies 30 dB and more over the radius
             continue
-        # the choice is made on fewer points, and an edge between two lines is another demand on those
+        # the choice is made on fewer points, and an edge between two lines is another demand on
+        # those
         assert saved < STATE_PRICE_DB * (other - order) + (1.0 if "step" in shape else 0.3)
 
 
 @pytest.mark.parametrize("rng", range(5))
 def test_the_order_stays_low_where_it_does_not_pay(rng):
-    """Scatter of single lines is hardly followed: most orders save less than a tenth of a decibel a state of it."""
+    """Scatter of single lines is hardly followed: most orders save less than a tenth of a decibel a
+    state of it.
+    """
     scatter = np.exp(0.05 * np.random.default_rng(rng).normal(size=OMEGA.size))
     assert fit_weight(OMEGA, scatter).W.nstates <= 2
     first_order = np.abs((1j * OMEGA + 500) / (5j * OMEGA + 500))
@@ -180,7 +203,9 @@ def test_the_order_stays_low_where_it_does_not_pay(rng):
 
 
 def modes(rng, omega, n):
-    """What a machine with n modes leaves of a model without them: a floor that falls, a peak at each mode, scatter."""
+    """What a machine with n modes leaves of a model without them: a floor that falls, a peak at
+    each mode, scatter.
+    """
     rng = np.random.default_rng(rng)
     radius = 3 / (1 + omega / 30) ** 1.5 + 0.02
     for place in np.exp(np.linspace(np.log(200), np.log(5000), n) + rng.uniform(-0.2, 0.2, n)):
@@ -198,8 +223,9 @@ def test_a_spiky_radius_is_followed_below_three_decibels(omega, rng):
 
 
 def test_independent_spikes_leave_what_every_weight_leaves():
-    """|W| is continuous and covers the larger neighbour on both sides: of radii that are independent from line to line
-    this alone is 4.2 dB in the mean, whatever the order, and a weight of few states lies over the largest of many."""
+    """|W| is continuous and covers the larger neighbour on both sides: of radii that are
+    independent from line to line this alone is 4.2 dB in the mean, whatever the order, and a weight
+    of few states lies over the largest of many."""
     radius = spiky(OMEGA)
     sides = np.pad(radius, 1, mode="edge")
     least = np.mean(20 * np.log10(np.maximum(radius, np.maximum(sides[:-2], sides[2:])) / radius))
@@ -209,10 +235,14 @@ def test_independent_spikes_leave_what_every_weight_leaves():
 
 
 def test_importance_says_where_excess_matters():
-    """Of a radius that order 2 cannot follow everywhere the part below 100 rad/s is followed, and all of it covered."""
+    """Of a radius that order 2 cannot follow everywhere the part below 100 rad/s is followed, and
+    all of it covered.
+    """
     radius = modes(1, OMEGA, 4)
     importance = 1 / np.sqrt(1 + (OMEGA / 200) ** 4)
-    plain, weighed = (fit_weight(OMEGA, radius, order=2, importance=each) for each in (None, importance))
+    plain, weighed = (
+        fit_weight(OMEGA, radius, order=2, importance=each) for each in (None, importance)
+    )
     assert_covers(plain, OMEGA, radius)
     excess = [20 * np.log10(np.abs(response(fit.W, OMEGA)) / radius) for fit in (plain, weighed)]
     assert excess[1].min() >= 0
@@ -224,7 +254,15 @@ def test_importance_says_where_excess_matters():
 
 
 @pytest.mark.parametrize(
-    "importance", [np.ones(999), -np.ones(1000), np.zeros(1000), np.full(1000, np.nan), np.ones((1000, 1)), "all"]
+    "importance",
+    [
+        np.ones(999),
+        -np.ones(1000),
+        np.zeros(1000),
+        np.full(1000, np.nan),
+        np.ones((1000, 1)),
+        "all",
+    ],
 )
 def test_an_importance_that_is_none_is_refused(importance):
     with pytest.raises(ValueError, match=r"importance must (be|have|hold)"):
@@ -246,7 +284,9 @@ def test_random_radii_are_covered_everywhere(rng, n, scatter, order, dt):
     omega = omega[np.diff(omega, prepend=0) > 1e-6 * omega]
     if omega.size < 2:
         return
-    radius = np.exp(scatter * rng.normal(size=omega.size) + np.cumsum(0.2 * rng.normal(size=omega.size)))
+    radius = np.exp(
+        scatter * rng.normal(size=omega.size) + np.cumsum(0.2 * rng.normal(size=omega.size))
+    )
     try:
         fit = fit_weight(omega, radius, order=order, dt=dt)
     except WeightOrderError:  # a walk over more than 30 dB
@@ -261,7 +301,9 @@ def test_a_radius_over_decades_of_decibels_is_refused():
 
 def test_two_points_and_ten_thousand():
     assert_covers(
-        fit_weight(np.array([1.0, 2.0]), np.array([0.1, 3.0]), order=2), np.array([1.0, 2.0]), np.array([0.1, 3.0])
+        fit_weight(np.array([1.0, 2.0]), np.array([0.1, 3.0]), order=2),
+        np.array([1.0, 2.0]),
+        np.array([0.1, 3.0]),
     )
     omega = np.geomspace(1, 1e4, 10_000)
     radius = friction_bump(omega)
@@ -274,12 +316,16 @@ def test_order_zero_is_the_maximum():
 
 
 def test_an_order_too_low_says_which_would_do():
-    with pytest.raises(ValueError, match=r"order must be high enough .* got order 1 .* Order 2 is enough"):
+    with pytest.raises(
+        ValueError, match=r"order must be high enough .* got order 1 .* Order 2 is enough"
+    ):
         fit_weight(OMEGA, resonance(OMEGA), order=1)
 
 
 def test_performance_weight():
-    """SP eq. 2.105: 1/|w_P| is A at zero, M_S at infinity, and its asymptote crosses one at omega_B."""
+    """SP eq. 2.105: 1/|w_P| is A at zero, M_S at infinity, and its asymptote crosses one at
+    omega_B.
+    """
     for order in (1, 2, 3):
         w_P = performance_weight(10.0, M_S=1.5, A=1e-4, order=order)
         size = np.abs(response(w_P, np.array([1e-9, 1e9])))
@@ -292,14 +338,26 @@ def test_performance_weight():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: fit_weight(OMEGA, -np.ones(1000), order=2), "radius must be positive, got -1 at 1 rad/s"),
+        (
+            lambda: fit_weight(OMEGA, -np.ones(1000), order=2),
+            "radius must be positive, got -1 at 1 rad/s",
+        ),
         (lambda: fit_weight(OMEGA, np.zeros(1000), order=2), "radius must be positive"),
-        (lambda: fit_weight(OMEGA[::-1], np.ones(1000), order=2), "omega must be positive and increasing"),
-        (lambda: fit_weight(OMEGA, np.ones(999), order=2), "radius must have one value per frequency"),
+        (
+            lambda: fit_weight(OMEGA[::-1], np.ones(1000), order=2),
+            "omega must be positive and increasing",
+        ),
+        (
+            lambda: fit_weight(OMEGA, np.ones(999), order=2),
+            "radius must have one value per frequency",
+        ),
         (lambda: fit_weight(OMEGA, np.full(1000, np.nan), order=2), "radius must be finite"),
         (lambda: fit_weight(OMEGA, np.ones(1000), order=-1), "order must be a whole number"),
         (lambda: fit_weight(OMEGA, np.ones(1000), order=17), "order must be at most 16"),
-        (lambda: fit_weight(OMEGA, np.ones(1000), order=2, dt=0.1), "omega must not exceed the Nyquist frequency"),
+        (
+            lambda: fit_weight(OMEGA, np.ones(1000), order=2, dt=0.1),
+            "omega must not exceed the Nyquist frequency",
+        ),
         (lambda: performance_weight(0.0), "omega_B must be positive"),
         (lambda: performance_weight(1.0, M_S=1.0), "M_S must be above 1"),
         (lambda: performance_weight(1.0, A=3.0), "A must be below M_S"),
@@ -317,7 +375,9 @@ def test_the_weight_is_a_python_control_system():
 
 @pytest.mark.parametrize("order", [1, 2, 5, 6])
 def test_slopes_and_curvature_are_those_of_differences(order):
-    """The Newton steps stand on both; sections in, below and above the band, of dampings from 0.007 up."""
+    """The Newton steps stand on both; sections in, below and above the band, of dampings from 0.007
+    up.
+    """
     rng = np.random.default_rng(order)
     x = np.geomspace(0.1, 30, 40)
     problem = magnitude_problem(x, rng.normal(size=x.size), ends=True)
@@ -327,9 +387,13 @@ def test_slopes_and_curvature_are_those_of_differences(order):
         first = rng.normal(size=e.size)
         H = section_hessian(problem, theta, order=order, first=first, J=J)
         for i, step in enumerate(1e-5 * np.eye(2 * order)):
-            (up, J_up), (down, J_down) = (problem.excess(theta + s, 0.3, order) for s in (step, -step))
+            (up, J_up), (down, J_down) = (
+                problem.excess(theta + s, 0.3, order) for s in (step, -step)
+            )
             np.testing.assert_allclose((up - down) / 2e-5, J[i], rtol=1e-5, atol=1e-7)
-            np.testing.assert_allclose((J_up - J_down)[:-1] @ first / 2e-5, H[i], rtol=1e-4, atol=1e-5)
+            np.testing.assert_allclose(
+                (J_up - J_down)[:-1] @ first / 2e-5, H[i], rtol=1e-4, atol=1e-5
+            )
 
 
 @pytest.mark.parametrize("dt", [1e-2, 1e-3])
@@ -343,9 +407,26 @@ def test_a_discrete_weight_covers_a_continuous_demand_up_to_nyquist(dt, order):
 
 
 def test_a_weight_does_not_bulge_between_sparse_lines():
-    """Odd lines of a multisine at a spiky radius: no resonance stands in the wide first gap, where no line sees it."""
+    """Odd lines of a multisine at a spiky radius: no resonance stands in the wide first gap, where
+    no line sees it.
+    """
     f = np.array([3.0, 9, 11, 17, 19, 25, 27, 33, 35, 41, 43, 49, 51, 57])
-    radius = [0.118, 0.28, 0.136, 0.0158, 0.00625, 0.00492, 0.00489, 0.0224, 0.0266, 0.034, 0.041, 0.0498, 0.0583, 0.07]
+    radius = [
+        0.118,
+        0.28,
+        0.136,
+        0.0158,
+        0.00625,
+        0.00492,
+        0.00489,
+        0.0224,
+        0.0266,
+        0.034,
+        0.041,
+        0.0498,
+        0.0583,
+        0.07,
+    ]
     for order in (None, 8, 12):
         W = fit_weight(2 * np.pi * f, np.array(radius), order=order).W
         omega = 2 * np.pi * np.geomspace(3, 9, 200)

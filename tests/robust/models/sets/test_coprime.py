@@ -1,4 +1,6 @@
-"""The coprime form: its disc by brute force, its margin by `ncf_margin`, its plants by `nu_gap`; scaling, refusals."""
+"""The coprime form: its disc by brute force, its margin by `ncf_margin`, its plants by `nu_gap`;
+scaling, refusals.
+"""
 
 import control
 import numpy as np
@@ -45,7 +47,13 @@ PLANTS = {
 def the_model(G, w, W1=1.0, W2=1.0):
     w = w if isinstance(w, control.StateSpace) else control.ss([], [], [], [[w]], G.dt)
     return UncertaintyModel(
-        G, w, "coprime", LINES * (0.1 if G.dt else 1), np.full(3, 1e-6), perturbation="LTI", scaling=(W1, W2)
+        G,
+        w,
+        "coprime",
+        LINES * (0.1 if G.dt else 1),
+        np.full(3, 1e-6),
+        perturbation="LTI",
+        scaling=(W1, W2),
     )
 
 
@@ -54,13 +62,17 @@ def chordal(G, H):
 
 
 def test_the_radius_is_the_largest_chord_over_the_disc():
-    """r/sqrt((1 + g^2)(1 + (g - r)^2)), to r = g + 1/g, where a disc reaches the antipode and holds every plant."""
+    """r/sqrt((1 + g^2)(1 + (g - r)^2)), to r = g + 1/g, where a disc reaches the antipode and holds
+    every plant.
+    """
     rng = np.random.default_rng(0)
     for _ in range(50):
         G = rng.normal() * 10 ** rng.uniform(-1, 1) + 1j * rng.normal()
         g = abs(G)
         r = rng.uniform(0.01, 0.99) * (g + 1 / g)
-        disc = G + r * (np.linspace(0, 1, 101)[:, None] * np.exp(1j * np.linspace(0, 2 * np.pi, 720)))
+        disc = G + r * (
+            np.linspace(0, 1, 101)[:, None] * np.exp(1j * np.linspace(0, 2 * np.pi, 720))
+        )
         disc = np.append(disc, G * (1 - r / g))
         eps = float(chord(np.array([r]), np.array([g]))[0])
         assert np.max(chordal(G, disc)) == pytest.approx(eps, rel=1e-12)
@@ -68,13 +80,16 @@ def test_the_radius_is_the_largest_chord_over_the_disc():
     row, one = FORMS["coprime"], np.ones(1)
     assert row.radius_factor(one, 1.99 * one, one)[0] * 1.99 == pytest.approx(0.99999, abs=2e-5)
     with pytest.raises(
-        ValueError, match=r"reaches \|G\| \+ 1/\|G\| of the scaled plant, got coprime with a radius of 2"
+        ValueError,
+        match=r"reaches \|G\| \+ 1/\|G\| of the scaled plant, got coprime with a radius of 2",
     ):
         row.radius_factor(one, 2 * one, one)
 
 
 def test_the_set_is_that_of_perturbed_factors():
-    """(N + d_N)/(M + d_M) with |[d_N, d_M]| <= eps fills the disc, no more; a and b give S_p over it exactly."""
+    """(N + d_N)/(M + d_M) with |[d_N, d_M]| <= eps fills the disc, no more; a and b give S_p over
+    it exactly.
+    """
     rng = np.random.default_rng(1)
     row = FORMS["coprime"]
     for _ in range(40):
@@ -90,25 +105,33 @@ def test_the_set_is_that_of_perturbed_factors():
         rim = row.perturbed(G, np.array([eps]), Delta)
         assert chordal(G, rim) == pytest.approx(eps, rel=1e-9)
         assert np.abs(row.deviation(rim, G)) == pytest.approx(eps, rel=1e-9)
-        S, a, b = perturbed_sensitivity_terms("coprime", np.array([eps]), G=np.array([G]), K=np.array([K]))
+        S, a, b = perturbed_sensitivity_terms(
+            "coprime", np.array([eps]), G=np.array([G]), K=np.array([K])
+        )
         stays = row.rs_measure(np.array([eps]), b)[0]
-        assert stays == pytest.approx(eps * abs(S[0]) * np.sqrt((1 + abs(K) ** 2) * (1 + abs(G) ** 2)), rel=1e-9)
+        assert stays == pytest.approx(
+            eps * abs(S[0]) * np.sqrt((1 + abs(K) ** 2) * (1 + abs(G) ** 2)), rel=1e-9
+        )
         assert (stays < 1) == (abs(b[0]) < 1)
         if stays < 0.98:
             S_p = np.abs(1 / (1 + K * rim))
             assert S_p.max() == pytest.approx(worst_sensitivity(S, a, b)[0], rel=1e-3)
             assert np.abs(1 / (1 + K * made)).max() <= worst_sensitivity(S, a, b)[0] * (1 + 1e-9)
             x = 0.5 / stays
-            grown = row.scale_for(np.array([eps]), np.array([x]))[0]  # a and b times x belong to eps times that
-            assert perturbed_sensitivity_terms("coprime", np.array([eps * grown]), G=np.array([G]), K=np.array([K]))[
-                2
-            ] == pytest.approx(x * b)
+            grown = row.scale_for(np.array([eps]), np.array([x]))[
+                0
+            ]  # a and b times x belong to eps times that
+            assert perturbed_sensitivity_terms(
+                "coprime", np.array([eps * grown]), G=np.array([G]), K=np.array([K])
+            )[2] == pytest.approx(x * b)
 
 
 @pytest.mark.parametrize("name", PLANTS)
 @pytest.mark.parametrize("dt", [0.0, 0.1])
 def test_a_flat_weight_is_robust_up_to_the_ncf_margin(name, dt):
-    """Stable for all of |w| = eps if and only if eps < ncf_margin (Vinnicombe); samples keep their distance."""
+    """Stable for all of |w| = eps if and only if eps < ncf_margin (Vinnicombe); samples keep their
+    distance.
+    """
     G, K = map(control.ss, PLANTS[name])
     if dt:
         G, K = sampled(G, dt), discretize(K, dt)
@@ -133,7 +156,9 @@ def test_a_flat_weight_is_robust_up_to_the_ncf_margin(name, dt):
 
 
 def test_a_pole_that_crosses_the_axis():
-    """1/(s + 0.1) and 1/(s - 0.1) lie near each other: one set of this form holds both, and K = 2 keeps it."""
+    """1/(s + 0.1) and 1/(s - 0.1) lie near each other: one set of this form holds both, and K = 2
+    keeps it.
+    """
     first, last = control.tf([1], [1, 0.1]), control.tf([1], [1, -0.1])
     model = the_model(control.tf([1], [1, 0]), nu_gap(control.tf([1], [1, 0]), last) * 1.001)
     assert model.contains(first)
@@ -155,7 +180,9 @@ def test_factors_are_normalised_and_complete():
         assert np.all(np.abs(M.poles()) < 1 if plant.dt else M.poles().real < 0)
     w = control.ss(control.tf([0.2, 0.5], [1, 1]))
     size = np.abs(response(w, omega))
-    assert np.abs(response(tangent_system(w), omega)) == pytest.approx(size / np.sqrt(1 - size**2), rel=1e-9)
+    assert np.abs(response(tangent_system(w), omega)) == pytest.approx(
+        size / np.sqrt(1 - size**2), rel=1e-9
+    )
 
 
 def as_claim(case, claims, w_P=None, shaping=(), scaling=1.0, delay=0.0):
@@ -182,7 +209,10 @@ def random_scaling(rng, dt):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_claims_are_decided_beside_their_limits(seed):
-    """Stability, performance, performance with one scaling: 1e-4 on either side of the largest value of a fine grid."""
+    """Stability, performance, performance with one scaling:
+
+    1e-4 on either side of the largest value of a fine grid.
+    """
     rng, count = np.random.default_rng(seed), 0
     while count < 4:
         case = random_case(rng)
@@ -190,9 +220,15 @@ def test_claims_are_decided_beside_their_limits(seed):
             continue
         dt, omega = float(case["G"].dt or 0), case["omega"]
         W = random_scaling(rng, dt)
-        w_P = zpk([np.exp(-2 * dt)], [np.exp(-0.1 * dt)], 0.1, dt) if dt else zpk([-2.0], [-0.1], 0.1)
-        omega = np.unique(np.concatenate([omega, dense_grid(dt, W.poles(), W.zeros(), w_P.poles())]))
-        G, K, w, P, scale = (tf_response(x, omega) for x in (case["G"], case["K"], case["w"], w_P, W))
+        w_P = (
+            zpk([np.exp(-2 * dt)], [np.exp(-0.1 * dt)], 0.1, dt) if dt else zpk([-2.0], [-0.1], 0.1)
+        )
+        omega = np.unique(
+            np.concatenate([omega, dense_grid(dt, W.poles(), W.zeros(), w_P.poles())])
+        )
+        G, K, w, P, scale = (
+            tf_response(x, omega) for x in (case["G"], case["K"], case["w"], w_P, W)
+        )
         delay = 0.0 if dt or rng.random() < 0.5 else 10 ** rng.uniform(-6, -4)
         if delay and closed_loop_poles(case["G"], case["K"]).real.max() > -1e-2:
             continue
@@ -202,7 +238,9 @@ def test_claims_are_decided_beside_their_limits(seed):
         peak = np.max(np.abs(w) * gain)
         common = {"shaping": (W,), "delay": delay}
         for factor, true in ((1 - 1e-4, True), (1 + 1e-4, False)):
-            loop = as_claim(case | {"w": case["w"] * (factor / peak)}, ("robust stability",), **common)
+            loop = as_claim(
+                case | {"w": case["w"] * (factor / peak)}, ("robust stability",), **common
+            )
             assert verify_loop(loop).verified == true
         eps = 0.7 / peak * np.abs(w)
         if eps.max() >= 1:
@@ -226,7 +264,11 @@ def test_claims_are_decided_beside_their_limits(seed):
         d, m = 10 ** rng.uniform(-0.5, 0.5), np.sqrt(1 + g**2)
         k_c, Wp = K / scale * np.exp(-1j * omega * delay), P
         X = np.array(
-            [[-eps * k_c * S * m, d * eps * k_c * S], [eps * S * m, d * eps * L * S], [-Wp / d * S * m, Wp * S]]
+            [
+                [-eps * k_c * S * m, d * eps * k_c * S],
+                [eps * S * m, d * eps * L * S],
+                [-Wp / d * S * m, Wp * S],
+            ]
         )
         norm = np.linalg.norm(X.transpose(2, 0, 1), 2, axis=(1, 2)).max()
         for factor, true in ((1 - 1e-4, True), (1 + 1e-4, False)):
@@ -260,7 +302,9 @@ def test_what_check_proves_is_verified(perturbation, kind):
 
 
 def test_the_scaling_is_the_one_of_ncfsyn():
-    """A controller for W2 G W1 keeps 1/gamma of the set scaled so; the same loop in other units is the same loop."""
+    """A controller for W2 G W1 keeps 1/gamma of the set scaled so; the same loop in other units is
+    the same loop.
+    """
     G = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
     W1 = control.tf([1, 2], [1, 0.001])
     design = ncfsyn(G, W1)
@@ -270,7 +314,10 @@ def test_the_scaling_is_the_one_of_ncfsyn():
     assert report.margins.rs == pytest.approx(1 / 0.99, rel=1e-4)
     units = check(the_model(1e-6 * G, 0.99 / design.gamma, W1=W1, W2=1e6), 1e6 * design.K)
     assert units.margins.rs == pytest.approx(report.margins.rs, rel=1e-6)
-    assert check(the_model(1e-6 * G, 0.99 / design.gamma, W1=W1), 1e6 * design.K).verdict == "not robust"
+    assert (
+        check(the_model(1e-6 * G, 0.99 / design.gamma, W1=W1), 1e6 * design.K).verdict
+        == "not robust"
+    )
 
 
 F = 0.5 * np.arange(1, 120)
@@ -287,7 +334,9 @@ def measured(sigma=0.03):
 
 
 def test_a_measured_set_is_scaled_to_unit_gain():
-    """Metres per newton: unscaled the form would be the additive one, in default scaling it is the same in any unit."""
+    """Metres per newton: unscaled the form would be the additive one, in default scaling it is the
+    same in any unit.
+    """
     bla = measured()
     nominal = control.ss(control.tf([3.6e-3], [1, 6, 3600]))
     model = uncertainty(bla, nominal, form="coprime", order=3)
@@ -308,7 +357,9 @@ def test_a_measured_set_is_scaled_to_unit_gain():
 
 
 def test_on_measured_lines_hold_and_delay_stand_with_the_controller():
-    """rs = eps sqrt((1 + g^2)(1 + k^2)) |S| with g of what was measured and k = |K| times the hold."""
+    """rs = eps sqrt((1 + g^2)(1 + k^2)) |S| with g of what was measured and k = |K| times the
+    hold.
+    """
     bla = measured()
     model = uncertainty(bla, frd(bla), form="coprime", order=3)
     W = float(model.scaling[1].D[0, 0])
@@ -320,12 +371,16 @@ def test_on_measured_lines_hold_and_delay_stand_with_the_controller():
     L = bla.G * hold * 2e4
     g, k = np.abs(W * bla.G), np.abs(2e4 * hold / W)
     eps = np.abs(response(model.weight, OMEGA))
-    assert report.curves.rs == pytest.approx(eps * np.sqrt((1 + g**2) * (1 + k**2)) / np.abs(1 + L), rel=1e-6)
+    assert report.curves.rs == pytest.approx(
+        eps * np.sqrt((1 + g**2) * (1 + k**2)) / np.abs(1 + L), rel=1e-6
+    )
 
 
 def test_files_keep_the_scaling(tmp_path):
     fit = fit_nominal(measured(), n_poles=2, n_zeros=0)
-    model = uncertainty(measured(), fit, form="coprime", order=2, W1=control.tf([1, 30], [1, 3.0]), W2=1e6)
+    model = uncertainty(
+        measured(), fit, form="coprime", order=2, W1=control.tf([1, 30], [1, 3.0]), W2=1e6
+    )
     save(model, tmp_path / "m.json")
     again = load(tmp_path / "m.json")
     for read, kept in zip(again.scaling, model.scaling, strict=True):
@@ -339,17 +394,29 @@ def test_files_keep_the_scaling(tmp_path):
 
 def test_refusals():
     G = control.tf([1], [1, 1])
-    with pytest.raises(ValueError, match=r"weight must stay below one for the coprime form, got 1.2"):
+    with pytest.raises(
+        ValueError, match=r"weight must stay below one for the coprime form, got 1.2"
+    ):
         the_model(G, 1.2)
-    with pytest.raises(ValueError, match="W1 must be stable with a stable inverse and a direct term, got 1 states"):
+    with pytest.raises(
+        ValueError, match="W1 must be stable with a stable inverse and a direct term, got 1 states"
+    ):
         the_model(G, 0.1, W1=control.tf([1, 1], [1, 0]))
-    with pytest.raises(ValueError, match=r"W2 must have the sampling time of the nominal, 0 s, got 0.1 s"):
+    with pytest.raises(
+        ValueError, match=r"W2 must have the sampling time of the nominal, 0 s, got 0.1 s"
+    ):
         the_model(G, 0.1, W2=control.tf([1, 0.5], [1, 0.2], 0.1))
     with pytest.raises(ValueError, match="W1 and W2 must be left out except for the coprime form"):
         UncertaintyModel(G, 0.1, "additive", LINES, np.full(3, 0.1), scaling=(2.0, 1.0))
-    with pytest.raises(ValueError, match=r"K must have the sampling time of the nominal model for the coprime form"):
+    with pytest.raises(
+        ValueError, match=r"K must have the sampling time of the nominal model for the coprime form"
+    ):
         check(the_model(G, 0.1), control.ss([], [], [], [[1.0]], 0.1))
-    with pytest.raises(ValueError, match="form must be a relative deviation of the plant here, got coprime"):
+    with pytest.raises(
+        ValueError, match="form must be a relative deviation of the plant here, got coprime"
+    ):
         loop_bounds(the_model(G, 0.1), performance_weight(1.0))
     with pytest.raises(ValueError, match="below and above must give a radius outside the band"):
-        uncertainty(measured(), control.ss(control.tf([3.6e-3], [1, 6, 3600])), form="coprime", below=40.0)
+        uncertainty(
+            measured(), control.ss(control.tf([3.6e-3], [1, 6, 3600])), form="coprime", below=40.0
+        )

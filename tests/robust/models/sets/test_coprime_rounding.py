@@ -9,7 +9,8 @@ from robust.lti.lti import response
 from robust.models.sets.coprime import coprime_factors, factors_with_complement
 
 LINES = np.array([0.1, 1.0, 10.0])
-#: A pole of 1e-16 in place of zero, as python-control realises an integrator; states that rounding couples.
+# : A pole of 1e-16 in place of zero, as python-control realises an integrator; states that rounding
+# couples.
 ROUNDED = (
     control.ss([[-1, 0], [-1, 1.1e-16]], [[-1], [0]], [[-1, -2]], [[0]]),
     control.ss([[-0.5, -1, 0], [1, 0, 0], [0, 1, -1.3e-17]], [[1], [0], [0]], [[1, 1, 1]], [[0]]),
@@ -56,9 +57,17 @@ def test_what_rounding_spoils_is_not_returned(monkeypatch):
     G = ROUNDED[0]
     (A, B, C, D), X = coprime_factors("nominal", G)
     with monkeypatch.context() as patch:
-        patch.setattr("robust.models.sets.coprime.coprime_factors", lambda name, G: ((A * 1.001, B, C, D), X))
-        with pytest.raises(ValueError, match=r"got factors with an error of .* \(numerical failure\)"):
+        patch.setattr(
+            "robust.models.sets.coprime.coprime_factors", lambda name, G: ((A * 1.001, B, C, D), X)
+        )
+        with pytest.raises(
+            ValueError, match=r"got factors with an error of .* \(numerical failure\)"
+        ):
             the_model(G, 0.1).sample(1, rng=0)
-    monkeypatch.setattr("robust.analysis.worst_plant.perturbed_plant", lambda form, G, *rest: 1.5 * G)
-    with pytest.raises(ValueError, match="worst plant that floating point resolves, got one outside of the set"):
+    monkeypatch.setattr(
+        "robust.analysis.worst_plant.perturbed_plant", lambda form, G, *rest: 1.5 * G
+    )
+    with pytest.raises(
+        ValueError, match="worst plant that floating point resolves, got one outside of the set"
+    ):
         worst_case(the_model(G, 0.1), ncfsyn(G).K)

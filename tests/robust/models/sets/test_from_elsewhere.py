@@ -1,4 +1,6 @@
-"""FRFs from elsewhere on their way through a fit to a set: one channel or several, the deviation goes through."""
+"""FRFs from elsewhere on their way through a fit to a set: one channel or several, the deviation
+goes through.
+"""
 
 import control
 import numpy as np
@@ -17,7 +19,10 @@ def measured(seed, share=0.01):
     rng = np.random.default_rng(seed)
     true = PLANT(1j * OMEGA)
     std = share * np.abs(true)
-    return true + std * (rng.standard_normal(F.size) + 1j * rng.standard_normal(F.size)) / np.sqrt(2), std
+    return (
+        true + std * (rng.standard_normal(F.size) + 1j * rng.standard_normal(F.size)) / np.sqrt(2),
+        std,
+    )
 
 
 def test_the_std_given_to_the_fit_reaches_the_set():
@@ -28,15 +33,21 @@ def test_the_std_given_to_the_fit_reaches_the_set():
     assert (model.confidence, model.perturbation) == (0.95, "statistical")
     direct = robust.uncertainty(nlfrf.bla_from_frf(F, G, std=std), fit)
     assert model.radius == pytest.approx(direct.radius, rel=1e-6)
-    assert "an FRF that was given, 40 lines 1 to 100 Hz, variance from its std" in model.origin.source
+    assert (
+        "an FRF that was given, 40 lines 1 to 100 Hz, variance from its std" in model.origin.source
+    )
 
 
 def test_an_frf_without_a_deviation_claims_no_confidence():
     G, _ = measured(1)
     frf = control.FrequencyResponseData(G, OMEGA)
-    assert np.isnan(robust.uncertainty(frf, robust.fit_nominal(frf, n_poles=2, n_zeros=0)).confidence)
+    assert np.isnan(
+        robust.uncertainty(frf, robust.fit_nominal(frf, n_poles=2, n_zeros=0)).confidence
+    )
     other, std = measured(2)
-    fit = robust.fit_nominal(control.FrequencyResponseData(other, OMEGA), n_poles=2, n_zeros=0, std=std)
+    fit = robust.fit_nominal(
+        control.FrequencyResponseData(other, OMEGA), n_poles=2, n_zeros=0, std=std
+    )
     assert np.isnan(robust.uncertainty(frf, fit).confidence)  # the std is of another FRF
 
 
@@ -46,7 +57,9 @@ def test_a_set_of_it_holds_the_next_measurement_line_by_line(n):
     held = []
     for seed in range(n):
         (G, std), (again, _) = measured([seed, 0]), measured([seed, 1])
-        model = robust.uncertainty(nlfrf.bla_from_frf(F, G, std=std), robust.frd(nlfrf.bla_from_frf(F, G, std=std)))
+        model = robust.uncertainty(
+            nlfrf.bla_from_frf(F, G, std=std), robust.frd(nlfrf.bla_from_frf(F, G, std=std))
+        )
         held.append(model.distance(control.FrequencyResponseData(again, OMEGA)) < 1)
     share, sigma = np.mean(held), np.sqrt(0.95 * 0.05 / np.size(held))
     assert abs(share - 0.95) < 4 * sigma
@@ -61,7 +74,10 @@ def test_orders_validation_and_files_take_it(tmp_path):
     robust.save(model, tmp_path / "model.json")
     assert robust.load(tmp_path / "model.json").radius == pytest.approx(model.radius)
     with pytest.raises(
-        ValueError, match=r"bla must be an nlfrf.Bla of one input and output, got .* nlfrf.bla_from_frf makes one"
+        ValueError,
+        match=(
+            r"bla must be an nlfrf.Bla of one input and output, got .* nlfrf.bla_from_frf makes one"
+        ),
     ):
         robust.validate(model, control.FrequencyResponseData(again, OMEGA))
 
@@ -77,7 +93,10 @@ def test_a_matrix_of_frfs_is_an_frm_by_its_std():
     assert (model.is_single, model.n_inputs, model.confidence) == (False, 2, 0.95)
     assert fit.std == pytest.approx(deviation)
     with pytest.raises(
-        ValueError, match=r"std must be given with an FRF of 2 inputs and 2 outputs\. Or give nlfrf\.bla_from_frf"
+        ValueError,
+        match=(
+            r"std must be given with an FRF of 2 inputs and 2 outputs\. Or give nlfrf\.bla_from_frf"
+        ),
     ):
         robust.fit_nominal(frf, n_poles=4)
 
@@ -85,6 +104,7 @@ def test_a_matrix_of_frfs_is_an_frm_by_its_std():
 def test_friction_needs_amplitudes_that_nobody_noted():
     G, std = measured(1)
     with pytest.raises(
-        ValueError, match=r"blas must contain the amplitude of the output, .*take BLAs that nlfrf.identify"
+        ValueError,
+        match=r"blas must contain the amplitude of the output, .*take BLAs that nlfrf.identify",
     ):
         robust.friction.machine_with_friction([nlfrf.bla_from_frf(F, G, std=std)] * 3)

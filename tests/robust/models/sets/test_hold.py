@@ -14,7 +14,9 @@ PLANT = control.ss(control.tf([4e4], [1, 20, 4e4]))  # 31.8 Hz
 
 
 def record(hold, fs=FS):
-    """What a sampled experiment sees: behind the hold of the converter, or of a force measured behind it."""
+    """What a sampled experiment sees: behind the hold of the converter, or of a force measured
+    behind it.
+    """
     rng = np.random.default_rng(0)
     ms = nlfrf.multisine(fs=fs, n_samples=N, f_min=1, f_max=300, rng=rng)
     seen = robust.sampled(PLANT, 1 / fs) if hold != "band-limited" else PLANT
@@ -23,7 +25,9 @@ def record(hold, fs=FS):
     y = np.fft.irfft(np.fft.rfft(ms.u) * G, N)
     u, y = np.tile(ms.u, (4, 1)), np.tile(y, (4, 1))
     y = y + 1e-5 * np.std(y) * rng.standard_normal(y.shape)
-    return nlfrf.Record(u=u[None], y=y[None], fs=fs, lines=ms.lines, hold=hold, u_unit="N", y_unit="mm")
+    return nlfrf.Record(
+        u=u[None], y=y[None], fs=fs, lines=ms.lines, hold=hold, u_unit="N", y_unit="mm"
+    )
 
 
 def phase_error(model, omega):
@@ -35,7 +39,8 @@ def phase_error(model, omega):
 
 
 OMEGA = 2 * np.pi * np.array([10.0, 60.0, 250.0])
-#: A hold that is not taken out is no rational function: a fit puts a pole beyond the band for it, and misses.
+# : A hold that is not taken out is no rational function: a fit puts a pole beyond the band for it,
+# and misses.
 SUSPICIOUS = ("ignore::robust.DesignWarning",)
 
 
@@ -61,11 +66,15 @@ def test_at_the_rate_of_the_controller_a_discrete_fit_is_what_it_sees():
 
 
 @pytest.mark.filterwarnings("ignore::nlfrf.DataWarning", *SUSPICIOUS)
-@pytest.mark.parametrize(("hold", "fs", "dt"), [("zoh", 4000, 0), ("zoh", 4000, 1 / FS), ("band-limited", FS, 0)])
+@pytest.mark.parametrize(
+    ("hold", "fs", "dt"), [("zoh", 4000, 0), ("zoh", 4000, 1 / FS), ("band-limited", FS, 0)]
+)
 def test_elsewhere_the_hold_is_taken_out_or_put_in(hold, fs, dt):
     bla = nlfrf.identify(record(hold, fs))
     fit = robust.fit_nominal(bla, n_poles=2 if dt == 0 else 3, n_zeros=0 if dt == 0 else 2, dt=dt)
-    assert phase_error(fit.G, OMEGA) < (0.3 if dt == 0 else 3)  # what folds down above Nyquist is left out
+    assert phase_error(fit.G, OMEGA) < (
+        0.3 if dt == 0 else 3
+    )  # what folds down above Nyquist is left out
     model = robust.uncertainty(bla, fit, order=1)
     assert np.median(model.radius) < 2e-2
     assert robust.validate(model, bla).n_outside <= 0.1 * bla.f.size
@@ -80,7 +89,9 @@ def test_frf_checks_and_designs_see_the_hold_once():
         report = robust.check(bla, K)
         z = np.exp(1j * report.curves.omega / FS)
         S = 1 / (1 + K(z) * seen(z))
-        inside = report.curves.omega < 2 * np.pi * 100  # above, a band-limited record does not know what folds down
+        inside = (
+            report.curves.omega < 2 * np.pi * 100
+        )  # above, a band-limited record does not know what folds down
         assert np.abs(report.curves.S / S - 1)[inside].max() < (2e-3 if hold == "zoh" else 0.1)
         assert robust.design_frf(bla, "PI", M_S=2.0, dt=1 / FS).K.dt == 1 / FS
 
@@ -92,7 +103,10 @@ def test_an_unknown_hold_is_warned_of_where_it_matters(tmp_path):
     fit = robust.fit_nominal(bla, n_poles=3, n_zeros=2)
     model = robust.uncertainty(bla, fit, order=1)
     for plant in (bla, model):
-        with pytest.warns(robust.DesignWarning, match=r'hold of the record must be known, at 1000 Hz, .* hold="zoh"'):
+        with pytest.warns(
+            robust.DesignWarning,
+            match=r'hold of the record must be known, at 1000 Hz, .* hold="zoh"',
+        ):
             robust.check(plant, K, certify=False)
     robust.check(
         model, control.ss([[0.5]], [[0.05]], [[0.5]], [[0.0]], 4 / FS), certify=False
@@ -114,7 +128,9 @@ def matrix_of(hold, fs=FS):
     u = np.repeat(ms.u[:, :, None], 4, axis=2)
     y = np.fft.irfft(np.einsum("ji,impk->jmpk", MIXED, np.fft.rfft(u) * G), N)
     y += 1e-5 * np.std(y) * np.random.default_rng(1).standard_normal(y.shape)
-    return nlfrf.identify(nlfrf.Record(u=u, y=y, fs=fs, lines=ms.lines, hold=ms.hold), transient="none")
+    return nlfrf.identify(
+        nlfrf.Record(u=u, y=y, fs=fs, lines=ms.lines, hold=ms.hold), transient="none"
+    )
 
 
 def matrix_error(G):
@@ -126,7 +142,9 @@ def matrix_error(G):
     return (np.linalg.norm(off, axis=(0, 1)) / np.linalg.norm(exact, axis=(0, 1))).max()
 
 
-@pytest.mark.parametrize(("hold", "fs", "dt"), [("zoh", FS, 1 / FS), ("zoh", 4000, 0), ("band-limited", FS, 0)])
+@pytest.mark.parametrize(
+    ("hold", "fs", "dt"), [("zoh", FS, 1 / FS), ("zoh", 4000, 0), ("band-limited", FS, 0)]
+)
 def test_the_hold_of_several_inputs_counts_once(hold, fs, dt, tmp_path):
     frm = matrix_of(hold, fs)
     nlfrf.save(frm, tmp_path / "G.npz")
@@ -135,7 +153,9 @@ def test_the_hold_of_several_inputs_counts_once(hold, fs, dt, tmp_path):
     assert fit.hold == hold
     assert matrix_error(fit.G) < 1e-2
     model = robust.uncertainty(frm, fit, order=1)
-    gain = np.abs(np.asarray(model.nominal(np.exp(1j * OMEGA * dt) if dt else 1j * OMEGA, squeeze=False))).max()
+    gain = np.abs(
+        np.asarray(model.nominal(np.exp(1j * OMEGA * dt) if dt else 1j * OMEGA, squeeze=False))
+    ).max()
     assert model.radius.max() < 2e-2 * gain
     assert robust.validate(model, frm).n_outside <= 0.1 * frm.f.size
 
@@ -148,7 +168,9 @@ def test_matrices_of_two_holds_are_one_plant():
 
 
 def test_an_unknown_hold_of_several_inputs_is_warned_of():
-    with pytest.warns(robust.DesignWarning, match=r'hold of the record must be known, at 1000 Hz, .* hold="zoh"'):
+    with pytest.warns(
+        robust.DesignWarning, match=r'hold of the record must be known, at 1000 Hz, .* hold="zoh"'
+    ):
         robust.design_frf(matrix_of("unknown"), "I", M_S=2.0, dt=1 / FS, n_iterations=1)
     with pytest.raises(ValueError, match="hold must be one of"):
         nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, n_inputs=2, hold="foh")

@@ -1,4 +1,6 @@
-"""The probability that a whole FRF lies in a set: against closed forms, against fresh FRFs, in words and in files."""
+"""The probability that a whole FRF lies in a set: against closed forms, against fresh FRFs, in
+words and in files.
+"""
 
 from dataclasses import replace
 from functools import cache
@@ -37,7 +39,9 @@ def static(gain=1.0, seed=0):
 
 @cache
 def matrix(seed):
-    ms = nlfrf.multisine("random-odd", fs=512, n_samples=512, f_min=1, f_max=60, n_inputs=2, rng=seed)
+    ms = nlfrf.multisine(
+        "random-odd", fs=512, n_samples=512, f_min=1, f_max=60, n_inputs=2, rng=seed
+    )
     return nlfrf.identify(static_record(ms, rng=seed))
 
 
@@ -53,8 +57,13 @@ def test_wide_sets_hold_everything_and_narrow_ones_nothing():
 
 @pytest.mark.parametrize("q", [2.2, 2.6, 3.0])
 def test_closed_form_where_the_scatter_is_known(q, monkeypatch):
-    """White scatter s on F lines, discs of radius q s about the BLA: (1 - exp(-q^2))^F; half from v and s each."""
-    monkeypatch.setattr(joint, "draw_level_errors", lambda n, F, rng: (np.ones((n, F)), np.ones((n, 1))))
+    """White scatter s on F lines, discs of radius q s about the BLA:
+
+    (1 - exp(-q^2))^F; half from v and s each.
+    """
+    monkeypatch.setattr(
+        joint, "draw_level_errors", lambda n, F, rng: (np.ones((n, F)), np.ones((n, 1)))
+    )
     monkeypatch.setattr(joint, "N_DRAWS", 20_000)
     monkeypatch.setattr(joint, "N_NUMBERS", 1 << 22)
     omega, ones = 2 * np.pi * F, np.ones(F.size)
@@ -80,13 +89,18 @@ def test_closed_form_where_the_scatter_is_known(q, monkeypatch):
     ids=lambda case: "-".join(map(str, case)) if isinstance(case, tuple) else "",
 )
 def test_estimate_against_fresh_realisations(case, n_sets, least):
-    """Means over some sets, each held against 150 FRFs it has not seen. One set's own number may be off by 0.2."""
+    """Means over some sets, each held against 150 FRFs it has not seen.
+
+    One set's own number may be off by 0.2.
+    """
     rng = np.random.default_rng(4)
     ms, y = harness.steady(case[0], n_sets * case[3] + 150, rng)
     fresh = harness.frfs(replace(ms, phase=ms.phase[-150:]), y[-150:])
     rows = []
     for i in range(n_sets):
-        bla = nlfrf.identify(harness.recorded(ms, y, case[3] * i + np.arange(case[3]), case[4], rng))
+        bla = nlfrf.identify(
+            harness.recorded(ms, y, case[3] * i + np.arange(case[3]), case[4], rng)
+        )
         model = harness.set_of(bla, *case[1:3])
         rows.append((harness.held(model, bla.omega, fresh), model.joint.frf, model.joint.bla))
     held, estimate, bla_estimate = np.mean(rows, axis=0)
@@ -102,7 +116,9 @@ def test_several_levels_tell_the_least_and_sampled_models_tell_it_too():
     alone = [attach_records(model, [b]).joint.frf for b in (one, other)]
     assert model.joint.frf == min(alone)
     held = replace(one, hold="zoh")
-    sampled = uncertainty(held, robust.sampled(control.ss(control.tf([900.0], [1, 900.0])), 1 / 1024), order=2)
+    sampled = uncertainty(
+        held, robust.sampled(control.ss(control.tf([900.0], [1, 900.0])), 1 / 1024), order=2
+    )
     assert 0 <= sampled.joint.frf <= 1
     assert np.isnan(UncertaintyModel(PLANT, 0.3, "additive", F, np.full(F.size, 0.1)).joint.frf)
 
@@ -130,7 +146,9 @@ def test_every_verdict_says_it(tmp_path):
     assert "each line of another realisation" in str(on_lines).replace("\n", " ").replace("  ", " ")
     together = uncertainty(bla, nominal, order=2, simultaneous=True)
     assert "all lines together" in check(together, control.tf([0.5], [1, 0])).confidence[0]
-    made = UncertaintyModel(PLANT, 0.3, "multiplicative", F, np.full(F.size, 0.1), perturbation="LTI")
+    made = UncertaintyModel(
+        PLANT, 0.3, "multiplicative", F, np.full(F.size, 0.1), perturbation="LTI"
+    )
     assert check(made, 0.1).confidence == ()
 
 
@@ -140,7 +158,9 @@ def test_files_keep_it(tmp_path):
     again = load(tmp_path / "model.json")
     assert (again.joint.frf, again.joint.bla) == (model.joint.frf, model.joint.bla)
     for part in ("omega", "G", "variance", "scatter", "confirmed"):
-        np.testing.assert_array_equal(getattr(again.records[0], part), getattr(model.records[0], part))
+        np.testing.assert_array_equal(
+            getattr(again.records[0], part), getattr(model.records[0], part)
+        )
 
 
 def test_words_are_no_finer_than_the_estimate():

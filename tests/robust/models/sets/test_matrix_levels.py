@@ -19,7 +19,9 @@ def measured(rms, seed, f_min=2):
     ms = nlfrf.multisine("random-odd", **band, rms=rms, rng=seed)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", nlfrf.DataWarning)
-        record = nlfrf.simulate(nlfrf.rig.two_axis_stage(), ms, n_periods=2, n_discard=3, oversampling=4, hold="zoh")
+        record = nlfrf.simulate(
+            nlfrf.rig.two_axis_stage(), ms, n_periods=2, n_discard=3, oversampling=4, hold="zoh"
+        )
         return nlfrf.identify(record)
 
 
@@ -36,15 +38,23 @@ def around(form):
 def test_one_nominal_lies_between_the_levels():
     alone = [robust.fit_nominal(frm, n_poles=4) for frm in (measured(LOW, 1), measured(HIGH, 2))]
     both = fitted(0.0)
-    first = [np.abs(fit.G.poles()).min() for fit in (alone[1], both, alone[0])]  # friction sticks at the low level
+    first = [
+        np.abs(fit.G.poles()).min() for fit in (alone[1], both, alone[0])
+    ]  # friction sticks at the low level
     assert first == sorted(first)
-    assert both.response.shape == both.residual.shape == (2, 2, sum(fit.omega.size for fit in alone))
+    assert (
+        both.response.shape == both.residual.shape == (2, 2, sum(fit.omega.size for fit in alone))
+    )
     assert both.hold == "zoh"
 
 
 def test_the_nominal_of_one_matrix_twice_is_that_of_it_once():
-    once, twice = (robust.fit_nominal([measured(LOW, 1)] * n, n_poles=4, delay="estimate") for n in (1, 2))
-    np.testing.assert_allclose(np.sort_complex(twice.G.poles()), np.sort_complex(once.G.poles()), rtol=1e-5)
+    once, twice = (
+        robust.fit_nominal([measured(LOW, 1)] * n, n_poles=4, delay="estimate") for n in (1, 2)
+    )
+    np.testing.assert_allclose(
+        np.sort_complex(twice.G.poles()), np.sort_complex(once.G.poles()), rtol=1e-5
+    )
     assert twice.cost == pytest.approx(2 * once.cost, rel=1e-6)
 
 
@@ -56,7 +66,9 @@ def test_the_elements_are_the_widest_of_all_levels():
         there = np.isin(both.omega, one.omega)
         assert there.sum() == one.omega.size
         assert np.all(both.radius[:, there] >= one.radius * (1 - 1e-12))
-    nearest = np.min([np.interp(both.omega, one.omega, one.radius.max(axis=0)) for one in alone], axis=0)
+    nearest = np.min(
+        [np.interp(both.omega, one.omega, one.radius.max(axis=0)) for one in alone], axis=0
+    )
     assert np.median(both.radius.max(axis=0) / nearest) < 5
     assert both.origin.source.count("random-odd multisine") == 2
     assert both.joint.frf == min(both.joint.frf, 1.0) > 0.5
@@ -71,9 +83,13 @@ def test_every_plant_that_one_level_allows_is_in_the_block_of_all(form):
         omega, radius, n = one.omega, one.radius, len(one.left)
         z = np.exp(1j * omega / 512)
         G = np.moveaxis(np.asarray(one.nominal(z, squeeze=False)), 2, 0)
-        draws = rng.standard_normal((omega.size, n, 2)) + 1j * rng.standard_normal((omega.size, n, 2))
+        draws = rng.standard_normal((omega.size, n, 2)) + 1j * rng.standard_normal(
+            (omega.size, n, 2)
+        )
         Delta = draws / np.linalg.norm(draws, 2, axis=(1, 2))[:, None, None]
-        block = radius[:n].T[:, :, None] * Delta * radius[n:].T[:, None]  # on the lines, before any weight
+        block = (
+            radius[:n].T[:, :, None] * Delta * radius[n:].T[:, None]
+        )  # on the lines, before any weight
         away = block if form == "additive" else G @ block
         assert np.max(both.normalized_distance(omega, (G + away)[None], G)) <= 1 + 1e-9
 
@@ -85,7 +101,9 @@ def test_new_sets_at_either_level_are_held(form):
         found = robust.validate(around(form), measured(rms, seed))
         assert found.n_outside_set <= 0.05 * found.n_lines
         assert found.p_value > 1e-3  # held against the level it is of
-    strange = robust.validate(around(form), measured(2.0, 13))  # a level in between is none that was measured
+    strange = robust.validate(
+        around(form), measured(2.0, 13)
+    )  # a level in between is none that was measured
     assert np.isfinite(strange.p_value)
 
 
@@ -120,17 +138,25 @@ def test_orders_are_scanned_over_both():
 def test_refusals():
     bla = measured(LOW, 1).entry(0, 0)
     with pytest.raises(
-        ValueError, match=r"bla must be an nlfrf\.Bla of several inputs or outputs, got one of one input"
+        ValueError,
+        match=r"bla must be an nlfrf\.Bla of several inputs or outputs, got one of one input",
     ):
         robust.uncertainty([measured(LOW, 1), bla], fitted())
     with pytest.raises(
-        ValueError, match=r"bla must be an nlfrf\.Bla of several inputs or outputs, got one of one input"
+        ValueError,
+        match=r"bla must be an nlfrf\.Bla of several inputs or outputs, got one of one input",
     ):
         robust.fit_nominal([bla, measured(LOW, 1)], n_poles=2)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", nlfrf.DataWarning)
-        ms = nlfrf.multisine("random-odd", fs=512, n_samples=512, f_min=2, f_max=100, n_inputs=2, rng=1)
+        ms = nlfrf.multisine(
+            "random-odd", fs=512, n_samples=512, f_min=2, f_max=100, n_inputs=2, rng=1
+        )
         u = np.repeat(ms.u[:, :, None], 2, axis=2)
-        other = nlfrf.identify(nlfrf.Record(u=u, y=u + 0.1 * u**3, fs=512, lines=ms.lines, inputs=("a", "b")))
-    with pytest.raises(ValueError, match="bla must be matrices of the same inputs, got Fx, Fy and a, b"):
+        other = nlfrf.identify(
+            nlfrf.Record(u=u, y=u + 0.1 * u**3, fs=512, lines=ms.lines, inputs=("a", "b"))
+        )
+    with pytest.raises(
+        ValueError, match="bla must be matrices of the same inputs, got Fx, Fy and a, b"
+    ):
         robust.fit_nominal([measured(LOW, 1), other], n_poles=2)

@@ -1,4 +1,6 @@
-"""Sets of plants of several inputs and outputs: what they hold, what breaks them, verdicts against brute force."""
+"""Sets of plants of several inputs and outputs: what they hold, what breaks them, verdicts against
+brute force.
+"""
 
 from dataclasses import replace
 
@@ -23,13 +25,22 @@ def number(x):
 def made(form, G, left, right, **more):
     radius = np.repeat(np.abs([w.D[0, 0] for w in (*left, *right)])[:, None], 2, axis=1)
     return UncertaintyModel(
-        nominal=G, form=form, left=left, right=right, omega=OMEGA, radius=radius, confidence=0.95, **more
+        nominal=G,
+        form=form,
+        left=left,
+        right=right,
+        omega=OMEGA,
+        radius=radius,
+        confidence=0.95,
+        **more,
     )
 
 
 def plant(n=2):
     rng = np.random.default_rng(1)
-    return control.StateSpace(-np.diag([1.0, 2, 3]), rng.normal(size=(3, n)), rng.normal(size=(n, 3)), np.zeros((n, n)))
+    return control.StateSpace(
+        -np.diag([1.0, 2, 3]), rng.normal(size=(3, n)), rng.normal(size=(n, 3)), np.zeros((n, n))
+    )
 
 
 def test_the_forms_are_what_they_say():
@@ -48,9 +59,13 @@ def test_the_forms_are_what_they_say():
     np.testing.assert_allclose(entries, H + np.array([[0.1, 0.075], [-0.1, 0.4]]), rtol=1e-12)
 
 
-@pytest.mark.parametrize(("form", "n_y", "n_u"), [("additive", 2, 3), ("input", 2, 2), ("elements", 1, 2)])
+@pytest.mark.parametrize(
+    ("form", "n_y", "n_u"), [("additive", 2, 3), ("input", 2, 2), ("elements", 1, 2)]
+)
 def test_it_holds_what_is_at_most_one_away(form, n_y, n_u):
-    """Plants far inside, far outside and beside the limit, where the Frobenius norm decides and where it does not."""
+    """Plants far inside, far outside and beside the limit, where the Frobenius norm decides and
+    where it does not.
+    """
     rng = np.random.default_rng(0)
     left = () if form == "elements" else tuple(map(number, (0.3, 0.1)))
     G = control.StateSpace([], [], [], rng.normal(size=(n_y, n_u)))
@@ -59,7 +74,9 @@ def test_it_holds_what_is_at_most_one_away(form, n_y, n_u):
     deviation = rng.normal(size=(500, 2, n_y, n_u)) + 1j * rng.normal(size=(500, 2, n_y, n_u))
     wanted = 3 * rng.random((500, 2))
     wanted[::2] = 1 + rng.choice([-1e-6, 1e-6], (250, 2))
-    deviation *= (wanted / model.normalized_distance(OMEGA, nominal + deviation, nominal))[..., None, None]
+    deviation *= (wanted / model.normalized_distance(OMEGA, nominal + deviation, nominal))[
+        ..., None, None
+    ]
     np.testing.assert_array_equal(model.is_within(OMEGA, nominal + deviation, nominal), wanted <= 1)
 
 
@@ -70,10 +87,14 @@ def test_conditions_of_the_full_blocks_are_those_of_the_book():
     W_l, W_r, H, k = np.diag([0.3, 0.1]), np.diag([0.5, 2.0]), G(s), K.D
     S = np.linalg.inv(np.eye(2) + H @ k)
     found = made("additive", G, left, right).loop(K).loop(s)
-    np.testing.assert_allclose(np.linalg.svd(found)[1], np.linalg.svd(W_r @ k @ S @ W_l)[1], rtol=1e-10)
+    np.testing.assert_allclose(
+        np.linalg.svd(found)[1], np.linalg.svd(W_r @ k @ S @ W_l)[1], rtol=1e-10
+    )
     T_i = k @ H @ np.linalg.inv(np.eye(2) + k @ H)
     found = made("input", G, left, right).loop(K).loop(s)
-    np.testing.assert_allclose(np.linalg.svd(found)[1], np.linalg.svd(W_r @ T_i @ W_l)[1], rtol=1e-10)
+    np.testing.assert_allclose(
+        np.linalg.svd(found)[1], np.linalg.svd(W_r @ T_i @ W_l)[1], rtol=1e-10
+    )
 
 
 def test_performance_is_the_weighted_sensitivity():
@@ -122,7 +143,9 @@ def test_the_breaking_plant_replays():
 
 
 def stage_frm(noise=0.02, seed=1):
-    ms = nlfrf.multisine("random-odd", fs=100, n_samples=1000, f_min=0.1, f_max=30, n_inputs=2, rng=seed)
+    ms = nlfrf.multisine(
+        "random-odd", fs=100, n_samples=1000, f_min=0.1, f_max=30, n_inputs=2, rng=seed
+    )
     A = control.StateSpace(
         [[0, 1, 0, 0], [-400, -4, 0, 0], [0, 0, 0, 1], [0, 0, -2500, -6]],
         [[0, 0], [400, 50], [0, 0], [100, 2500]], [[1, 0, 0.2, 0], [0.1, 0, 1, 0]], np.zeros((2, 2)),
@@ -142,10 +165,15 @@ def test_a_nominal_of_records_is_found_when_it_is_left_out():
     frm, truth = stage_frm()
     model = robust.uncertainty([frm], form="elements", order=2, above="flat")
     away = model.normalized_distance(
-        frm.omega, np.moveaxis(truth(np.exp(1j * frm.omega * 0.01)), 2, 0), np.moveaxis(model.at(frm.omega), 2, 0)
+        frm.omega,
+        np.moveaxis(truth(np.exp(1j * frm.omega * 0.01)), 2, 0),
+        np.moveaxis(model.at(frm.omega), 2, 0),
     )
     assert np.mean(away <= 1) > 0.9
-    with pytest.raises(ValueError, match="nominal must be given, except for plants or records with several channels"):
+    with pytest.raises(
+        ValueError,
+        match="nominal must be given, except for plants or records with several channels",
+    ):
         robust.uncertainty(frm.entry(0, 0))
 
 
@@ -158,12 +186,20 @@ def test_from_a_measured_matrix_to_a_verdict(form):
     # the truth lies in the set on nearly every line
     z = np.exp(1j * frm.omega * 0.01)
     apart = np.moveaxis(truth(z) - model.nominal(z), 2, 0)
-    gains = np.array([np.abs(w(z, squeeze=True)) * np.ones(z.size) for w in (*model.left, *model.right)])
+    gains = np.array(
+        [np.abs(w(z, squeeze=True)) * np.ones(z.size) for w in (*model.left, *model.right)]
+    )
     if form == "elements":
         inside = np.all(np.abs(apart) < gains.reshape(2, 2, -1).transpose(2, 1, 0), axis=(1, 2))
     else:
-        apart = np.linalg.solve(np.moveaxis(model.nominal(z), 2, 0), apart) if form == "input" else apart
-        inside = np.linalg.norm(apart / gains[:2].T[:, :, None] / gains[2:].T[:, None], 2, (1, 2)) < 1
+        apart = (
+            np.linalg.solve(np.moveaxis(model.nominal(z), 2, 0), apart)
+            if form == "input"
+            else apart
+        )
+        inside = (
+            np.linalg.norm(apart / gains[:2].T[:, :, None] / gains[2:].T[:, None], 2, (1, 2)) < 1
+        )
     assert inside.mean() > 0.95
     K = control.StateSpace([], [], [], 0.1 * np.eye(2), 0.01)
     report = robust.check(model, K)
@@ -176,7 +212,9 @@ def test_from_a_measured_matrix_to_a_verdict(form):
 
 @pytest.mark.attack
 def test_two_forms_may_be_tried_for_their_price(tmp_path):
-    """Both sets at (1 + p)/2, wider by the quantiles; the report is that of the better, at p, after a file as well."""
+    """Both sets at (1 + p)/2, wider by the quantiles; the report is that of the better, at p, after
+    a file as well.
+    """
     frm, _ = stage_frm()
     fit = robust.fit_nominal(frm, n_poles=4, dt=0.01)
     options = {"order": 2, "above": "flat"}
@@ -187,40 +225,60 @@ def test_two_forms_may_be_tried_for_their_price(tmp_path):
     again = robust.load(tmp_path / "m.json")
     np.testing.assert_array_equal(again.alternative_form.radius, model.alternative_form.radius)
     assert str(again) == str(model)
-    alone = {form: robust.uncertainty(frm, fit, form=form, **options) for form in ("elements", "additive")}
-    wider = [one.radius[:2].mean() / alone[one.form].radius[:2].mean() for one in (model, model.alternative_form)]
+    alone = {
+        form: robust.uncertainty(frm, fit, form=form, **options)
+        for form in ("elements", "additive")
+    }
+    wider = [
+        one.radius[:2].mean() / alone[one.form].radius[:2].mean()
+        for one in (model, model.alternative_form)
+    ]
     assert all(1.02 < ratio < 1.2 for ratio in wider), wider
-    # one channel of the controller alone: entries; all channels alike: the better of both, whichever
+    # one channel of the controller alone: entries; all channels alike: the better of both,
+    # whichever
     for gains in (np.diag([0.3, 0.0]), 0.3 * np.eye(2)):
         K = control.StateSpace([], [], [], gains, 0.01)
         report = robust.check(again, K)
         each = {
-            one.form: robust.check(replace(one, alternative_form=None), K) for one in (model, model.alternative_form)
+            one.form: robust.check(replace(one, alternative_form=None), K)
+            for one in (model, model.alternative_form)
         }
         best = max(each, key=lambda form: each[form].margins.rs)
         assert report.margins.rs == pytest.approx(each[best].margins.rs, rel=1e-6)
         assert f"{best} gives most" in report.reason
         assert "with 95 % probability" in "; ".join(report.confidence)
-    with pytest.raises(ValueError, match=r"alternative_form must have confidence 0\.975 as this set, got 0\.95"):
+    with pytest.raises(
+        ValueError, match=r"alternative_form must have confidence 0\.975 as this set, got 0\.95"
+    ):
         replace(model, alternative_form=alone["additive"])
 
 
 def test_refusals():
     G, w = plant(), (number(0.1),) * 2
-    with pytest.raises(ValueError, match="left and right must hold 0 and 4 weights for the elements form, got 2 and 2"):
+    with pytest.raises(
+        ValueError,
+        match="left and right must hold 0 and 4 weights for the elements form, got 2 and 2",
+    ):
         made("elements", G, w, w)
     wide = control.StateSpace(G.A, G.B, G.C[:1], np.zeros((1, 2)))
-    with pytest.raises(ValueError, match="form must be elements or additive for a plant that is not square"):
+    with pytest.raises(
+        ValueError, match="form must be elements or additive for a plant that is not square"
+    ):
         made("input", wide, w, w)
     model = made("additive", G, w, w)
     covered = np.array([[0.1, 0.1], [0.2, 0.2], [0.1, 0.1], [0.1, 0.1]])
     with pytest.raises(
-        ValueError, match="K must have 2 inputs and 2 outputs, one for each output and input of the plant"
+        ValueError,
+        match="K must have 2 inputs and 2 outputs, one for each output and input of the plant",
     ):
         robust.check(model, control.ss([], [], [], [[1.0]]))
     with pytest.raises(ValueError, match="model must filter its perturbation before the sampler"):
-        robust.check(model, control.StateSpace(-0.5 * np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), 0.1))
-    with pytest.raises(ValueError, match=r"left\[1\] must cover its radius, .* got a ratio of 0\.5 at 1 rad"):
+        robust.check(
+            model, control.StateSpace(-0.5 * np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), 0.1)
+        )
+    with pytest.raises(
+        ValueError, match=r"left\[1\] must cover its radius, .* got a ratio of 0\.5 at 1 rad"
+    ):
         UncertaintyModel(
             nominal=G, form="additive", left=w, right=w, omega=OMEGA, radius=covered, confidence=0.95
         )  # fmt: skip
@@ -230,7 +288,8 @@ def test_refusals():
         robust.analysis.breaking_perturbation(model, control.ss([], [], [], -100 * np.eye(2)))
     frm, _ = stage_frm()
     with pytest.raises(
-        ValueError, match="form must be one of 'elements', 'additive', 'input', 'auto', got 'inverse-additive'"
+        ValueError,
+        match="form must be one of 'elements', 'additive', 'input', 'auto', got 'inverse-additive'",
     ):
         robust.uncertainty(frm, G, form="inverse-additive")
     with pytest.raises(ValueError, match="nominal must have 2 outputs and 2 inputs, as the record"):

@@ -1,4 +1,6 @@
-"""Whether a plant lies in a set at every frequency, by exact polynomials, against responses on dense grids."""
+"""Whether a plant lies in a set at every frequency, by exact polynomials, against responses on
+dense grids.
+"""
 
 import control
 import numpy as np
@@ -38,7 +40,9 @@ def around(G, form, size=0.25, other=1.0):
 
 @pytest.mark.parametrize("form", [*BLOCK_FORMS, "elements"])
 def test_the_largest_delta_is_that_of_a_dense_grid_and_decides(form):
-    """A light zero is moved by some of its width; strictly proper plants have no inverse-additive deviation."""
+    """A light zero is moved by some of its width; strictly proper plants have no inverse-additive
+    deviation.
+    """
     lift = control.ss([], [], [], 0.2 * np.eye(2)) if form == "inverse-additive" else 0 * np.eye(2)
     G = control.ss(pair(zeros_at(2.0, 0.01), LAG) + lift)
     G_p = control.ss(pair(zeros_at(2.01, 0.012), LAG, (1.05, 0.95), seed=1) + lift)
@@ -56,7 +60,11 @@ def test_the_largest_delta_is_that_of_a_dense_grid_and_decides(form):
 @pytest.mark.parametrize("form", ["input", "output", "inverse-input", "inverse-output"])
 def test_poles_and_zeros_on_the_axis_at_zero_and_at_infinity_are_no_obstacle(form):
     """Integrator, undamped pair and undamped zero in random coordinates: 10 % of gain is 10 %."""
-    for one in (control.tf([1], [1, 0]), control.tf([1], [1, 0, 4]), control.tf([1, 0, 4], [1, 3, 3, 1])):
+    for one in (
+        control.tf([1], [1, 0]),
+        control.tf([1], [1, 0, 4]),
+        control.tf([1, 0, 4], [1, 3, 3, 1]),
+    ):
         G, near, far = (pair(one, LAG, (k, k), seed) for seed, k in enumerate((1.0, 1.1, 1.3)))
         model = around(G, form, 0.12)
         assert model.contains(near)
@@ -85,14 +93,18 @@ def test_a_deviation_may_be_unstable_where_poles_are_as_many():
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("dt", [0.0, 0.01])
 def test_one_channel_says_what_its_form_says(form, dt):
-    """A plant on the rim of the set lies inside, one beyond it or with a resonance between the lines does not."""
+    """A plant on the rim of the set lies inside, one beyond it or with a resonance between the
+    lines does not.
+    """
     G, w = control.ss(LAG), control.tf([0.2], [1])
     mode = control.ss(control.tf([0.005 * 25], [1, 2e-4 * 5, 25]))
     if dt:
         G, mode = (control.sample_system(x, dt, "bilinear") for x in (G, mode))
         w = control.ss([], [], [], [[0.2]], dt)
     model = robust.UncertaintyModel(G, w, form, np.array([0.1, 1.0, 3.0, 10.0]), perturbation="LTI")
-    inside, beyond = (model.perturbed(control.ss([], [], [], [[size]], dt)) for size in (0.999, 1.02))
+    inside, beyond = (
+        model.perturbed(control.ss([], [], [], [[size]], dt)) for size in (0.999, 1.02)
+    )
     assert model.contains(inside)
     assert not model.contains(beyond)
     assert np.all(model.distance(G - mode) < 0.9)
@@ -110,17 +122,17 @@ def test_a_system_beside_an_frf_is_held_between_the_lines_too(form):
     assert model.contains(resonant)
     near = 5 * (1 + 1e-2 * np.linspace(-5, 5, 2001))
     assert model.normalized_distance(near, resonant(1j * near), LAG(1j * near)).max() <= 1
-    with pytest.raises(ValueError, match="an inverse if the number of poles in the right half plane differs"):
+    with pytest.raises(
+        ValueError, match="an inverse if the number of poles in the right half plane differs"
+    ):
         robust.uncertainty([frf, control.tf([1], [1, -1])], LAG, form="multiplicative")
 
 
 def test_systems_of_several_channels_beside_frfs_are_held_between_their_lines():
     omega = np.geomspace(0.1, 30, 25)
     G = pair(zeros_at(2.0, 0.05), LAG)
-    frf, moved = (
-        control.frd(pair(zeros_at(2.0, 0.05), LAG, (1.2, 1.1))(1j * omega), omega),
-        pair(zeros_at(2.01, 0.04), LAG),
-    )
+    frf = control.frd(pair(zeros_at(2.0, 0.05), LAG, (1.2, 1.1))(1j * omega), omega)
+    moved = pair(zeros_at(2.01, 0.04), LAG)
     model = robust.uncertainty([moved, frf], G, form="output", perturbation="LTI")
     assert "FRFs at their 25 lines and systems at all frequencies" in model.origin.source
     assert model.contains(moved)

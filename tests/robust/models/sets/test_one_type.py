@@ -1,4 +1,6 @@
-"""One type for any number of channels: what holds for one holds for several, in memory and in files."""
+"""One type for any number of channels: what holds for one holds for several, in memory and in
+files.
+"""
 
 from dataclasses import fields
 
@@ -17,17 +19,28 @@ G = control.append(LAG, 0.5 * LAG) + control.ss([], [], [], [[0, 0.1], [0.05, 0]
 
 def record(n_inputs, seed=1):
     """A plant of one or two channels with a weak cube, on a random-odd grid."""
-    ms = nlfrf.multisine("random-odd", fs=256, n_samples=512, f_min=2, f_max=60, n_inputs=n_inputs, rng=seed)
+    ms = nlfrf.multisine(
+        "random-odd", fs=256, n_samples=512, f_min=2, f_max=60, n_inputs=n_inputs, rng=seed
+    )
     u = np.repeat(np.atleast_3d(ms.u).reshape(n_inputs, -1, 1, 512), 2, axis=2)
     plant = G if n_inputs > 1 else LAG
     spectrum = np.fft.rfft(u + 0.03 * u**3)
     frf = response_by_channel(plant, 2 * np.pi * np.arange(257) / 2)
     y = np.fft.irfft(np.einsum("jik,impk->jmpk", frf, spectrum), 512)
     y += 3e-3 * y.std() * np.random.default_rng(seed).standard_normal(y.shape)
-    return nlfrf.Record(u=u, y=y, fs=256, lines=ms.lines, inputs=("Fx", "Fy")[:n_inputs], outputs=("x", "y")[:n_inputs])
+    return nlfrf.Record(
+        u=u,
+        y=y,
+        fs=256,
+        lines=ms.lines,
+        inputs=("Fx", "Fy")[:n_inputs],
+        outputs=("x", "y")[:n_inputs],
+    )
 
 
-@pytest.fixture(scope="module", params=["multiplicative", "coprime", "elements", "additive", "auto"])
+@pytest.fixture(
+    scope="module", params=["multiplicative", "coprime", "elements", "additive", "auto"]
+)
 def model(request):
     several = request.param in ("elements", "additive", "auto")
     bla = nlfrf.identify(record(2 if several else 1), transient="none")
@@ -45,9 +58,13 @@ def equal(one, other):
     if isinstance(one, tuple):
         return len(one) == len(other) and all(map(equal, one, other))
     if isinstance(one, control.StateSpace):
-        return one.dt == other.dt and all(np.array_equal(getattr(one, m), getattr(other, m)) for m in "ABCD")
+        return one.dt == other.dt and all(
+            np.array_equal(getattr(one, m), getattr(other, m)) for m in "ABCD"
+        )
     if isinstance(one, dict):
-        return one.keys() == other.keys() and all(equal(part, other[name]) for name, part in one.items())
+        return one.keys() == other.keys() and all(
+            equal(part, other[name]) for name, part in one.items()
+        )
     if isinstance(one, RecordSummary | Origin | JointProbability | robust.UncertaintyModel):
         return all(equal(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
     if isinstance(one, np.ndarray | float):
@@ -58,7 +75,9 @@ def equal(one, other):
 def test_every_field_comes_back_from_a_file(model, tmp_path):
     robust.save(model, tmp_path / "m.json")
     back = robust.load(tmp_path / "m.json")
-    different = [f.name for f in fields(model) if not equal(getattr(model, f.name), getattr(back, f.name))]
+    different = [
+        f.name for f in fields(model) if not equal(getattr(model, f.name), getattr(back, f.name))
+    ]
     assert not different
     robust.save(back, tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "m.json").read_bytes()
@@ -78,7 +97,10 @@ def test_plants_of_a_set_are_in_it_and_far_ones_are_not(model):
         assert model.contains(plant)
     assert model.distance(model.nominal).max() < 1e-9
     assert not model.contains(3 * model.nominal)
-    assert (model.inputs, model.outputs) == (("Fx", "Fy")[: model.n_inputs], ("x", "y")[: model.n_outputs])
+    assert (model.inputs, model.outputs) == (
+        ("Fx", "Fy")[: model.n_inputs],
+        ("x", "y")[: model.n_outputs],
+    )
 
 
 @pytest.mark.parametrize(
@@ -93,7 +115,8 @@ def test_a_matrix_of_one_entry_is_a_set_of_one_channel(form, left, right, single
     """With the plants that it had: G + w_l Delta w_r and G (1 + w_l Delta w_r)."""
     omega, size = np.array([1.0, 5.0]), float(np.prod([*left, *right]))
     weights = {
-        side: tuple(control.ss([], [], [], [[x]]) for x in xs) for side, xs in (("left", left), ("right", right))
+        side: tuple(control.ss([], [], [], [[x]]) for x in xs)
+        for side, xs in (("left", left), ("right", right))
     }
     radius = np.array([[x, x] for x in (*left, *right)])
     one = robust.UncertaintyModel(nominal=LAG, form=form, omega=omega, radius=radius, **weights)
@@ -109,7 +132,9 @@ def test_what_only_several_channels_have_names_what_to_take(model):
     if not model.is_single:
         return
     for call in (model.open_loop, lambda: model.entry_radius(model.omega), lambda: model.loop(1.0)):
-        with pytest.raises(ValueError, match=r"model must have several channels to .*, got one input"):
+        with pytest.raises(
+            ValueError, match=r"model must have several channels to .*, got one input"
+        ):
             call()
 
 

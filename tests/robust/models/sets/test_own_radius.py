@@ -16,7 +16,9 @@ UNSCALED = [name for name, row in FORMS.items() if not row.depends_on_units]
 def plants(n=5):
     """Lags whose gain and time constant are up to 10 % off."""
     rng = np.random.default_rng(3)
-    return [control.tf([2 * rng.uniform(0.9, 1.1)], [0.2 * rng.uniform(0.9, 1.1), 1]) for _ in range(n)]
+    return [
+        control.tf([2 * rng.uniform(0.9, 1.1)], [0.2 * rng.uniform(0.9, 1.1), 1]) for _ in range(n)
+    ]
 
 
 @pytest.mark.parametrize("form", UNSCALED)
@@ -24,7 +26,10 @@ def test_the_set_holds_every_plant_of_a_list_and_touches_one(form):
     frfs = [control.frd(plant, OMEGA) for plant in plants()]
     model = robust.uncertainty(frfs, NOMINAL, form=form, order=3)
     assert all(model.contains(frf) for frf in frfs)
-    away = [np.abs(FORMS[form].deviation(np.squeeze(p(1j * OMEGA)), np.squeeze(NOMINAL(1j * OMEGA)))) for p in plants()]
+    away = [
+        np.abs(FORMS[form].deviation(np.squeeze(p(1j * OMEGA)), np.squeeze(NOMINAL(1j * OMEGA))))
+        for p in plants()
+    ]
     assert model.radius == pytest.approx(np.max(away, axis=0), rel=1e-9)
     assert np.isnan(model.confidence)
     assert model.perturbation == "statistical"  # "LTI" is for the user to claim
@@ -33,7 +38,9 @@ def test_the_set_holds_every_plant_of_a_list_and_touches_one(form):
 
 def test_systems_are_taken_at_the_lines_of_the_frfs_beside_them():
     first, *rest = plants()
-    model = robust.uncertainty([control.frd(first, OMEGA), *rest], NOMINAL, perturbation="LTI", order=3)
+    model = robust.uncertainty(
+        [control.frd(first, OMEGA), *rest], NOMINAL, perturbation="LTI", order=3
+    )
     assert model.perturbation == "LTI"
     assert all(model.contains(plant) for plant in rest)
     assert robust.check(model, 1.0).verdict == "robust"

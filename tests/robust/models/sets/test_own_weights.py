@@ -1,4 +1,6 @@
-"""Sets of several channels from weights of the user, and interconnections: the call that works is in each refusal."""
+"""Sets of several channels from weights of the user, and interconnections: the call that works is
+in each refusal.
+"""
 
 import control
 import numpy as np
@@ -20,14 +22,18 @@ SCALES = {
 
 @pytest.mark.parametrize("form", SCALES)
 def test_the_call_that_a_refusal_names_makes_the_set(form):
-    with pytest.raises(ValueError, match="left and right must be the weights for a plant with 2 outputs by 2") as stop:
+    with pytest.raises(
+        ValueError, match="left and right must be the weights for a plant with 2 outputs by 2"
+    ) as stop:
         UncertaintyModel(G, 0.2, form)
     call = str(stop.value).rpartition(": ")[2]
     assert SCALES[form] in call
     model = eval(call, {"UncertaintyModel": UncertaintyModel, "G": G, "w": 0.2, "omega": OMEGA})
     assert model.form == form
     np.testing.assert_array_equal(model.radius[:, 0], [w.D[0, 0] for w in model.weights])
-    with pytest.raises(ValueError, match="bla must be a measured Bla for a nominal of 2 outputs by 2 inputs") as stop:
+    with pytest.raises(
+        ValueError, match="bla must be a measured Bla for a nominal of 2 outputs by 2 inputs"
+    ) as stop:
         robust.uncertainty([0.2, 0.2], G, form=form)
     assert str(stop.value).endswith(call)
 
@@ -38,8 +44,12 @@ def test_a_plant_that_is_not_square_is_sent_to_the_additive_form():
 
 
 def test_twenty_per_cent_an_input_by_hand():
-    """With all inputs perturbed together mu is 0.2 times the largest singular value of T at the input."""
-    model = UncertaintyModel(G, form="input", left=(0.2, 0.2), right=(1, 1), omega=OMEGA, perturbation="LTI")
+    """With all inputs perturbed together mu is 0.2 times the largest singular value of T at the
+    input.
+    """
+    model = UncertaintyModel(
+        G, form="input", left=(0.2, 0.2), right=(1, 1), omega=OMEGA, perturbation="LTI"
+    )
     K = control.ss([], [], [], 3 * np.eye(2))
     D = np.array([[1.0, 0.3], [0.2, 1.0]])
     T = 3 * D @ np.linalg.inv(np.eye(2) + 3 * D)  # at zero frequency, where it is largest
@@ -58,7 +68,9 @@ def test_the_signals_of_an_interconnection_keep_their_names():
     system = lag_with_block(K, inputs="u", outputs="y")
     assert (system.N.input_labels, system.N.output_labels) == (["gain:u", "u"], ["gain:u", "y"])
     assert (system.loop.input_labels, system.loop.output_labels) == (["gain:u"], ["gain:u"])
-    assert upper_lft(system.N, control.ss([], [], [], [[1.0]])).poles() == pytest.approx([-7.0])  # s + 1 + 4 (1 + 0.5)
+    assert upper_lft(system.N, control.ss([], [], [], [[1.0]])).poles() == pytest.approx(
+        [-7.0]
+    )  # s + 1 + 4 (1 + 0.5)
 
 
 def test_an_open_loop_is_designed_for_and_takes_the_part_that_its_refusal_names():
@@ -70,12 +82,17 @@ def test_an_open_loop_is_designed_for_and_takes_the_part_that_its_refusal_names(
     weight = control.ss([], [], [], [[0.4]], inputs="y", outputs="z")
     lag = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["u", "d"], outputs="y")
     system = interconnection(
-        [lag, through, minus, weight], {"gain": Block("u", "u", 0.5)}, inputs=["d", "u_in"], outputs=["z", "e"]
+        [lag, through, minus, weight],
+        {"gain": Block("u", "u", 0.5)},
+        inputs=["d", "u_in"],
+        outputs=["z", "e"],
     )
     found = dk_iteration(system, n_y=1, n_u=1, n_rounds=1)
     by_hand = dk_iteration(system.N, [(1, 1), (1, 1)], 1, 1, n_rounds=1)
     assert found.mu == by_hand.mu < 1
-    with pytest.raises(ValueError, match="n_y and n_u must be the number of last outputs, of z, e, that K reads"):
+    with pytest.raises(
+        ValueError, match="n_y and n_u must be the number of last outputs, of z, e, that K reads"
+    ):
         dk_iteration(system)
     with pytest.raises(ValueError, match="blocks must be left out for an interconnection"):
         dk_iteration(system, [(1, 1)], 1, 1)
@@ -88,6 +105,8 @@ def test_what_takes_no_interconnection_names_what_does(tmp_path):
         lambda: robust.worst_case(system, 1.0),
         lambda: robust.reports.write_report(tmp_path / "r.html", system, 1.0),
     ):
-        with pytest.raises(ValueError, match=r"got an UncertainSystem: use check_structure\(system\)"):
+        with pytest.raises(
+            ValueError, match=r"got an UncertainSystem: use check_structure\(system\)"
+        ):
             call()
     assert robust.analysis.check_structure(system).margins.worst is not None

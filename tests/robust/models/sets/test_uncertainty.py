@@ -1,4 +1,6 @@
-"""Uncertainty models: the radius in closed form, its budget, the four forms, sampling, and another day's record."""
+"""Uncertainty models: the radius in closed form, its budget, the four forms, sampling, and another
+day's record.
+"""
 
 import control
 import numpy as np
@@ -27,7 +29,9 @@ def exact(**sigmas):
 
 
 def test_radius_is_f_quantile_times_the_scatter_of_a_new_realisation():
-    """sqrt(F_p (var_total + var_distortion)), F_0.95 = 1.97^2 at six degrees of freedom; no misfit, by making."""
+    """sqrt(F_p (var_total + var_distortion)), F_0.95 = 1.97^2 at six degrees of freedom; no misfit,
+    by making.
+    """
     bla = exact(sigma_distortion=0.1 * SIZE)
     model = uncertainty(bla, NOMINAL, even=False)
     quantile = 6 * (0.05 ** (-1 / 6) - 1)
@@ -39,7 +43,8 @@ def test_budget_adds_up_and_shares_by_variance():
     bla = exact(sigma_noise=0.02 * SIZE, sigma_distortion=0.1 * SIZE, sigma_even=0.05 * SIZE)
     model = uncertainty(bla, NOMINAL)
     assert np.sum(list(model.budget.values()), axis=0) == pytest.approx(model.radius, rel=1e-9)
-    # noise once (in G), distortion in G and in the new realisation, even once; the split is told to a percent
+    # noise once (in G), distortion in G and in the new realisation, even once; the split is told to
+    # a percent
     variances = np.array([0.02**2, 2 * 0.1**2, 0.05**2])
     for name, share in zip(("noise", "odd", "even"), variances / variances.sum(), strict=True):
         assert model.budget[name] / model.radius == pytest.approx(share, rel=0.015)
@@ -47,7 +52,9 @@ def test_budget_adds_up_and_shares_by_variance():
 
 
 def test_misfit_is_not_counted_twice_and_not_missed():
-    """A nominal 20 % too small: the radius is the offset plus the scatter; one that fits adds next to nothing."""
+    """A nominal 20 % too small: the radius is the offset plus the scatter; one that fits adds next
+    to nothing.
+    """
     wrong = control.ss(control.tf([0.8e4], [1, 30, W0**2]))
     offset, clean = [], []
     for seed in range(10):
@@ -59,7 +66,9 @@ def test_misfit_is_not_counted_twice_and_not_missed():
 
 
 def test_a_narrow_misfit_is_seen():
-    two = control.ss(control.tf([1e4], [1, 30, W0**2])) + control.ss(control.tf([40.0], [1, 2, (2 * np.pi * 30) ** 2]))
+    two = control.ss(control.tf([1e4], [1, 30, W0**2])) + control.ss(
+        control.tf([40.0], [1, 2, (2 * np.pi * 30) ** 2])
+    )
     bla = make_bla(response(two, OMEGA), F, f0=0.25, sigma_distortion=0.01 * SIZE, rng=0)
     model = uncertainty(bla, NOMINAL, order=6)
     true_error = np.abs(response(two, OMEGA) - plant(1j * OMEGA)) / SIZE
@@ -105,7 +114,9 @@ def test_samples_of_an_frf_model_are_frfs():
 
 
 def test_inverse_forms_are_refused_where_the_radius_reaches_the_gain():
-    with pytest.raises(ValueError, match="form must be multiplicative or additive if the radius reaches"):
+    with pytest.raises(
+        ValueError, match="form must be multiplicative or additive if the radius reaches"
+    ):
         uncertainty(exact(sigma_distortion=0.5 * SIZE), NOMINAL, form="inverse-multiplicative")
 
 
@@ -144,8 +155,12 @@ def test_extrapolation_rules():
     radius = flat.radius[-1]
     assert np.abs(response(flat.weight, OMEGA[-1:] * 100)) < 1.1 * radius
     for decades in (0.5, 1.0, 2.0):
-        assert np.abs(response(rising.weight, OMEGA[-1:] * 10**decades)) >= radius * 10**decades * (1 - 1e-9)
-        assert np.abs(response(both.weight, OMEGA[:1] / 10**decades)) >= radius * 10 ** (decades / 2) * (1 - 1e-9)
+        assert np.abs(response(rising.weight, OMEGA[-1:] * 10**decades)) >= radius * 10**decades * (
+            1 - 1e-9
+        )
+        assert np.abs(response(both.weight, OMEGA[:1] / 10**decades)) >= radius * 10 ** (
+            decades / 2
+        ) * (1 - 1e-9)
     assert "rising 20 dB/decade" in rising.origin.extrapolation
     assert np.abs(rising.weight.dcgain()) >= radius
 
@@ -170,9 +185,11 @@ def test_the_delay_of_a_fit_goes_into_the_nominal():
 
 @pytest.mark.parametrize("n", [20, pytest.param(60, marks=pytest.mark.attack)])
 def test_coverage_of_another_realisation(n):
-    """Per line at 95 %, over many pairs of records: a new realisation lies in the radius at least 93 % of the time.
+    """Per line at 95 %, over many pairs of records: a new realisation lies in the radius at least
+    93 % of the time.
 
-    About a fitted nominal it does so nearly always: the fit averages the scatter of G, which the radius still counts.
+    About a fitted nominal it does so nearly always: the fit averages the scatter of G, which the
+    radius still counts.
     """
     inside = []
     for seed in range(n):
@@ -180,7 +197,9 @@ def test_coverage_of_another_realisation(n):
         bla = make_bla(plant, F, f0=0.25, sigma_distortion=sigma, rng=seed)
         model = uncertainty(bla, fit_nominal(bla, n_poles=2, n_zeros=0), even=False, order=1)
         rng = np.random.default_rng(10_000 + seed)
-        new = plant(1j * OMEGA) + sigma * (rng.normal(size=F.size) + 1j * rng.normal(size=F.size)) / np.sqrt(2)
+        new = plant(1j * OMEGA) + sigma * (
+            rng.normal(size=F.size) + 1j * rng.normal(size=F.size)
+        ) / np.sqrt(2)
         deviation = np.abs(new / response(model.nominal, OMEGA) - 1)
         inside.append(np.mean(deviation <= model.radius))
     assert np.mean(inside) > 0.93
@@ -194,7 +213,9 @@ def test_validation_knows_the_same_machine_and_another():
     assert again.p_value > 0.05
     assert again.n_expected == pytest.approx(0.05 * F.size)
     assert again.n_lines == F.size
-    other = validate(model, make_bla(lambda s: 1.5 * plant(s), F, f0=0.25, sigma_distortion=sigma, rng=1))
+    other = validate(
+        model, make_bla(lambda s: 1.5 * plant(s), F, f0=0.25, sigma_distortion=sigma, rng=1)
+    )
     assert other.p_value < 1e-6
     assert other.n_outside == other.omega_outside.size > 20
     with pytest.raises(ValueError, match="bla must have lines inside the band"):
@@ -232,7 +253,10 @@ def test_made_directly_from_its_first_eight_fields():
         ({"confidence": 1.0}, "confidence must lie strictly between 0 and 1"),
         ({"weight": control.tf([1], [1, -1])}, "weight must be stable"),
         ({"weight": control.tf([1, 1], [1])}, "weight must be proper"),
-        ({"weight": control.tf([1.0], [1, 0.5], 0.1)}, "weight must have the sampling time of the nominal"),
+        (
+            {"weight": control.tf([1.0], [1, 0.5], 0.1)},
+            "weight must have the sampling time of the nominal",
+        ),
         ({"nominal": "plant"}, "nominal must be a control.StateSpace"),
         ({"budget": {"odd": np.ones(3)}}, "budget must have one value per frequency in odd"),
     ],

@@ -1,4 +1,6 @@
-"""Units of records, sets and controllers: where two are known and differ, they do not go together."""
+"""Units of records, sets and controllers: where two are known and differ, they do not go
+together.
+"""
 
 from dataclasses import replace
 
@@ -16,7 +18,9 @@ LAG = control.tf([1], [1 / 30, 1])
 
 
 def record(unit_of_u="", unit_of_y=""):
-    bla = make_bla(lambda s: 30 / (s + 30), np.arange(1.0, 21), sigma_noise=0.02, sigma_distortion=0.02, rng=1)
+    bla = make_bla(
+        lambda s: 30 / (s + 30), np.arange(1.0, 21), sigma_noise=0.02, sigma_distortion=0.02, rng=1
+    )
     return replace(bla, input_units=(unit_of_u,), output_units=(unit_of_y,))
 
 
@@ -31,7 +35,9 @@ def record(unit_of_u="", unit_of_y=""):
     ],
 )
 def test_records_in_other_units_do_not_go_together(use):
-    with pytest.raises(ValueError, match=r"bla must be .*mm/A.* got .*m/N|bla must be .* got mm/A and m/N"):
+    with pytest.raises(
+        ValueError, match=r"bla must be .*mm/A.* got .*m/N|bla must be .* got mm/A and m/N"
+    ):
         use(record("A", "mm"), record("N", "m"))
     use(record("A", "µm"), record("A", "um"))
     use(record("A", "mm"), record())

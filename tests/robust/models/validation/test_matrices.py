@@ -1,4 +1,6 @@
-"""A second matrix: the same machine is taken for the same, a changed one for changed, with the probabilities stated."""
+"""A second matrix: the same machine is taken for the same, a changed one for changed, with the
+probabilities stated.
+"""
 
 from dataclasses import replace
 
@@ -38,7 +40,9 @@ def lags(f, gain=1.0, delay=0.0, ratio=1.0):
 
 
 def test_two_records_of_one_machine():
-    """40 pairs of linear machines in white noise on grids of their own: shares and p-values are those stated."""
+    """40 pairs of linear machines in white noise on grids of their own: shares and p-values are
+    those stated.
+    """
     seen = [robust.validate(matrix(2 * e), matrix(2 * e + 1)) for e in range(40)]
     lines = seen[0].n_lines
     # windows share lines and a level weighs pairs: the tolerance is that of a fifth of the lines
@@ -53,9 +57,14 @@ def test_two_records_of_one_machine():
     assert 0.9 < np.median([one.level for one in seen]) < 1.1
 
 
-@pytest.mark.parametrize(("change", "name", "size"), [({"gain": 1.05}, "gain", 0.05), ({"delay": 1e-4}, "delay", 1e-4)])
+@pytest.mark.parametrize(
+    ("change", "name", "size"), [({"gain": 1.05}, "gain", 0.05), ({"delay": 1e-4}, "delay", 1e-4)]
+)
 def test_a_change_that_all_entries_share_is_found(change, name, size):
-    found = [robust.validate(matrix(2 * e), matrix(2 * e + 1, lambda f: lags(f, **change))) for e in range(10)]
+    found = [
+        robust.validate(matrix(2 * e), matrix(2 * e + 1, lambda f: lags(f, **change)))
+        for e in range(10)
+    ]
     assert max(one.p_value for one in found) < 0.01
     assert np.mean([getattr(one, name) for one in found]) == pytest.approx(size, rel=0.15)
 
@@ -86,7 +95,9 @@ def test_noise_of_the_second_record_counts():
 def test_a_set_from_a_file_remembers_its_record(form, tmp_path):
     frm, other = matrix(1), matrix(2)
     nominal = control.append(*[control.ss(control.tf([1.0], [1 / (2 * np.pi * 50), 1.0]))] * 2)
-    model = robust.uncertainty(frm, control.ss(nominal.A, nominal.B, G0 @ nominal.C, np.zeros((2, 2))), form=form)
+    model = robust.uncertainty(
+        frm, control.ss(nominal.A, nominal.B, G0 @ nominal.C, np.zeros((2, 2))), form=form
+    )
     robust.save(model, tmp_path / "m.json")
     back = robust.load(tmp_path / "m.json")
     assert robust.validate(back, frm).p_value == 1.0
@@ -122,41 +133,59 @@ def test_channels_in_another_order_are_refused():
     frm = replace(matrix(1), inputs=("fx", "fy"), outputs=("x", "y"))
     lag = control.tf2ss([1.0], [1 / (2 * np.pi * 50), 1.0])
     both = control.append(lag, lag)
-    model = robust.uncertainty(frm, control.ss(both.A, both.B, G0 @ both.C, np.zeros((2, 2))), form="elements", order=2)
+    model = robust.uncertainty(
+        frm, control.ss(both.A, both.B, G0 @ both.C, np.zeros((2, 2))), form="elements", order=2
+    )
     for first in (frm, model):
-        robust.validate(first, replace(matrix(2), inputs=("fx", "fy")))  # outputs without names of their own
+        robust.validate(
+            first, replace(matrix(2), inputs=("fx", "fy"))
+        )  # outputs without names of their own
         for name, now in (("inputs", ("fy", "fx")), ("outputs", ("y", "x"))):
-            with pytest.raises(ValueError, match=f"bla must be a matrix of the same {name} as the model, "):
+            with pytest.raises(
+                ValueError, match=f"bla must be a matrix of the same {name} as the model, "
+            ):
                 robust.validate(first, replace(frm, **{name: now}))
 
 
 def test_the_fit_of_channels_in_another_order_is_refused():
-    """The nominal of one input stood under the record of another, and the set was as wide as both differ."""
+    """The nominal of one input stood under the record of another, and the set was as wide as both
+    differ.
+    """
     frm = replace(matrix(1), inputs=("fx", "fy"), outputs=("x", "y"))
     fit = robust.fit_nominal(frm, n_poles=2)
     assert (fit.inputs, fit.outputs) == (("fx", "fy"), ("x", "y"))
     robust.uncertainty(matrix(2), fit, form="elements", order=1)
     for name, now in (("inputs", ("fy", "fx")), ("outputs", ("y", "x"))):
-        with pytest.raises(ValueError, match=f"bla must be a matrix of the same {name} as its nominal, "):
+        with pytest.raises(
+            ValueError, match=f"bla must be a matrix of the same {name} as its nominal, "
+        ):
             robust.uncertainty(replace(frm, **{name: now}), fit, form="elements", order=1)
 
 
 def test_refusals():
     frm = matrix(1)
-    with pytest.raises(ValueError, match=r"bla must be an nlfrf.Bla of several inputs or outputs, got"):
+    with pytest.raises(
+        ValueError, match=r"bla must be an nlfrf.Bla of several inputs or outputs, got"
+    ):
         robust.validate(frm, frm.entry(0, 0))
-    with pytest.raises(ValueError, match="bla must have lines inside the band of the model, got none"):
+    with pytest.raises(
+        ValueError, match="bla must have lines inside the band of the model, got none"
+    ):
         robust.validate(frm, replace(frm, f=frm.f + 1e3))
     other = nlfrf.multisine("random-odd", **BAND, n_inputs=3, rng=1)
     u = np.repeat(other.u[:, :, None], 2, axis=2)
     three = nlfrf.identify(nlfrf.Record(u=u, y=u[:2] + 0.01 * u[1:], fs=512, lines=other.lines))
-    with pytest.raises(ValueError, match="bla must have 2 outputs and 2 inputs, as the model, got 2 and 3"):
+    with pytest.raises(
+        ValueError, match="bla must have 2 outputs and 2 inputs, as the model, got 2 and 3"
+    ):
         robust.validate(frm, three)
 
 
 @pytest.mark.parametrize("level", ["300mV", "100mV"])
 def test_the_halves_of_the_mirrors_sets_agree_both_ways(measured, level):
-    """At 100 mV two experiments of the first half were disturbed: its noise is thirty times that of the second half."""
+    """At 100 mV two experiments of the first half were disturbed: its noise is thirty times that of
+    the second half.
+    """
     folder = measured / "fine_steering_mirror"
     u, y = (np.load(folder / f"{name}_{level}_train.npy").transpose(1, 2, 3, 0) for name in "uy")
     lines = nlfrf.signals.LineGrid(excited=np.arange(1600, 2600))

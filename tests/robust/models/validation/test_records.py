@@ -1,4 +1,6 @@
-"""A second record held against a model: p-values on true nulls, power, and what is told of a change."""
+"""A second record held against a model: p-values on true nulls, power, and what is told of a
+change.
+"""
 
 from functools import cache
 
@@ -31,7 +33,11 @@ NOMINAL = control.ss(control.tf([1e4], [1, 30, W0**2]))
 
 def record(seed, scatter=0.05, f=F, **change):
     return make_bla(
-        lambda s: plant(s, **change), f, f0=0.25, sigma_distortion=scatter * np.interp(f, F, SIZE), rng=seed
+        lambda s: plant(s, **change),
+        f,
+        f0=0.25,
+        sigma_distortion=scatter * np.interp(f, F, SIZE),
+        rng=seed,
     )
 
 
@@ -44,13 +50,17 @@ def rig(n_poles):
     """40 pairs of records of the rig with friction, nothing changed, and two changes."""
     rng = np.random.default_rng(5)
     ms, y = harness.played("rig", 80, 150, rng)
-    changes = {name: harness.CHANGES[name] for name in ("nothing", "gain + 3 %", "resonance + 0.5 %")}
+    changes = {
+        name: harness.CHANGES[name] for name in ("nothing", "gain + 3 %", "resonance + 0.5 %")
+    }
     return harness.judged(ms, y, 40, n_poles, None, rng, changes)
 
 
 @pytest.mark.parametrize("frf", [False, True])
 def test_p_values_are_uniform_where_nothing_has_changed(frf):
-    """120 pairs of gaussian records whose levels are estimates themselves; the FRF as nominal is no exception."""
+    """120 pairs of gaussian records whose levels are estimates themselves; the FRF as nominal is no
+    exception.
+    """
     seen = [pair(seed, None if frf else NOMINAL) for seed in range(120)]
     p = np.array([one.p_value for one in seen])
     assert kstest(p, "uniform").pvalue > 0.01
@@ -66,7 +76,9 @@ def test_on_the_rig_it_is_uniform_and_sees_small_changes():
     assert kstest(p["nothing"], "uniform").pvalue > 0.01
     assert np.mean(p["gain + 3 %"] < 0.05) >= 0.8
     assert np.mean(p["resonance + 0.5 %"] < 0.05) >= 0.8
-    gain = np.array([one.gain for one in found["gain + 3 %"]]) - [one.gain for one in found["nothing"]]
+    gain = np.array([one.gain for one in found["gain + 3 %"]]) - [
+        one.gain for one in found["nothing"]
+    ]
     assert np.median(gain) == pytest.approx(0.03, rel=0.1)
 
 
@@ -90,9 +102,12 @@ def test_more_scatter_is_a_matter_of_level_and_not_of_shape():
     """Scatter of the second record four times what it says of itself."""
     p, level, outside = [], [], []
     for seed in range(30):
-        first, said, rough = record(3 * seed), record(3 * seed + 1), record(3 * seed + 2, scatter=0.2)
+        first = record(3 * seed)
+        said = record(3 * seed + 1)
+        rough = record(3 * seed + 2, scatter=0.2)
         model = harness.model_of(first, NOMINAL)
-        # a level over thirteen lines where the FRF is rougher is not believed to be larger than it says
+        # a level over thirteen lines where the FRF is rougher is not believed to be larger than it
+        # says
         liar = nlfrf.Bla(**(vars(said) | {"G": rough.G}))
         seen = validate(model, liar)
         p.append(seen.p_value)
@@ -112,7 +127,9 @@ def test_score_test_is_chi_square_for_known_directions():
     for _ in range(2000):
         z = sizes * (rng.normal(size=80) + 1j * rng.normal(size=80))
         p.append(fit_shape_and_level(x, np.ones(3), z=z)["p_value"])
-    assert kstest(p, "uniform").statistic < 0.06  # 0.03 at 5 %: 80 lines of very different size count for fewer
+    assert (
+        kstest(p, "uniform").statistic < 0.06
+    )  # 0.03 at 5 %: 80 lines of very different size count for fewer
 
 
 def test_the_record_of_the_model_itself_says_nothing():
@@ -134,7 +151,9 @@ def test_other_lines_are_interpolated_and_models_without_a_record_are_exact():
     other = record(11, f=F[::2])
     assert validate(model, other).n_lines == F[::2].size
     assert validate(model, other).p_value > 0.01
-    bare = robust.UncertaintyModel(NOMINAL, 0.5, "multiplicative", 2 * np.pi * F, np.full(F.size, 0.2), 0.95)
+    bare = robust.UncertaintyModel(
+        NOMINAL, 0.5, "multiplicative", 2 * np.pi * F, np.full(F.size, 0.2), 0.95
+    )
     assert validate(bare, record(12)).p_value > 0.01
     assert validate(bare, record(12, gain=1.1)).p_value < 1e-4
     few = validate(uncertainty(record(0), NOMINAL, order=1), record(12, f=F[::20]))
@@ -144,7 +163,9 @@ def test_other_lines_are_interpolated_and_models_without_a_record_are_exact():
 
 @pytest.mark.parametrize("step", [2, 4, 8])
 def test_a_record_on_finer_lines_is_no_other_machine(step):
-    """Read at eight lines between two of its own, the first record scattered as one: p < 0.05 in 90 % of nulls."""
+    """Read at eight lines between two of its own, the first record scattered as one: p < 0.05 in 90
+    % of nulls.
+    """
     seen = []
     for seed in range(80):
         first = record(2 * seed, f=np.arange(1 + step / 2, 480, step) * 0.25)
@@ -167,8 +188,12 @@ def test_each_line_is_read_once():
     between = fine[:-1] + 0.5
     np.testing.assert_array_equal(shared_lines(fine, between), fine[1::2])
     np.testing.assert_array_equal(shared_lines(fine, np.array([3.2, 3.4, 3.6])), [3.2])
-    np.testing.assert_array_equal(shared_lines(np.array([3.2, 3.4, 3.6]), np.array([3.0, 10.0])), [3.2])
-    np.testing.assert_array_equal(shared_lines(np.array([1.0, 5.0]), np.array([2.0, 3.0, 9.0])), [5.0])
+    np.testing.assert_array_equal(
+        shared_lines(np.array([3.2, 3.4, 3.6]), np.array([3.0, 10.0])), [3.2]
+    )
+    np.testing.assert_array_equal(
+        shared_lines(np.array([1.0, 5.0]), np.array([2.0, 3.0, 9.0])), [5.0]
+    )
 
 
 def test_around_an_frf_the_holds_of_two_records_are_held_together():
@@ -180,7 +205,9 @@ def test_around_an_frf_the_holds_of_two_records_are_held_together():
     model = uncertainty(first, robust.frd(first), order=1)
     assert abs(validate(model, second).delay) < 5e-5
     assert validate(model, second).p_value > 0.01
-    with pytest.raises(ValueError, match="bla must have lines of the FRF on which the model is based"):
+    with pytest.raises(
+        ValueError, match="bla must have lines of the FRF on which the model is based"
+    ):
         validate(model, record(3, f=np.arange(10, 400) * 0.3))
 
 
@@ -188,7 +215,9 @@ def test_interpolation_and_slopes_are_exact_where_they_should_be():
     x = np.sort(np.random.default_rng(1).uniform(0, 3, 30))
     np.testing.assert_allclose(local_slope(x, 2 + (3 - 1j) * x + 0.5 * x**2), 3 - 1j + x, rtol=1e-9)
     omega = np.array([1.0, 2.0, 4.0])
-    one = RecordSummary(omega=omega, G=np.exp(1j * omega), variance=omega, scatter=omega, confirmed=1.0)
+    one = RecordSummary(
+        omega=omega, G=np.exp(1j * omega), variance=omega, scatter=omega, confirmed=1.0
+    )
     there = one.on_lines(np.array([1.5, 3.0]))
     np.testing.assert_allclose(there.G, np.exp(1j * there.omega), rtol=1e-12)
     np.testing.assert_allclose(there.variance, [1.5, 3.0])
@@ -198,10 +227,14 @@ def test_the_conclusion_says_what_changed_and_whether_the_set_holds_it():
     """A gain 30 % higher is another shape; the same record is no change."""
     ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
     first, louder = (
-        nlfrf.identify(nlfrf.Record(u=ms.u[None], y=(g * ms.u + 0.02 * ms.u**3)[None], fs=128, lines=ms.lines))
+        nlfrf.identify(
+            nlfrf.Record(u=ms.u[None], y=(g * ms.u + 0.02 * ms.u**3)[None], fs=128, lines=ms.lines)
+        )
         for g in (1.0, 1.3)
     )
     assert str(robust.validate(first, first)).endswith("conclusion: no significant change (at 1 %)")
     assert "the FRF has another shape" in robust.validate(first, louder).conclusion
     model = robust.uncertainty(first, control.tf([1.0], [1]), order=0, above="flat")
-    assert robust.validate(model, louder).conclusion.endswith("the set does not contain every line of this record")
+    assert robust.validate(model, louder).conclusion.endswith(
+        "the set does not contain every line of this record"
+    )

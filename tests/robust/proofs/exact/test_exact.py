@@ -1,4 +1,6 @@
-"""Transfer functions over the rationals: against plain responses, hidden modes kept, hold and delay enclosed."""
+"""Transfer functions over the rationals: against plain responses, hidden modes kept, hold and delay
+enclosed.
+"""
 
 import control
 import numpy as np
@@ -25,31 +27,41 @@ def at(found, s):
 @pytest.mark.parametrize("seed", range(5))
 def test_a_quotient_is_the_response(seed):
     rng = np.random.default_rng(seed)
-    system = control.StateSpace(rng.normal(size=(5, 5)), rng.normal(size=(5, 1)), rng.normal(size=(1, 5)), [[0.3]])
+    system = control.StateSpace(
+        rng.normal(size=(5, 5)), rng.normal(size=(5, 1)), rng.normal(size=(1, 5)), [[0.3]]
+    )
     omega = np.array([0.2, 1.0, 7.0])
     found = transfer_quotient(matrices(system))
-    np.testing.assert_allclose([at(found, 1j * w) for w in omega], tf_response(system, omega), rtol=1e-9)
+    np.testing.assert_allclose(
+        [at(found, 1j * w) for w in omega], tf_response(system, omega), rtol=1e-9
+    )
 
 
 def test_hidden_modes_stay():
     system = control.StateSpace(np.diag([-1.0, 3.0]), [[1.0], [0.0]], [[1.0, 1.0]], [[0.0]])
     found = transfer_quotient(matrices(system))
     assert (
-        found.den - found.num * transfer_quotient(matrices(control.ss([[3.0]], [[0]], [[0]], [[0]]))).den
+        found.den
+        - found.num * transfer_quotient(matrices(control.ss([[3.0]], [[0]], [[0]], [[0]]))).den
     ).degree() == 1
     assert found.den(fmpq(3)) == 0
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.03, 0.1, 0.17, 0.3])
 def test_hold_and_delay_enclose_the_sampled_plant(delay):
-    """Against one long matrix exponential of plant, hold and delay line, and the axis moved by z = (1 + s)/(1 - s)."""
+    """Against one long matrix exponential of plant, hold and delay line, and the axis moved by z =
+    (1 + s)/(1 - s).
+    """
     G = control.ss(control.tf([3, 1], [1, 0.4, 9]))
     there, omega = hold_and_delay(G, 0.1, delay), np.array([0.1, 3.0, 30.0])
     whole = int(np.floor(delay / 0.1 + 1e-9))
     rest = to_rational(delay) - whole * to_rational(0.1)
     with ctx.workprec(192):
         found = zoh_quotient(
-            matrices(G), to_rational(0.1), whole=whole, rest=rest if rest > fmpq(1, 10**9) else fmpq(0)
+            matrices(G),
+            to_rational(0.1),
+            whole=whole,
+            rest=rest if rest > fmpq(1, 10**9) else fmpq(0),
         )
         moved = bilinear_image(found)
         direct = [at(found, np.exp(0.1j * w)) for w in omega]
@@ -63,7 +75,10 @@ def test_a_gain_behind_the_hold_and_samples_of_delay():
     """A constant under a delay of one and a half samples is seen two samples late."""
     gain = matrices(control.ss([], [], [], [[2.0]]))
     with ctx.workprec(128):
-        assert abs(at(zoh_quotient(gain, fmpq(1, 10), whole=1, rest=fmpq(1, 20)), 2.0 + 0j) - 0.5) < 1e-15
+        assert (
+            abs(at(zoh_quotient(gain, fmpq(1, 10), whole=1, rest=fmpq(1, 20)), 2.0 + 0j) - 0.5)
+            < 1e-15
+        )
     assert at(delay_by_samples(transfer_quotient(gain), 3), 2.0 + 0j) == 0.25
 
 

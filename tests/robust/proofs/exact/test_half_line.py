@@ -63,7 +63,11 @@ def test_coefficients_that_are_not_known_well_enough_are_undecided():
 def test_roots_decide(pairs, negative, positive):
     """Pairs and negative roots leave it positive, any root on the positive axis does not."""
     rng = np.random.default_rng(len(pairs))
-    factors = [pair(a, b) for a, b in pairs] + [fmpq_poly([fmpq(*r.as_integer_ratio()), 1]) for r in negative]
-    factors += [fmpq_poly([-fmpq(*r.as_integer_ratio()), 1]) for r in rng.uniform(0.1, 10, positive)]
+    factors = [pair(a, b) for a, b in pairs] + [
+        fmpq_poly([fmpq(*r.as_integer_ratio()), 1]) for r in negative
+    ]
+    factors += [
+        fmpq_poly([-fmpq(*r.as_integer_ratio()), 1]) for r in rng.uniform(0.1, 10, positive)
+    ]
     p = product(factors)
     assert positive_on_half_line(p).holds == (positive == 0)

@@ -1,4 +1,6 @@
-"""A level of mu interval by interval: closed forms that one scaling cannot prove, and what must not pass."""
+"""A level of mu interval by interval: closed forms that one scaling cannot prove, and what must not
+pass.
+"""
 
 import json
 from dataclasses import replace
@@ -24,8 +26,12 @@ PEAK = np.sqrt(0.5)
 
 
 def opposed(dt=0.0):
-    """[0, 1/(s + 1); s/(s + 1), 0]: mu^2 is w/(1 + w^2), at most 1/2, where one scaling reaches 1 at both ends."""
-    N = control.StateSpace(-np.eye(2), np.eye(2), np.array([[0.0, 1.0], [-1.0, 0.0]]), np.array([[0.0, 0], [1, 0]]), 0)
+    """[0, 1/(s + 1); s/(s + 1), 0]: mu^2 is w/(1 + w^2), at most 1/2, where one scaling reaches 1
+    at both ends.
+    """
+    N = control.StateSpace(
+        -np.eye(2), np.eye(2), np.array([[0.0, 1.0], [-1.0, 0.0]]), np.array([[0.0, 0], [1, 0]]), 0
+    )
     return robust.lti.discretize(N, dt) if dt else N
 
 
@@ -50,7 +56,9 @@ def test_what_one_scaling_cannot_prove_intervals_do(proof):
 def test_below_mu_nothing_is_proved_and_the_frequency_is_named():
     refused = robust.mu.certify(opposed(), BLOCKS, 0.999 * PEAK)
     assert not refused.holds
-    assert "the bound does not stay below the level: at 0.1" in refused.reason  # 1 rad/s are 0.159 Hz
+    assert (
+        "the bound does not stay below the level: at 0.1" in refused.reason
+    )  # 1 rad/s are 0.159 Hz
     assert not refused.verify().verified
 
 
@@ -62,7 +70,9 @@ def test_what_is_left_is_named_with_its_interval():
 
 def changed(claim, k=0, **parts):
     """The claim with other parts of a piece."""
-    return replace(claim, pieces=(*claim.pieces[:k], replace(claim.pieces[k], **parts), *claim.pieces[k + 1 :]))
+    return replace(
+        claim, pieces=(*claim.pieces[:k], replace(claim.pieces[k], **parts), *claim.pieces[k + 1 :])
+    )
 
 
 def times(factor, M):
@@ -81,16 +91,25 @@ def test_what_is_changed_does_not_pass(proof):
         "no Q": changed(claim, Q=times(0, first.Q)),
         "X": changed(claim, scalings=tuple(times(-1, X) for X in first.scalings)),
         "X of another interval": changed(claim, scalings=last.scalings),
-        "K on a complex block": changed(claim, skews=(times(1j, first.scalings[0]), first.skews[1])),
+        "K on a complex block": changed(
+            claim, skews=(times(1j, first.scalings[0]), first.skews[1])
+        ),
         "the pieces": replace(claim, pieces=claim.pieces[::-1]),
         "the cuts": replace(claim, cuts=1000 * claim.cuts),
-        "the gain": replace(claim, system=replace(claim.system, C=1.1 * claim.system.C, D=1.1 * claim.system.D)),
+        "the gain": replace(
+            claim, system=replace(claim.system, C=1.1 * claim.system.C, D=1.1 * claim.system.D)
+        ),
     }
     assert {name for name, one in wrong.items() if verify_level(one).verified} == set()
     for name in ("stability", "T"):
-        assert "stability" not in verify_level(replace(claim, **{name: 0 * getattr(claim, name)})).proved
+        assert (
+            "stability"
+            not in verify_level(replace(claim, **{name: 0 * getattr(claim, name)})).proved
+        )
     A = claim.system.A
-    unstable = replace(claim, system=replace(claim.system, A=A + (2 if claim.system.dt else 1.5) * np.eye(len(A))))
+    unstable = replace(
+        claim, system=replace(claim.system, A=A + (2 if claim.system.dt else 1.5) * np.eye(len(A)))
+    )
     assert "stability" not in verify_level(unstable).proved
 
 
@@ -119,9 +138,9 @@ def test_random_loops_are_proved_above_the_bound_and_not_below_mu(blocks, dt):
     lower = robust.mu.lower(response[:, :, ::10], blocks).value.max()
     found = certify_intervals(N, blocks, 1.5 * upper)
     assert found.verify().verified, found.reason
-    assert any(K.im.any() or K.re.any() for piece in found.claim.pieces for K in piece.skews) == any(
-        kind == "real" for _, _, kind in blocks
-    )
+    assert any(
+        K.im.any() or K.re.any() for piece in found.claim.pieces for K in piece.skews
+    ) == any(kind == "real" for _, _, kind in blocks)
     assert not certify_intervals(N, blocks, 0.999 * lower).holds
 
 
@@ -133,6 +152,10 @@ def test_a_file_gives_every_number_back_and_is_verified(proof, tmp_path):
     assert verify_certificate(path).proved == ("nominal stability", "robust stability")
     content = json.loads(path.read_text())
     content["claim"]["claims"]["robust stability"]["level"] *= 0.9
-    content["digest"] = content_digest({name: entry for name, entry in content.items() if name != "digest"})
+    content["digest"] = content_digest(
+        {name: entry for name, entry in content.items() if name != "digest"}
+    )
     path.write_text(json.dumps(content))
-    assert "robust stability: NOT verified: the inequality does not pass from" in str(verify_certificate(path))
+    assert "robust stability: NOT verified: the inequality does not pass from" in str(
+        verify_certificate(path)
+    )

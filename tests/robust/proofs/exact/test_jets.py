@@ -1,10 +1,18 @@
-"""Taylor models enclose what they stand for, and their error falls with the sixth power of the length."""
+"""Taylor models enclose what they stand for, and their error falls with the sixth power of the
+length.
+"""
 
 import numpy as np
 import pytest
 from flint import arb, arb_poly, ctx
 
-from robust.proofs.exact.taylor_models import compose_polynomial, cosine, linear_model, lower_bound, sine
+from robust.proofs.exact.taylor_models import (
+    compose_polynomial,
+    cosine,
+    linear_model,
+    lower_bound,
+    sine,
+)
 
 P = [3.0, -2.0, 0.5, 1.0, -0.3, 0.2, 0.1, -0.05]
 
@@ -15,7 +23,10 @@ def jets(middle, half):
     return {
         "y": (y, lambda w: w**2),
         "cosine": (cosine(2 * middle, 2 * half), lambda w: np.cos(2 * w)),
-        "polynomial": (compose_polynomial(arb_poly(P), y), lambda w: np.polynomial.polynomial.polyval(w**2, P)),
+        "polynomial": (
+            compose_polynomial(arb_poly(P), y),
+            lambda w: np.polynomial.polynomial.polyval(w**2, P),
+        ),
         "of a cosine": (
             compose_polynomial(arb_poly(P), cosine(middle, half)),
             lambda w: np.polynomial.polynomial.polyval(np.cos(w), P),

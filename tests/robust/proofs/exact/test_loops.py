@@ -1,4 +1,6 @@
-"""Claims on loops: verified where true, to the twelfth digit; never where the true peak lies above one."""
+"""Claims on loops: verified where true, to the twelfth digit; never where the true peak lies above
+one.
+"""
 
 import control
 import numpy as np
@@ -44,7 +46,11 @@ def test_random_loops_are_verified_exactly_where_true(seed):
         if not (case["stable"] or case["unstable"]):
             continue
         found = verify_loop(claim(case["G"], case["K"], case["w"], case["form"], case["delay"]))
-        assert found.verified == (case["stable"] and case["target"] < 1), (found.failed, case["kind"], case["target"])
+        assert found.verified == (case["stable"] and case["target"] < 1), (
+            found.failed,
+            case["kind"],
+            case["target"],
+        )
 
 
 @pytest.mark.attack(every=3)
@@ -63,13 +69,17 @@ def test_a_peak_just_above_one_is_never_verified(excess):
 
 
 def loops_with_performance(n):
-    """Random loops with a performance weight, some of it sampled, and in continuous loops a delay."""
+    """Random loops with a performance weight, some of it sampled, and in continuous loops a
+    delay.
+    """
     rng = np.random.default_rng(11)
     while n:
         case = random_case(rng)
         if not case["stable"] or case["target"] >= 1:
             continue
-        G, K, w, form, omega, delay = (case[name] for name in ("G", "K", "w", "form", "omega", "delay"))
+        G, K, w, form, omega, delay = (
+            case[name] for name in ("G", "K", "w", "form", "omega", "delay")
+        )
         dt = float(G.dt or K.dt or 0)
         sampled_weight = dt and rng.random() < 0.4
         z, p = roots(rng, 1), roots(rng, 1)
@@ -84,7 +94,10 @@ def loops_with_performance(n):
         worst = np.abs(S) * (np.abs(1 - a * b.conj()) + np.abs(a - b)) / (1 - np.abs(b) ** 2)
         worst = worst * np.abs(tf_response(w_P, omega))
         k = int(np.argmax(worst))
-        yield {"G": G, "K": K, "w": w, "form": form, "delay": delay, "w_P": w_P * (1 / worst[k])}, float(omega[k])
+        yield (
+            {"G": G, "K": K, "w": w, "form": form, "delay": delay, "w_P": w_P * (1 / worst[k])},
+            float(omega[k]),
+        )
         n -= 1
 
 
@@ -97,7 +110,9 @@ def test_performance_is_decided_beside_the_limit(n, kinds):
         seen.add((loop["form"], bool(loop["delay"]), bool(loop["K"].dt)))
         for value, true in ((1 - 1e-6, True), (1 + 1e-6, False)):
             w_P = loop["w_P"] * float(value / peak)
-            found = verify_loop(claim(**loop | {"w_P": w_P}, claims=("robust stability", "robust performance")))
+            found = verify_loop(
+                claim(**loop | {"w_P": w_P}, claims=("robust stability", "robust performance"))
+            )
             assert found.verified == true, (loop["form"], loop["delay"], value, found.failed)
             assert found.proved[:3] == ("nominal stability", "stable weights", "robust stability")
     assert len(seen) >= kinds
@@ -105,7 +120,9 @@ def test_performance_is_decided_beside_the_limit(n, kinds):
 
 @pytest.mark.parametrize("n", [4, pytest.param(12, marks=pytest.mark.attack)])
 def test_one_scaling_is_the_norm_of_the_loop(n):
-    """Against the singular values of the loop with both weights on a dense grid, 1e-4 on either side."""
+    """Against the singular values of the loop with both weights on a dense grid, 1e-4 on either
+    side.
+    """
     rng = np.random.default_rng(3)
     count = 0
     while count < n:
@@ -114,10 +131,16 @@ def test_one_scaling_is_the_norm_of_the_loop(n):
             continue
         G, K, w, omega, d = case["G"], case["K"], case["w"], case["omega"], 10 ** rng.uniform(-1, 1)
         dt = float(G.dt or 0)
-        w_P = zpk([np.exp(-2 * dt)], [np.exp(-0.1 * dt)], 0.1, dt) if dt else zpk([-2.0], [-0.1], 0.1)
+        w_P = (
+            zpk([np.exp(-2 * dt)], [np.exp(-0.1 * dt)], 0.1, dt) if dt else zpk([-2.0], [-0.1], 0.1)
+        )
         g, k = tf_response(G, omega), tf_response(K, omega)
         S = 1 / (1 + g * k)
-        u, y, e = {"u": (-g * k * S, -k * S, k * S), "y": (g * S, S, g * k * S), "e": (-g * S, -S, S)}.values()
+        u, y, e = {
+            "u": (-g * k * S, -k * S, k * S),
+            "y": (g * S, S, g * k * S),
+            "e": (-g * S, -S, S),
+        }.values()
         out, into = {
             "multiplicative": (u, 0),
             "additive": (u, 1),
@@ -125,7 +148,9 @@ def test_one_scaling_is_the_norm_of_the_loop(n):
             "inverse-additive": (y, 0),
         }[case["form"]]
         W, P = tf_response(w, omega), tf_response(w_P, omega)
-        M = np.array([[W * out[into], d * W * out[2]], [P / d * e[into], P * e[2]]]).transpose(2, 0, 1)
+        M = np.array([[W * out[into], d * W * out[2]], [P / d * e[into], P * e[2]]]).transpose(
+            2, 0, 1
+        )
         norm = np.linalg.norm(M, 2, axis=(1, 2)).max()
         for factor, true in ((0.9999, True), (1.0001, False)):
             loop = claim(
@@ -138,7 +163,9 @@ def test_one_scaling_is_the_norm_of_the_loop(n):
 
 
 def test_poles_on_the_axis_and_integrators():
-    """1/(s^2 + 1) under 2 + s/(s^2 + 1): everything stays finite over the closed-loop polynomial."""
+    """1/(s^2 + 1) under 2 + s/(s^2 + 1): everything stays finite over the closed-loop
+    polynomial.
+    """
     G = control.ss(control.tf([1], [1, 0, 1]))
     K = control.ss(control.tf([1, 1], [0.01, 1]))
     w = control.ss([], [], [], [[0.2]])
@@ -163,15 +190,26 @@ def test_a_limit_that_is_reached_at_infinity_is_none():
     """|w T| of a biproper loop tends to one from below: not below one at every frequency."""
     G, w = control.ss(control.tf([1, 0], [1, 1])), control.ss([], [], [], [[2.0]])
     assert not verify_loop(claim(G, 1.0, w, "multiplicative")).verified
-    assert verify_loop(claim(G, 1.0, control.ss([], [], [], [[np.nextafter(2, 0)]]), "multiplicative")).verified
+    assert verify_loop(
+        claim(G, 1.0, control.ss([], [], [], [[np.nextafter(2, 0)]]), "multiplicative")
+    ).verified
 
 
 @pytest.mark.parametrize(
     ("parts", "message"),
     [
-        ({"delay": 0.05, "G": control.ss([[0.5]], [[1]], [[1]], [[0]], 0.1)}, "delay must be whole samples"),
-        ({"K": control.ss([[0.5]], [[1]], [[1]], [[0]], 0.2)}, "controller must have the sampling time"),
-        ({"w": control.ss([[0.5]], [[1]], [[1]], [[0]], 0.2)}, "weight must be continuous or sampled"),
+        (
+            {"delay": 0.05, "G": control.ss([[0.5]], [[1]], [[1]], [[0]], 0.1)},
+            "delay must be whole samples",
+        ),
+        (
+            {"K": control.ss([[0.5]], [[1]], [[1]], [[0]], 0.2)},
+            "controller must have the sampling time",
+        ),
+        (
+            {"w": control.ss([[0.5]], [[1]], [[1]], [[0]], 0.2)},
+            "weight must be continuous or sampled",
+        ),
     ],
 )
 def test_parts_that_do_not_fit_are_not_verified(parts, message):
@@ -184,5 +222,7 @@ def test_parts_that_do_not_fit_are_not_verified(parts, message):
 
 def test_precision_is_left_as_it_was():
     before = ctx.prec
-    verify_loop(claim(control.ss(control.tf([1], [1, 1])), 1.0, control.ss([], [], [], [[0.1]]), "additive"))
+    verify_loop(
+        claim(control.ss(control.tf([1], [1, 1])), 1.0, control.ss([], [], [], [[0.1]]), "additive")
+    )
     assert ctx.prec == before

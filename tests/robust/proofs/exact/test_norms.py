@@ -1,4 +1,6 @@
-"""Norm bounds and matrix inequalities over the rationals: on either side of the limit, one unit apart."""
+"""Norm bounds and matrix inequalities over the rationals: on either side of the limit, one unit
+apart.
+"""
 
 import control
 import numpy as np
@@ -20,7 +22,9 @@ def test_norms_of_several_channels(seed, dt):
     A = rng.normal(size=(6, 6))
     poles = np.linalg.eigvals(A)
     A = 0.97 * A / np.abs(poles).max() if dt else A - (poles.real.max() + 0.05) * np.eye(6)
-    system = control.StateSpace(A, rng.normal(size=(6, 2)), rng.normal(size=(3, 6)), rng.normal(size=(3, 2)), dt)
+    system = control.StateSpace(
+        A, rng.normal(size=(6, 2)), rng.normal(size=(3, 6)), rng.normal(size=(3, 2)), dt
+    )
     norm = hinf_norm(system)[0]
     for factor, true in ((1 + 1e-8, True), (1 - 1e-8, False)):
         exact = TransferMatrix.of(to_matrices(system))

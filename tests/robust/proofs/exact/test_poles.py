@@ -1,4 +1,6 @@
-"""Loops decided where floating point cannot tell: between two neighbouring doubles, against 450 digits."""
+"""Loops decided where floating point cannot tell: between two neighbouring doubles, against 450
+digits.
+"""
 
 import control
 import numpy as np
@@ -30,7 +32,9 @@ def test_the_boundary_lies_between_two_neighbouring_gains():
 
 @pytest.mark.parametrize("delay", [0.0, 0.013, 0.05])
 def test_held_plants(delay):
-    """The limit of the gain as one long matrix exponential sees it, to eleven digits on either side."""
+    """The limit of the gain as one long matrix exponential sees it, to eleven digits on either
+    side.
+    """
     G = control.ss(control.tf([20], [1, 3, 20]))
     there = hold_and_delay(G, 0.01, delay)
     low, high = 0.01, 100.0
@@ -59,7 +63,11 @@ def test_matrices():
     assert decide_matrix_stability(np.zeros((0, 0))).holds
     assert not decide_matrix_stability(np.eye(3), discrete=True).holds
     assert decide_matrix_stability(np.eye(3), discrete=True).violated
-    assert decide_matrix_stability(np.diag([np.nextafter(1, 0), -np.nextafter(1, 0)]), discrete=True).holds
+    assert decide_matrix_stability(
+        np.diag([np.nextafter(1, 0), -np.nextafter(1, 0)]), discrete=True
+    ).holds
     jordan = -1e-8 * np.eye(12) + np.diag(np.full(11, 1e3), 1)
     assert decide_matrix_stability(jordan).holds
-    assert np.linalg.eigvals(jordan + 1e-13 * np.ones((12, 12))).real.max() > 1  # what rounding can make of it
+    assert (
+        np.linalg.eigvals(jordan + 1e-13 * np.ones((12, 12))).real.max() > 1
+    )  # what rounding can make of it

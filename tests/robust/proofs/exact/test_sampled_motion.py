@@ -1,4 +1,6 @@
-"""One sample of a plant that moves: the exponential within its bound, every motion within L, R and eps."""
+"""One sample of a plant that moves: the exponential within its bound, every motion within L, R and
+eps.
+"""
 
 import numpy as np
 import pytest
@@ -42,7 +44,11 @@ def test_the_exponential_is_within_its_bound(dt, bound):
     errors = []
     for theta in np.linspace(-1, 1, 41):
         exact = in_units(found, expm(augmented(theta) * dt)[:4])
-        errors.append(np.linalg.norm(np.tensordot(theta ** np.arange(len(coefficients)), coefficients, 1) - exact, 2))
+        errors.append(
+            np.linalg.norm(
+                np.tensordot(theta ** np.arange(len(coefficients)), coefficients, 1) - exact, 2
+            )
+        )
     assert max(errors) < found.eps + 1e-11  # and what expm itself loses
     assert found.eps < bound
 
@@ -57,15 +63,21 @@ def test_every_motion_within_a_sample_is_covered_and_not_by_much():
         turns = rng.choice([0, 3])  # straight, or to and fro within the sample
 
         def theta(t, start=start, slope=slope, turns=turns):
-            return start + slope * (t if not turns else DT / turns * np.abs((turns * t / DT + 1) % 2 - 1))
+            return start + slope * (
+                t if not turns else DT / turns * np.abs((turns * t / DT + 1) % 2 - 1)
+            )
 
         def flow(t, X, theta=theta):
             return (augmented(theta(t)) @ X.reshape(5, 5)).ravel()
 
-        X = solve_ivp(flow, (0, DT), np.eye(5).ravel(), rtol=1e-11, atol=1e-13, max_step=DT / 50).y[:, -1]
+        X = solve_ivp(flow, (0, DT), np.eye(5).ravel(), rtol=1e-11, atol=1e-13, max_step=DT / 50).y[
+            :, -1
+        ]
         held = np.tensordot(start ** np.arange(len(coefficients)), coefficients, 1)
         moved = in_units(found, X.reshape(5, 5)[:4]) - held
-        operator = np.linalg.pinv(found.L) @ moved @ np.linalg.pinv(found.R)  # moved = L operator R + e
+        operator = (
+            np.linalg.pinv(found.L) @ moved @ np.linalg.pinv(found.R)
+        )  # moved = L operator R + e
         assert np.linalg.norm(moved - found.L @ operator @ found.R, 2) < found.eps + 1e-9
         sizes.append(np.linalg.norm(operator, 2))
     assert 0.5 < max(sizes) < 1

@@ -22,12 +22,16 @@ FULL = (1, 1, "full")
 
 
 def lag_claim(level, *, dt=0.0):
-    """1/(s + 1), or 0.5/(z - 0.5): the norm is one, at zero frequency, with P = 1 in continuous time, 2 in discrete."""
+    """1/(s + 1), or 0.5/(z - 0.5): the norm is one, at zero frequency, with P = 1 in continuous
+    time, 2 in discrete.
+    """
     if dt:
         system, P = Matrices(A=ONE / 2, B=ONE / 2, C=ONE, D=0 * ONE, dt=dt), 2 * ONE
     else:
         system, P = Matrices(A=-ONE, B=ONE, C=ONE, D=0 * ONE), ONE
-    return ScaledClaim(system=system, blocks=(FULL,), level=level, P=P, T=ONE, scalings=(ONE,), skews=(0 * ONE,))
+    return ScaledClaim(
+        system=system, blocks=(FULL,), level=level, P=P, T=ONE, scalings=(ONE,), skews=(0 * ONE,)
+    )
 
 
 @pytest.mark.parametrize("dt", [0.0, 0.1])
@@ -70,14 +74,25 @@ def test_what_is_no_claim_is_refused(change, message):
 
 
 def test_a_scaling_that_mixes_channels_of_two_blocks_is_no_scaling():
-    """[0 4; 0 0]: mu of two scalars is zero, of one 2 x 2 block four; a full X would prove anything."""
-    system = Matrices(A=np.zeros((0, 0)), B=np.zeros((0, 2)), C=np.zeros((2, 0)), D=np.array([[0.0, 4.0], [0.0, 0.0]]))
+    """[0 4; 0 0]: mu of two scalars is zero, of one 2 x 2 block four; a full X would prove
+    anything.
+    """
+    system = Matrices(
+        A=np.zeros((0, 0)),
+        B=np.zeros((0, 2)),
+        C=np.zeros((2, 0)),
+        D=np.array([[0.0, 4.0], [0.0, 0.0]]),
+    )
     known = {"system": system, "P": np.zeros((0, 0)), "T": np.zeros((0, 0)), "level": 0.1}
     two = ScaledClaim(blocks=(FULL, FULL), scalings=(ONE, 1e5 * ONE), skews=(0 * ONE,) * 2, **known)
     assert verify_level(two).verified
-    assert not verify_level(ScaledClaim(blocks=((2, 2, "full"),), scalings=(ONE,), skews=(0 * ONE,), **known)).verified
+    assert not verify_level(
+        ScaledClaim(blocks=((2, 2, "full"),), scalings=(ONE,), skews=(0 * ONE,), **known)
+    ).verified
     with pytest.raises(ValueError, match="scalings must fit"):
-        ScaledClaim(blocks=((2, 2, "full"),), scalings=(np.diag([1.0, 1e5]),), skews=(0 * ONE,), **known)
+        ScaledClaim(
+            blocks=((2, 2, "full"),), scalings=(np.diag([1.0, 1e5]),), skews=(0 * ONE,), **known
+        )
 
 
 def test_a_real_parameter_in_two_places_needs_its_skew_matrix():
@@ -92,7 +107,9 @@ def test_a_real_parameter_in_two_places_needs_its_skew_matrix():
 
 
 def test_a_claim_survives_its_file_to_the_last_bit():
-    claim = certify_scaled(random_loop(np.random.default_rng(5), 4, STRUCTURES[2], 0.1), STRUCTURES[2], 1e3).claim
+    claim = certify_scaled(
+        random_loop(np.random.default_rng(5), 4, STRUCTURES[2], 0.1), STRUCTURES[2], 1e3
+    ).claim
     again = from_plain(ScaledClaim, to_plain(claim))
     assert to_plain(again) == to_plain(claim)
     assert verify_level(again).verified
@@ -102,15 +119,17 @@ def test_a_claim_survives_its_file_to_the_last_bit():
 
 @pytest.mark.parametrize("solver", ["CLARABEL", "SCS"])
 @pytest.mark.parametrize("dt", [0.0, 0.1])
-@pytest.mark.parametrize("blocks", STRUCTURES[:4], ids=lambda blocks: "-".join(f"{b[2]}{b[0]}x{b[1]}" for b in blocks))
+@pytest.mark.parametrize(
+    "blocks", STRUCTURES[:4], ids=lambda blocks: "-".join(f"{b[2]}{b[0]}x{b[1]}" for b in blocks)
+)
 def test_both_solvers_prove_a_level_above_mu_and_none_below(blocks, dt, solver):
-    """The lower bound of mu comes with the perturbation that breaks the loop: no level under it may be proved."""
+    """The lower bound of mu comes with the perturbation that breaks the loop: no level under it may
+    be proved.
+    """
     N = random_loop(np.random.default_rng(len(blocks) + blocks[0][0]), 4, blocks, dt)
     response = response_by_channel(N, structure_grid(N))
-    upper, lower = (
-        robust.mu.upper(response, blocks).value.max(),
-        robust.mu.lower(response[:, :, ::10], blocks).value.max(),
-    )
+    upper = robust.mu.upper(response, blocks).value.max()
+    lower = robust.mu.lower(response[:, :, ::10], blocks).value.max()
     assert certify_scaled(N, blocks, 2 * upper, solver=solver).verify().verified
     assert certify_scaled(N, blocks, 0.999 * lower, solver=solver) is None
 

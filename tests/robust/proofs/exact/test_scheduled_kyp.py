@@ -1,4 +1,6 @@
-"""The claim of a schedule: what is wrong in it is not proved, and the moves of P lie in their hull."""
+"""The claim of a schedule: what is wrong in it is not proved, and the moves of P lie in their
+hull.
+"""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -21,7 +23,9 @@ def claim():
     systems = [control.ss([[0, 1], [-k, -4.0]], [[0], [1]], [[1, 0]], 0) for k in (30.0, 50.0)]
     weight = control.ss([], [], [], 0.5, 0.01)
     plant = LpvModel.from_points(systems, at=[0, 1], weight=weight)
-    proof = prove_schedule(plant, control.ss([], [], [], 10.0, 0.01), rate=0.5, delay=0.01, limit=False)
+    proof = prove_schedule(
+        plant, control.ss([], [], [], 10.0, 0.01), rate=0.5, delay=0.01, limit=False
+    )
     assert proof.holds
     return proof.certificate.claim
 
@@ -67,9 +71,13 @@ def test_moves_of_p_lie_in_the_hull(degree):
 
 
 def test_transition_of_a_moving_parameter():
-    """x' = (a + b theta) x with theta linear: exp(a T + b mean T); and the product of many short steps."""
+    """x' = (a + b theta) x with theta linear: exp(a T + b mean T); and the product of many short
+    steps.
+    """
     with ctx.workprec(BITS):
-        scalar = transition(PolynomialMatrix.of(np.array([-1.0, 3.0]).reshape(2, 1, 1)), -0.5, 1.0, 2.0)
+        scalar = transition(
+            PolynomialMatrix.of(np.array([-1.0, 3.0]).reshape(2, 1, 1)), -0.5, 1.0, 2.0
+        )
         A = np.random.default_rng(1).normal(size=(3, 3, 3))
         whole = transition(PolynomialMatrix.of(A), -0.8, 0.6, 0.7)
         ends = np.linspace(-0.8, 0.6, 8)
@@ -78,7 +86,9 @@ def test_transition_of_a_moving_parameter():
     product = np.eye(3)
     for part in parts:
         product = np.array([[float(part[i, j]) for j in range(3)] for i in range(3)]) @ product
-    assert np.allclose(product, [[float(whole[i, j]) for j in range(3)] for i in range(3)], rtol=1e-12, atol=1e-13)
+    assert np.allclose(
+        product, [[float(whole[i, j]) for j in range(3)] for i in range(3)], rtol=1e-12, atol=1e-13
+    )
 
 
 def test_a_trajectory_outside_the_claim_does_not_count(claim):

@@ -1,4 +1,6 @@
-"""Stability in exact arithmetic: on the boundary itself, beside it by one unit in the last place, behind delays."""
+"""Stability in exact arithmetic: on the boundary itself, beside it by one unit in the last place,
+behind delays.
+"""
 
 import numpy as np
 import pytest
@@ -23,7 +25,9 @@ def test_random_polynomials(seed):
         assert hurwitz(-arb_poly(p), 11).holds == bool(np.all(upper.real < 0))
 
 
-@pytest.mark.parametrize("p", [[1, 1, 1, 1], [0, 1, 1], [1, 0, 1], [1, 0, 2, 0, 1], [4, 4, 5, 4, 1]])
+@pytest.mark.parametrize(
+    "p", [[1, 1, 1, 1], [0, 1, 1], [1, 0, 1], [1, 0, 2, 0, 1], [4, 4, 5, 4, 1]]
+)
 def test_roots_on_the_axis_are_not_stable_in_exact_arithmetic(p):
     found = hurwitz(fmpq_poly(p), len(p) - 1)
     assert not found.holds
@@ -40,7 +44,9 @@ def test_one_unit_in_the_last_place_of_the_circle():
     below, above = np.nextafter(1, 0), np.nextafter(1, 2)
     for a, stable in ((below, True), (1.0, False), (above, False)):
         for p in ([-to_rational(a), 1], [to_rational(a), 0, 1]):
-            system = bilinear_image(Quotient(num=fmpq_poly([1]), den=fmpq_poly(p), degree=len(p) - 1))
+            system = bilinear_image(
+                Quotient(num=fmpq_poly([1]), den=fmpq_poly(p), degree=len(p) - 1)
+            )
             assert hurwitz(system.den, system.degree).holds == stable
 
 
@@ -54,18 +60,30 @@ def test_thirty_states_that_floating_point_loses():
         assert hurwitz(p, 30).holds == stable
 
 
-@pytest.mark.parametrize(("delay", "stable"), [(np.pi / 2, True), (np.nextafter(np.pi / 2, 2), False), (8.0, False)])
+@pytest.mark.parametrize(
+    ("delay", "stable"), [(np.pi / 2, True), (np.nextafter(np.pi / 2, 2), False), (8.0, False)]
+)
 def test_an_integrator_behind_a_delay(delay, stable):
     """s + exp(-s tau) is stable for tau < pi/2, which no double is."""
-    assert hurwitz_with_delay(fmpq_poly([0, 1]), fmpq_poly([1]), degree=1, delay=to_rational(delay)).holds == stable
+    assert (
+        hurwitz_with_delay(
+            fmpq_poly([0, 1]), fmpq_poly([1]), degree=1, delay=to_rational(delay)
+        ).holds
+        == stable
+    )
 
 
 def test_a_delay_that_stabilises():
-    """s^2 + 1 behind -0.5 exp(-s tau): poles at +-j sqrt(0.5) at tau = 0 move in first, and out again later."""
+    """s^2 + 1 behind -0.5 exp(-s tau): poles at +-j sqrt(0.5) at tau = 0 move in first, and out
+    again later.
+    """
     den, num = fmpq_poly([1, 0, 1]), fmpq_poly([fmpq(-1, 2)])
     assert not hurwitz_with_delay(den, num, degree=2, delay=fmpq(0)).holds
     shifted = den + fmpq_poly([0, -fmpq(1, 100)])  # at tau = 0 clearly unstable by 0.005
-    found = [hurwitz_with_delay(shifted, num, degree=2, delay=to_rational(tau)).holds for tau in (0.01, 1.0, 6.0)]
+    found = [
+        hurwitz_with_delay(shifted, num, degree=2, delay=to_rational(tau)).holds
+        for tau in (0.01, 1.0, 6.0)
+    ]
     assert found == [False, True, False]
 
 

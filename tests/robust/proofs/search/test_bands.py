@@ -1,4 +1,6 @@
-"""The largest gain in a band: both bounds against another method, on modes, poles on the axis and clocks."""
+"""The largest gain in a band: both bounds against another method, on modes, poles on the axis and
+clocks.
+"""
 
 import control
 import numpy as np
@@ -10,7 +12,8 @@ from robust.proofs.search.bands import bound_gain
 
 def light_modes(rng, n_modes, n=2, dt=0.0):
     """Modes of damping 1e-5 to 1 over four decades, some unstable, in coordinates of no meaning."""
-    w, z = 10 ** rng.uniform(-2, 2, n_modes), 10 ** rng.uniform(-5, 0, n_modes) * rng.choice([1, 1, -1], n_modes)
+    w = 10 ** rng.uniform(-2, 2, n_modes)
+    z = 10 ** rng.uniform(-5, 0, n_modes) * rng.choice([1, 1, -1], n_modes)
     A = np.kron(np.diag(w), np.ones((2, 2))) * np.tile([[0, 1], [-1, -2]], (n_modes, n_modes))
     A[1::2, 1::2] *= np.diag(z)
     T = rng.normal(size=A.shape)
@@ -31,7 +34,9 @@ def test_a_search_by_another_method_stays_below_the_bound_and_reaches_it(seed, d
             continue
         found = bound_gain(G, band=band)
         near = (w[:, None] * (1 + np.abs(z[:, None]) * np.linspace(-20, 20, 2001))).ravel()
-        omega = np.concatenate([near, np.geomspace(1e-3, 1e4, 3000), [band[0], high if np.isfinite(high) else 1e9]])
+        omega = np.concatenate(
+            [near, np.geomspace(1e-3, 1e4, 3000), [band[0], high if np.isfinite(high) else 1e9]]
+        )
         omega = omega[(omega >= band[0]) & (omega <= high)]
         sizes = np.linalg.norm(np.moveaxis(response_by_channel(G, omega), 2, 0), 2, axis=(1, 2))
         assert found.is_proved
@@ -53,8 +58,12 @@ def test_a_pole_on_the_axis_leaves_no_bound_inside_the_band_and_one_beside_it():
 
 
 def test_a_system_of_ten_decades_and_one_without_a_gain():
-    stiff = control.ss(np.diag([-1e-9, -1e3]), np.eye(2), [[1e-9, 0.0], [1.0, 2e3]], np.zeros((2, 2)))
-    assert bound_gain(stiff).upper == pytest.approx(np.linalg.norm([[1.0, 0.0], [1e9, 2.0]], 2), rel=1.1e-3)
+    stiff = control.ss(
+        np.diag([-1e-9, -1e3]), np.eye(2), [[1e-9, 0.0], [1.0, 2e3]], np.zeros((2, 2))
+    )
+    assert bound_gain(stiff).upper == pytest.approx(
+        np.linalg.norm([[1.0, 0.0], [1e9, 2.0]], 2), rel=1.1e-3
+    )
     assert bound_gain(control.ss([[-1.0]], [[1.0]], [[0.0]], [[0.0]])).upper < 1e-100
     assert bound_gain(control.ss([], [], [], [[3.0, 4.0]])).upper == pytest.approx(5.0, rel=1.1e-3)
 

@@ -1,4 +1,6 @@
-"""Certificates: they hold just above a known norm, fail just below it, and never believe a solver."""
+"""Certificates: they hold just above a known norm, fail just below it, and never believe a
+solver.
+"""
 
 import warnings
 
@@ -82,7 +84,9 @@ class Panic(BaseException):
     """What a solver in another language may raise: not an Exception."""
 
 
-@pytest.mark.parametrize("failure", [Panic("index out of bounds"), cvxpy.SolverError("no"), ValueError("what")])
+@pytest.mark.parametrize(
+    "failure", [Panic("index out of bounds"), cvxpy.SolverError("no"), ValueError("what")]
+)
 def test_where_a_solver_fails_exact_arithmetic_decides(monkeypatch, failure):
     def fail(self, *args, **kwargs):
         raise failure
@@ -106,12 +110,19 @@ def test_stopping_the_program_is_not_swallowed(monkeypatch):
 
 
 def test_the_judge_knows_a_wrong_matrix():
-    # scalar lag b c/(s + 1) with norm 1/2: P between the roots of P^2/4 - 2 P + 1 is a certificate at level one
+    # scalar lag b c/(s + 1) with norm 1/2: P between the roots of P^2/4 - 2 P + 1 is a certificate
+    # at level one
     system, one = to_matrices(control.ss(-1.0, 0.5, 1.0, 0.0)), np.eye(1)
 
     def passes(P):
         claim = ScaledClaim(
-            system=system, blocks=((1, 1, "full"),), level=1.0, P=P * one, T=one, scalings=(one,), skews=(0 * one,)
+            system=system,
+            blocks=((1, 1, "full"),),
+            level=1.0,
+            P=P * one,
+            T=one,
+            scalings=(one,),
+            skews=(0 * one,),
         )
         return all(found.holds for found in decide_scaled(claim).values())
 
@@ -132,12 +143,17 @@ def test_no_solver_warning_leaks_out():
 def test_magnitude_bounds_hold_on_random_intervals():
     rng = np.random.default_rng(0)
     system = control.ss(
-        control.tf(np.poly([-1, -50, -3 + 20j, -3 - 20j]).real, np.poly([-5, -0.1, -1 + 30j, -1 - 30j]).real)
+        control.tf(
+            np.poly([-1, -50, -3 + 20j, -3 - 20j]).real,
+            np.poly([-5, -0.1, -1 + 30j, -1 - 30j]).real,
+        )
     )
     bound = magnitude_of(system)
     low = 10 ** rng.uniform(-3, 3, 300)
     high = low * (1 + 10 ** rng.uniform(-5, 1, 300))
-    truth = np.abs(response(system, np.geomspace(low, high, 300).ravel())).reshape(300, -1).max(axis=0)
+    truth = (
+        np.abs(response(system, np.geomspace(low, high, 300).ravel())).reshape(300, -1).max(axis=0)
+    )
     found = bound.upper_each(low, high)
     assert np.all(found >= truth * (1 - 1e-12))
     assert np.all((found <= truth * 1.02)[high < 1.01 * low])

@@ -1,4 +1,6 @@
-"""The arithmetic of the shaping page against `check`: the same numbers at each of its frequencies, and verdicts."""
+"""The arithmetic of the shaping page against `check`: the same numbers at each of its frequencies,
+and verdicts.
+"""
 
 import json
 from dataclasses import replace
@@ -41,7 +43,9 @@ def ask(tmp_path_factory):
         page.run(SCRIPT + ASK + "0")
 
         def asked(content, state, omega=(), times=()):
-            given = ", ".join(json.dumps(part) for part in (content, state, list(omega), list(times)))
+            given = ", ".join(
+                json.dumps(part) for part in (content, state, list(omega), list(times))
+            )
             return page.run(f"asked({given})")
 
         asked.peaks = lambda values: page.run(f"peaks({list(values)})")
@@ -63,9 +67,13 @@ def test_fifty_designs_agree_with_check(seed, ask):
     K = shaped_controller(state, 1.0 if begin is None else begin, dt)
     report = robust.check(model, K, w_P=w_P, delay=delay, certify=False)
     loop = assemble_loop(model, K, w_P=w_P, delay=delay)
-    left_out = loop.aliases is not None and loop.aliases.inverse  # which the page says, and leaves to the check
+    left_out = (
+        loop.aliases is not None and loop.aliases.inverse
+    )  # which the page says, and leaves to the check
     assert left_out == ("aliases left to the check" in content["models"][0]["set"])
-    curves = (replace(loop, continuous_plant=None) if left_out else loop).curves(report.curves.omega)
+    curves = (replace(loop, continuous_plant=None) if left_out else loop).curves(
+        report.curves.omega
+    )
     found = ask(content, state, report.curves.omega)
     assert near(found["S"], np.abs(curves.S)) < 1e-6
     assert near(found["T"], np.abs(1 - curves.S)) < 1e-6
@@ -76,10 +84,14 @@ def test_fifty_designs_agree_with_check(seed, ask):
     assert found["stable"] == report.nominally_stable, (report.reason, found["count"])
     if report.nominally_stable:
         largest = 1 / report.margins.rs if report.margins.rs else np.inf
-        assert left_out or min(found["maxRs"], BEYOND) == pytest.approx(min(largest, BEYOND), rel=1e-3)
+        assert left_out or min(found["maxRs"], BEYOND) == pytest.approx(
+            min(largest, BEYOND), rel=1e-3
+        )
         assert found["disk"] == pytest.approx(report.margins.disk, rel=1e-3)
     # what the page writes out is that controller
-    written = control.StateSpace(*[np.reshape(found["K"][n], getattr(K, n).shape) for n in "ABCD"], dt)
+    written = control.StateSpace(
+        *[np.reshape(found["K"][n], getattr(K, n).shape) for n in "ABCD"], dt
+    )
     at = report.curves.omega[:: report.curves.omega.size // 20]
     z = np.exp(1j * at * dt) if dt else 1j * at
     assert written(z) == pytest.approx(K(z), rel=1e-6)
@@ -95,9 +107,13 @@ def test_designs_of_every_kind_are_among_them():
 @pytest.mark.parametrize("dt", [0.0, 0.05])
 @pytest.mark.parametrize("delay", [0.0, 0.1])
 def test_the_step_response_is_that_of_the_loop(dt, delay, ask):
-    """Against a simulation in the time domain; where continuous, the delay is a Padé approximation of high order."""
+    """Against a simulation in the time domain; where continuous, the delay is a Padé approximation
+    of high order.
+    """
     plant, w = control.tf([4], [1, 0.8, 4]), control.tf([0.1], [1])
-    model = robust.UncertaintyModel(plant, w, "multiplicative", np.array([0.1, 10.0]), np.array([0.1, 0.1]))
+    model = robust.UncertaintyModel(
+        plant, w, "multiplicative", np.array([0.1, 10.0]), np.array([0.1, 0.1])
+    )
     state = {"gain": 0.3, "elements": [{"kind": "integrator", "f": 0.2}]}
     content = page_content(model, w_P=None, K=None, dt=dt, delay=delay, sources=PartSources())
     loop = assemble_loop(model, shaped_controller(state, 1.0, dt), w_P=None, delay=delay)
@@ -114,7 +130,9 @@ def test_pid_gains_are_those_of_the_controller(kinds, dt, ask):
     numbers = {"integrator": {"f": 0.5}, "lead": {"f": 3.0, "phase": 40.0}}
     state = {"gain": 2.5, "elements": [{"kind": kind} | numbers[kind] for kind in kinds]}
     model = random_loop([3])[0]
-    gains = ask(page_content(model, w_P=None, K=None, dt=dt, delay=0, sources=PartSources()), state)["pid"]
+    gains = ask(
+        page_content(model, w_P=None, K=None, dt=dt, delay=0, sources=PartSources()), state
+    )["pid"]
     assert gains.pop("rest") == []
     K, shaped = robust.shaping.pid(**gains, dt=dt), shaped_controller(state, 1.0, dt)
     at = np.array([0.3, 3.0, 30.0, 200.0])
@@ -123,7 +141,9 @@ def test_pid_gains_are_those_of_the_controller(kinds, dt, ask):
 
 
 def test_a_shape_that_is_no_pid_has_no_gains(ask):
-    content = page_content(random_loop([3])[0], w_P=None, K=None, dt=0, delay=0, sources=PartSources())
+    content = page_content(
+        random_loop([3])[0], w_P=None, K=None, dt=0, delay=0, sources=PartSources()
+    )
     twice = [{"kind": "integrator", "f": 0.5}] * 2
     assert ask(content, {"gain": 1.0, "elements": twice})["pid"] is None
     filtered = [{"kind": "roll-off", "f": 50.0, "order": 1, "zeta": 0.7}]
@@ -151,7 +171,9 @@ def test_the_python_to_paste_makes_the_same_loop(seed, ask, tmp_path, monkeypatc
     model, w_P, begin, dt, delay, state = random_loop([seed])
     monkeypatch.chdir(tmp_path)
     robust.save(model, "model.json")
-    text = ask(page_content(model, w_P=w_P, K=begin, dt=dt, delay=delay, sources=PartSources()), state)["python"]
+    text = ask(
+        page_content(model, w_P=w_P, K=begin, dt=dt, delay=delay, sources=PartSources()), state
+    )["python"]
     names: dict = {}
     exec(compile(text, "pasted", "exec"), names)
     assert "verdict:" in capsys.readouterr().out

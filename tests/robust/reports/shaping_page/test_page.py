@@ -1,4 +1,6 @@
-"""The shaping page in a browser: dragged, typed at, undone, on a phone, on paper; it asks nobody for anything."""
+"""The shaping page in a browser: dragged, typed at, undone, on a phone, on paper; it asks nobody
+for anything.
+"""
 
 import json
 import sys
@@ -44,11 +46,19 @@ def page(chromium, tmp_path):
     chromium.open(tmp_path / "shape.html")
     yield chromium
     assert chromium.errors == []
-    assert [url for url in chromium.requests if not url.startswith(("file://", "data:", "blob:"))] == []
+    assert [
+        url for url in chromium.requests if not url.startswith(("file://", "data:", "blob:"))
+    ] == []
 
 
 def screen(page, width, height, mobile=False):
-    page.ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=mobile)
+    page.ask(
+        "Emulation.setDeviceMetricsOverride",
+        width=width,
+        height=height,
+        deviceScaleFactor=1,
+        mobile=mobile,
+    )
 
 
 def state(page):
@@ -57,7 +67,9 @@ def state(page):
 
 
 def add(page, title):
-    page.run(f"[...document.querySelectorAll('button')].find(b => b.textContent === '+ {title}').click()")
+    page.run(
+        f"[...document.querySelectorAll('button')].find(b => b.textContent === '+ {title}').click()"
+    )
     return state(page)
 
 
@@ -74,15 +86,39 @@ def drag(page, begin, dx, dy):
     page.ask("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, button="left", clickCount=1)
     for part in (0.25, 0.5, 0.75, 1.0):
         page.ask(
-            "Input.dispatchMouseEvent", type="mouseMoved", x=x + part * dx, y=y + part * dy, button="left", buttons=1
+            "Input.dispatchMouseEvent",
+            type="mouseMoved",
+            x=x + part * dx,
+            y=y + part * dy,
+            button="left",
+            buttons=1,
         )
-    page.ask("Input.dispatchMouseEvent", type="mouseReleased", x=x + dx, y=y + dy, button="left", clickCount=1)
+    page.ask(
+        "Input.dispatchMouseEvent",
+        type="mouseReleased",
+        x=x + dx,
+        y=y + dy,
+        button="left",
+        clickCount=1,
+    )
     return state(page)
 
 
 def press(page, key, code=0, modifiers=0):
-    page.ask("Input.dispatchKeyEvent", type="keyDown", key=key, windowsVirtualKeyCode=code, modifiers=modifiers)
-    page.ask("Input.dispatchKeyEvent", type="keyUp", key=key, windowsVirtualKeyCode=code, modifiers=modifiers)
+    page.ask(
+        "Input.dispatchKeyEvent",
+        type="keyDown",
+        key=key,
+        windowsVirtualKeyCode=code,
+        modifiers=modifiers,
+    )
+    page.ask(
+        "Input.dispatchKeyEvent",
+        type="keyUp",
+        key=key,
+        windowsVirtualKeyCode=code,
+        modifiers=modifiers,
+    )
     return state(page)
 
 
@@ -97,13 +133,15 @@ def test_gain_is_dragged_up_and_every_curve_follows(page):
 
 def test_the_curve_itself_is_gain_too(page):
     x, y = page.run(
-        "(() => { const o = shaping.loop.over.getBoundingClientRect(), m = shaping.answer().models[0], f = 0.4;"
-        " const k = shaping.answer().omega.findIndex(w => w > 2 * Math.PI * f);"
-        " return [o.x + shaping.loop.plot.valToPos(f, 'x'),"
-        " o.y + shaping.loop.plot.valToPos(20 * Math.log10(Math.hypot(m.lr[k], m.li[k])), 'y')]; })()"
+        "(() => { const o = shaping.loop.over.getBoundingClientRect(), m ="
+        " shaping.answer().models[0], f = 0.4; const k = shaping.answer().omega.findIndex(w => w >"
+        " 2 * Math.PI * f); return [o.x + shaping.loop.plot.valToPos(f, 'x'), o.y +"
+        " shaping.loop.plot.valToPos(20 * Math.log10(Math.hypot(m.lr[k], m.li[k])), 'y')]; })()"
     )
     assert drag(page, (x, y), 0, 30)["gain"] < 1
-    assert drag(page, (x, y + 150), 0, 30)["gain"] == state(page)["gain"]  # beside the curve nothing is caught
+    assert (
+        drag(page, (x, y + 150), 0, 30)["gain"] == state(page)["gain"]
+    )  # beside the curve nothing is caught
 
 
 def test_every_element_is_added_dragged_and_taken_away(page):
@@ -115,7 +153,11 @@ def test_every_element_is_added_dragged_and_taken_away(page):
         assert moved["f"] > begun["f"]
         assert field is None or moved[field] > begun[field]
     page.run("document.querySelectorAll('.shaping-remove')[1].click()")
-    assert [element["kind"] for element in state(page)["elements"]] == ["integrator", "notch", "roll-off"]
+    assert [element["kind"] for element in state(page)["elements"]] == [
+        "integrator",
+        "notch",
+        "roll-off",
+    ]
 
 
 def test_keys_move_what_has_the_focus_and_undo_takes_it_back(page):
@@ -126,7 +168,9 @@ def test_keys_move_what_has_the_focus_and_undo_takes_it_back(page):
     assert press(page, "ArrowUp", 38)["elements"][0]["phase"] == begun["phase"] + 1
     assert press(page, "z", 90, modifiers=2)["elements"][0] == moved
     assert press(page, "y", 89, modifiers=2)["elements"][0]["phase"] == begun["phase"] + 1
-    assert page.run("document.activeElement.dataset.handle") == "0"  # the focus outlives what is drawn anew
+    assert (
+        page.run("document.activeElement.dataset.handle") == "0"
+    )  # the focus outlives what is drawn anew
     assert press(page, "Delete", 46)["elements"] == []
     for _ in range(5):
         press(page, "z", 90, modifiers=2)
@@ -155,7 +199,9 @@ def test_numbers_can_be_typed_and_are_kept_in_bounds(page):
 def test_the_verdict_on_the_grid_claims_no_proof(page):
     assert page.run("document.body.innerText").count("Nothing here is proved") == 1
     page.run("shaping.set({ gain: 30, elements: [] })")
-    said = page.run("[...document.querySelectorAll('.shaping-card strong')].map(s => s.textContent)")
+    said = page.run(
+        "[...document.querySelectorAll('.shaping-card strong')].map(s => s.textContent)"
+    )
     reports = [
         robust.check(m, control.ss([], [], [], [[30.0]], 2e-3), w_P=W_P, delay=1e-3, certify=False)
         for m in (level(1), level(1.3))
@@ -168,10 +214,12 @@ def test_the_verdict_on_the_grid_claims_no_proof(page):
 
 
 def test_a_redraw_takes_less_than_a_frame(page):
-    """Sixty frames a second are 16.7 ms each; the shortest of many, as other programs run beside this one."""
+    """Sixty frames a second are 16.7 ms each; the shortest of many, as other programs run beside
+    this one.
+    """
     took = page.run(
-        "[...Array(60).keys()].map(k => { shaping.set({ gain: 1 + k / 100, elements: shaping.state().elements });"
-        " return shaping.took; })"
+        "[...Array(60).keys()].map(k => { shaping.set({ gain: 1 + k / 100, elements:"
+        " shaping.state().elements }); return shaping.took; })"
     )
     assert min(took) < 16.7
 
@@ -181,9 +229,15 @@ def test_nothing_sticks_out_at_any_width(page, width):
     screen(page, width, 900, mobile=width < 500)
     page.wait(f"{WAIT}.then(() => {WAIT})")
     assert page.run("document.documentElement.scrollWidth") <= width
-    widest = page.run("Math.max(...[...document.querySelectorAll('canvas')].map(c => c.getBoundingClientRect().right))")
+    widest = page.run(
+        "Math.max(...[...document.querySelectorAll('canvas')].map(c =>"
+        " c.getBoundingClientRect().right))"
+    )
     assert widest <= width
-    small = page.run("Math.min(...[...document.querySelectorAll('.shaping-plots figure')].map(f => f.clientWidth))")
+    small = page.run(
+        "Math.min(...[...document.querySelectorAll('.shaping-plots figure')].map(f =>"
+        " f.clientWidth))"
+    )
     assert small >= min(250, width - 40)
 
 
@@ -194,7 +248,9 @@ def test_a_finger_drags_on_a_phone(page):
     x, y = middle(page, '[data-handle="-1"]')
     page.ask("Input.dispatchTouchEvent", type="touchStart", touchPoints=[{"x": x, "y": y}])
     for part in range(1, 5):
-        page.ask("Input.dispatchTouchEvent", type="touchMove", touchPoints=[{"x": x, "y": y - 10 * part}])
+        page.ask(
+            "Input.dispatchTouchEvent", type="touchMove", touchPoints=[{"x": x, "y": y - 10 * part}]
+        )
     page.ask("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
     page.ask("Emulation.setTouchEmulationEnabled", enabled=False)
     assert state(page)["gain"] > 1.2
@@ -205,20 +261,32 @@ def test_it_prints(page):
     pdf = page.pdf()
     assert pdf.startswith(b"%PDF")
     assert 1 <= pdf.count(b"/Type /Page\n") <= 3
-    assert not page.run("document.querySelector('.shaping-page').classList.contains('shaping-printing')")
+    assert not page.run(
+        "document.querySelector('.shaping-page').classList.contains('shaping-printing')"
+    )
 
 
 def test_a_title_cannot_break_out_of_the_page(chromium, tmp_path):
     evil = "</script><script>document.title = 'broken'</script>"
     robust.shaping.write_shaping_page(tmp_path / "shape.html", level(1), title=evil)
     chromium.open(tmp_path / "shape.html")
-    assert chromium.run("document.title") == evil == chromium.run("document.querySelector('h1').textContent")
+    assert (
+        chromium.run("document.title")
+        == evil
+        == chromium.run("document.querySelector('h1').textContent")
+    )
 
 
 def test_the_controller_of_the_page_is_a_file_that_check_reads(page, tmp_path):
     add(page, "Lead")
-    page.run("globalThis.blobs = []; URL.createObjectURL = blob => { blobs.push(blob); return 'data:,'; }")
-    page.run("[...document.querySelectorAll('button')].find(b => b.textContent === 'Save controller.json').click()")
+    page.run(
+        "globalThis.blobs = []; URL.createObjectURL = blob => { blobs.push(blob); return"
+        " 'data:,'; }"
+    )
+    page.run(
+        "[...document.querySelectorAll('button')].find(b => b.textContent === 'Save"
+        " controller.json').click()"
+    )
     (tmp_path / "controller.json").write_text(page.run("blobs[0].text()"), encoding="utf-8")
     K, at = robust.load(tmp_path / "controller.json"), np.exp(2e-3j * np.array([1.0, 30.0, 300.0]))
     lead = state(page)["elements"][0]
@@ -231,14 +299,20 @@ def test_the_command_writes_it_with_the_command_that_proves(tmp_path, monkeypatc
     monkeypatch.chdir(tmp_path)
     robust.save(level(1), "low.json")
     robust.save(level(1.3), "high.json")
-    words = "robust shape low.json high.json --bandwidth 0.5 --sample-time 0.002 --delay 0.001 -o shape.html"
+    words = (
+        "robust shape low.json high.json --bandwidth 0.5 --sample-time 0.002 --delay 0.001 -o"
+        " shape.html"
+    )
     monkeypatch.setattr(sys, "argv", words.split())
     with pytest.raises(SystemExit) as stop:
         cli.main()
     assert not stop.value.code
     assert "wrote shape.html" in capsys.readouterr().out
     text = (tmp_path / "shape.html").read_text(encoding="utf-8")
-    assert "robust check low.json controller.json --bandwidth 0.5 --peak 2.0 --error 0.01 --delay 0.001" in text
+    assert (
+        "robust check low.json controller.json --bandwidth 0.5 --peak 2.0 --error 0.01 --delay"
+        " 0.001" in text
+    )
     assert "['low.json', 'high.json']" in text
 
 
@@ -256,20 +330,27 @@ def test_the_widget_holds_the_page_and_gives_the_controller_back():
 
 
 def test_the_widget_runs_as_a_module(chromium, tmp_path):
-    """As a notebook does it: the module is imported, `render` is given a model of traits and an element."""
+    """As a notebook does it: the module is imported, `render` is given a model of traits and an
+    element.
+    """
     pytest.importorskip("anywidget")
     made = robust.shaping.shape(level(1), w_P=W_P, K=1.0)
-    (tmp_path / "empty.html").write_text("<!DOCTYPE html><title>cell</title><body></body>", encoding="utf-8")
+    (tmp_path / "empty.html").write_text(
+        "<!DOCTYPE html><title>cell</title><body></body>", encoding="utf-8"
+    )
     chromium.open(tmp_path / "empty.html")
     chromium.wait(
-        f"(async () => {{ const source = {json.dumps(made._esm)}, content = {json.dumps(made.content)};"
-        " const url = URL.createObjectURL(new Blob([source], { type: 'text/javascript' }));"
-        " const module = await import(url); globalThis.traits = { content, state: {} };"
-        " module.default.render({ el: document.body, model: { get: name => traits[name],"
-        " set: (name, value) => { traits[name] = value; }, save_changes: () => { traits.saved = true; } } }); })()"
+        f"(async () => {{ const source = {json.dumps(made._esm)}, content ="
+        f" {json.dumps(made.content)}; const url = URL.createObjectURL(new Blob([source], {{ type:"
+        " 'text/javascript' })); const module = await import(url); globalThis.traits = {"
+        " content, state: {} }; module.default.render({ el: document.body, model: { get: name"
+        " => traits[name], set: (name, value) => { traits[name] = value; }, save_changes: () =>"
+        " { traits.saved = true; } } }); })()"
     )
     assert chromium.errors == []
-    add_lead = "[...document.querySelectorAll('button')].find(b => b.textContent === '+ Lead').click()"
+    add_lead = (
+        "[...document.querySelectorAll('button')].find(b => b.textContent === '+ Lead').click()"
+    )
     chromium.run(add_lead)
     assert chromium.run("traits.saved && traits.state.elements[0].kind") == "lead"
 
@@ -278,19 +359,27 @@ def machine(stiffness=1e5, f_n=5.0):
     """A mass on a spring: 1 / stiffness [m/N] up to its resonance."""
     omega_n = 2 * np.pi * f_n
     plant = control.tf([omega_n**2 / stiffness], [1, 0.2 * omega_n, omega_n**2])
-    w, omega = control.tf([1 / (120 * np.pi), 0.15], [1 / (480 * np.pi), 1]), 2 * np.pi * np.geomspace(0.5, 200, 120)
-    return robust.UncertaintyModel(plant, w, "multiplicative", omega, 0.9 * np.abs(np.squeeze(w(1j * omega))))
+    w = control.tf([1 / (120 * np.pi), 0.15], [1 / (480 * np.pi), 1])
+    omega = 2 * np.pi * np.geomspace(0.5, 200, 120)
+    return robust.UncertaintyModel(
+        plant, w, "multiplicative", omega, 0.9 * np.abs(np.squeeze(w(1j * omega)))
+    )
 
 
 def test_it_opens_on_a_loop_and_not_on_an_empty_page(chromium, tmp_path):
-    """Of 1e-5 m/N: |w| = 1 at 61 Hz, so that |L| = 1 at 31 Hz; curves, verdict and legends are in sight."""
+    """Of 1e-5 m/N: |w| = 1 at 61 Hz, so that |L| = 1 at 31 Hz; curves, verdict and legends are in
+    sight.
+    """
     robust.shaping.write_shaping_page(tmp_path / "shape.html", machine())
     screen(chromium, 1300, 1100)
     chromium.open(tmp_path / "shape.html")
     chromium.wait(WAIT)
     [crossover] = chromium.run("shaping.answer().models[0].crossovers")
     assert crossover / 2 / np.pi == pytest.approx(30.6, abs=1.0)
-    assert chromium.run("document.querySelector('.shaping-card strong').textContent") == "holds on the grid"
+    assert (
+        chromium.run("document.querySelector('.shaping-card strong').textContent")
+        == "holds on the grid"
+    )
     assert chromium.run("document.querySelector('.shaping-margins').textContent").startswith(
         "crossover 31.3 Hz · phase 50°"
     )
@@ -305,28 +394,35 @@ def test_it_opens_on_a_loop_and_not_on_an_empty_page(chromium, tmp_path):
     text = chromium.run("document.body.innerText")
     assert "too high for the set" in text
     assert "L over the set" in text
-    chromium.run("shaping.set({ gain: 1, elements: [] })")  # with a gain of one |L| is at -100 dB, and in sight too
+    chromium.run(
+        "shaping.set({ gain: 1, elements: [] })"
+    )  # with a gain of one |L| is at -100 dB, and in sight too
     chromium.wait(WAIT)
     assert chromium.run("shaping.loop.plot.scales.y.min") < -100
     assert "|L| never crosses 1" in chromium.run("document.body.innerText")
 
 
 def handle_over_curve(page, k):
-    """How far a handle stands above or below the curve at its place, and from where it may be at most [px]."""
+    """How far a handle stands above or below the curve at its place, and from where it may be at
+    most [px].
+    """
     return page.run(
-        f"(() => {{ const box = document.querySelector('[data-handle=\"{k}\"]').getBoundingClientRect();"
-        " const o = shaping.loop.over.getBoundingClientRect(), x = box.x + box.width / 2 - o.x, a = shaping.answer();"
-        " const w = 2 * Math.PI * shaping.loop.plot.posToVal(x, 'x'), m = a.models[0];"
-        " const away = v => Math.abs(Math.log(v / w));"
-        " const i = a.omega.reduce((best, v, j) => away(v) < away(a.omega[best]) ? j : best, 0);"
-        " const y = shaping.loop.plot.valToPos(20 * Math.log10(Math.hypot(m.lr[i], m.li[i])), 'y');"
-        " return box.y + box.height / 2 - o.y - Math.min(Math.max(y, 12), o.height - 12); })()"
+        "(() => { const box ="
+        f" document.querySelector('[data-handle=\"{k}\"]').getBoundingClientRect(); const o ="
+        " shaping.loop.over.getBoundingClientRect(), x = box.x + box.width / 2 - o.x, a ="
+        " shaping.answer(); const w = 2 * Math.PI * shaping.loop.plot.posToVal(x, 'x'), m ="
+        " a.models[0]; const away = v => Math.abs(Math.log(v / w)); const i ="
+        " a.omega.reduce((best, v, j) => away(v) < away(a.omega[best]) ? j : best, 0); const y ="
+        " shaping.loop.plot.valToPos(20 * Math.log10(Math.hypot(m.lr[i], m.li[i])), 'y'); return"
+        " box.y + box.height / 2 - o.y - Math.min(Math.max(y, 12), o.height - 12); })()"
     )
 
 
 @pytest.mark.parametrize("gain", [1.0, 1e-4, 3e3, 1e-7])
 def test_handles_stay_on_the_curve_when_the_axis_rescales(page, gain):
-    """The plot takes a new scale only when it is drawn: handles that were placed before stood beside the curve."""
+    """The plot takes a new scale only when it is drawn: handles that were placed before stood
+    beside the curve.
+    """
     elements = [{"kind": "lead", "f": 2.0, "phase": 30.0}, {"kind": "integrator", "f": 0.3}]
     page.run(f"shaping.set({json.dumps({'gain': gain, 'elements': elements})})")
     state(page)
@@ -346,7 +442,8 @@ def test_handles_stay_on_the_curve_when_the_axis_rescales(page, gain):
 
 def test_the_numbers_of_the_verdict_explain_themselves(page):
     shown = page.run(
-        "[...document.querySelector('.shaping-card').querySelectorAll('[title]')].map(e => [e.textContent, e.title])"
+        "[...document.querySelector('.shaping-card').querySelectorAll('[title]')].map(e =>"
+        " [e.textContent, e.title])"
     )
     wanted = {
         "max rs": "Below 1",
@@ -358,21 +455,29 @@ def test_the_numbers_of_the_verdict_explain_themselves(page):
     for name, words in wanted.items():
         assert [title for text, title in shown if text.startswith(name) and words in title], name
     assert "rs" in page.run("document.querySelector('.shaping-robust figcaption').textContent")
-    assert "every plant of the set" in page.run("document.querySelector('.shaping-robust figcaption').title")
+    assert "every plant of the set" in page.run(
+        "document.querySelector('.shaping-robust figcaption').title"
+    )
 
 
 def test_a_peak_where_nothing_is_drawn_has_a_word_for_its_place(chromium, tmp_path):
-    """With an integrator rs of a set of 55 % at low frequency is largest at zero frequency: no number says that."""
+    """With an integrator rs of a set of 55 % at low frequency is largest at zero frequency: no
+    number says that.
+    """
     omega = 2 * np.pi * np.geomspace(2, 150, 120)
     w = control.tf([0.55], [1 / 400, 1])
     plant = control.tf([60.0**2], [1, 6, 60.0**2])
-    model = robust.UncertaintyModel(plant, w, "multiplicative", omega, 0.9 * np.abs(np.squeeze(w(1j * omega))))
+    model = robust.UncertaintyModel(
+        plant, w, "multiplicative", omega, 0.9 * np.abs(np.squeeze(w(1j * omega)))
+    )
     robust.shaping.write_shaping_page(tmp_path / "shape.html", model)
     chromium.open(tmp_path / "shape.html")
     chromium.wait(WAIT)
     chromium.run("shaping.set({ gain: 0.002, elements: [{ kind: 'integrator', f: 30 }] })")
     chromium.wait(WAIT)
-    f, low = chromium.run("[shaping.answer().models[0].maxRs.omega / 2 / Math.PI, shaping.band.low]")
+    f, low = chromium.run(
+        "[shaping.answer().models[0].maxRs.omega / 2 / Math.PI, shaping.band.low]"
+    )
     assert f < low
     fact = chromium.run("document.querySelector('.shaping-fact').textContent")
     assert fact.startswith("max rs 0.5")
@@ -380,11 +485,15 @@ def test_a_peak_where_nothing_is_drawn_has_a_word_for_its_place(chromium, tmp_pa
 
 
 def resonant(zeta=0.03):
-    """A mass on a light spring whose set is wide below its resonance at 58 Hz, as that of a machine with friction."""
+    """A mass on a light spring whose set is wide below its resonance at 58 Hz, as that of a machine
+    with friction.
+    """
     omega_n, omega = 2 * np.pi * 58, 2 * np.pi * np.geomspace(2.25, 149, 120)
     plant = control.tf([1.16e-5 * omega_n**2], [1, 2 * zeta * omega_n, omega_n**2])
     w = control.tf([0.25 / omega_n, 0.54], [1 / omega_n, 1])
-    return robust.UncertaintyModel(plant, w, "multiplicative", omega, 0.9 * np.abs(np.squeeze(w(1j * omega))))
+    return robust.UncertaintyModel(
+        plant, w, "multiplicative", omega, 0.9 * np.abs(np.squeeze(w(1j * omega)))
+    )
 
 
 def test_a_new_notch_lands_on_the_peak_that_limits(chromium, tmp_path):
@@ -394,13 +503,18 @@ def test_a_new_notch_lands_on_the_peak_that_limits(chromium, tmp_path):
     chromium.wait(WAIT)
     rs = "Math.max(...shaping.answer().models[0].rs)"
     before = chromium.run(rs)
-    peak = chromium.run("(() => { const m = shaping.answer().models[0]; return m.maxRs.omega / 2 / Math.PI; })()")
+    peak = chromium.run(
+        "(() => { const m = shaping.answer().models[0]; return m.maxRs.omega / 2 / Math.PI; })()"
+    )
     [_, notch] = add(chromium, "Notch")["elements"]
     assert notch["f"] == pytest.approx(58, rel=0.01)  # the resonance
     assert notch["f"] == pytest.approx(peak, rel=0.15)  # the peak of rs, shifted by feedback
     assert chromium.run(rs) < 0.7 * before
     # a hump of rs at the crossover, under a resonance that limits less, is not the place of a notch
-    elements = [{"kind": "integrator", "f": 18.0}, {"kind": "roll-off", "f": 6.6, "order": 1, "zeta": 0.7}]
+    elements = [
+        {"kind": "integrator", "f": 18.0},
+        {"kind": "roll-off", "f": 6.6, "order": 1, "zeta": 0.7},
+    ]
     chromium.run(f"shaping.set({json.dumps({'gain': 20000, 'elements': elements})})")
     chromium.wait(WAIT)
     assert chromium.run("shaping.answer().models[0].maxRs.omega / 2 / Math.PI") < 20
@@ -412,7 +526,9 @@ def test_a_new_notch_lands_on_the_peak_that_limits(chromium, tmp_path):
 def test_a_resonance_above_the_crossover_does_not_keep_the_page_from_a_robust_loop(bandwidth, dt):
     """A roll-off brings the resonance down; corners stay below Nyquist at a high crossover."""
     w_P, omega_c = robust.performance_weight(2 * np.pi * bandwidth, A=1e-2), 2 * np.pi * bandwidth
-    content = page_content(resonant(), w_P=w_P, K=None, dt=dt, delay=0.0, sources=PartSources(), omega_c=omega_c)
+    content = page_content(
+        resonant(), w_P=w_P, K=None, dt=dt, delay=0.0, sources=PartSources(), omega_c=omega_c
+    )
     report = robust.check(resonant(), shaped_controller(content["begin"], 1.0, dt), certify=False)
     assert report.nominally_stable
     assert np.max(report.curves.rs) < 1
@@ -429,11 +545,17 @@ def test_a_resonance_above_the_crossover_does_not_keep_the_page_from_a_robust_lo
 )
 @pytest.mark.parametrize("dt", [0.0, 1e-3])
 def test_the_controller_to_begin_with_is_what_the_plant_asks_for(plant, kinds, sign, dt):
-    """A mass with friction takes a lead, a lag and a flat plant an integrator; |L| = 1 at the bandwidth, and stable."""
+    """A mass with friction takes a lead, a lag and a flat plant an integrator; |L| = 1 at the
+    bandwidth, and stable.
+    """
     w, omega = machine().weight, machine().omega
-    model = robust.UncertaintyModel(plant, w, "multiplicative", omega, 0.9 * np.abs(np.squeeze(w(1j * omega))))
+    model = robust.UncertaintyModel(
+        plant, w, "multiplicative", omega, 0.9 * np.abs(np.squeeze(w(1j * omega)))
+    )
     omega_c = 2 * np.pi * 4.0
-    begin = page_content(model, w_P=None, K=None, dt=dt, delay=0.0, sources=PartSources(), omega_c=omega_c)["begin"]
+    begin = page_content(
+        model, w_P=None, K=None, dt=dt, delay=0.0, sources=PartSources(), omega_c=omega_c
+    )["begin"]
     assert [element["kind"] for element in begin["elements"]] == kinds
     assert np.sign(begin["gain"]) == sign
     report = robust.check(model, shaped_controller(begin, 1.0, dt), certify=False)
@@ -466,7 +588,9 @@ def test_what_does_not_fit_is_refused_in_one_line(change, said, tmp_path):
 def test_a_model_on_an_frf_is_refused():
     omega = np.geomspace(1, 100, 40)
     frf = control.FrequencyResponseData(1 / (1j * omega + 1), omega)
-    model = robust.UncertaintyModel(frf, control.tf([0.2], [1]), "multiplicative", omega, np.full(40, 0.1))
+    model = robust.UncertaintyModel(
+        frf, control.tf([0.2], [1]), "multiplicative", omega, np.full(40, 0.1)
+    )
     with pytest.raises(ValueError, match=r"parametric nominal.*fit_nominal"):
         page_content(model, w_P=None, K=None, dt=0, delay=0, sources=PartSources())
 
@@ -474,4 +598,7 @@ def test_a_model_on_an_frf_is_refused():
 def test_content_is_json_with_no_number_beyond_it():
     for seed in range(6):
         model, w_P, begin, dt, delay, _ = random_loop([seed])
-        json.dumps(page_content(model, w_P=w_P, K=begin, dt=dt, delay=delay, sources=PartSources()), allow_nan=False)
+        json.dumps(
+            page_content(model, w_P=w_P, K=begin, dt=dt, delay=delay, sources=PartSources()),
+            allow_nan=False,
+        )

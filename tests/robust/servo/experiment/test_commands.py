@@ -1,4 +1,6 @@
-"""The commands `robust servo design`, `play` and `levels`: from the gains of a drive to levels and directions."""
+"""The commands `robust servo design`, `play` and `levels`: from the gains of a drive to levels and
+directions.
+"""
 
 import re
 import sys
@@ -61,13 +63,19 @@ def test_an_axis_from_its_gains_to_three_levels_and_either_direction(run_step, t
         "servo play belt move.csv -o move-trace.csv",
         "nlfrf identify move-trace.csv --design move.npz --csv -o bla.npz",
         "nlfrf plot move.npz -o move.png",
-        "servo design ramp-trace.csv --first ramp.npz --level bends --period 1000 --f-min 12 --f-max 90 -o bends.csv",
+        (
+            "servo design ramp-trace.csv --first ramp.npz --level bends --period 1000 --f-min 12"
+            " --f-max 90 -o bends.csv"
+        ),
     ):
         code, out, err = run_step(*step.split())
         assert (code, err) == (0, ""), step
         said.append(out)
     assert "14 levels from 0.0" in said[0]
-    assert re.search(r"take, as rms of the force set point: .* N \(sticks\), .* N \(bends\), .* N \(slides\)", said[2])
+    assert re.search(
+        r"take, as rms of the force set point: .* N \(sticks\), .* N \(bends\), .* N \(slides\)",
+        said[2],
+    )
     assert "in motion at 0.1 m/s" in said[3]
     assert "forward: BLA on" in said[5]
     forward, backward = (load(tmp_path / f"bla-{one}.npz") for one in ("forward", "backward"))
@@ -76,8 +84,8 @@ def test_an_axis_from_its_gains_to_three_levels_and_either_direction(run_step, t
     bends = re.search(r"([\d.]+) N \(bends\)", said[2])[1]
     assert f"force {bends} N rms" in said[7]
     assert one_line(said[3]).endswith(
-        "assumed of the drive: kv = 30 1/s, kp = 33 A s/m, tn = 0.03 s, velocity_feedforward = 1; current loop: "
-        "125 N/A, lag 0.5 ms, delay 0.25 ms wrote move.csv wrote move.npz"
+        "assumed of the drive: kv = 30 1/s, kp = 33 A s/m, tn = 0.03 s, velocity_feedforward = 1;"
+        " current loop: 125 N/A, lag 0.5 ms, delay 0.25 ms wrote move.csv wrote move.npz"
     )
 
 
@@ -86,10 +94,14 @@ def one_line(page):
     return " ".join(page.split())
 
 
-def test_levels_of_a_trace_in_amperes_and_millimetres_are_recommended_in_newtons(run_step, tmp_path):
+def test_levels_of_a_trace_in_amperes_and_millimetres_are_recommended_in_newtons(
+    run_step, tmp_path
+):
     (tmp_path / "axis.toml").write_text(f"{AXIS_TOML}velocity_feedforward = 1.0\n")
     band = "--period 1000 --f-min 4 --f-max 100"
-    run_step(*f"servo design axis.toml {band} --seed 1 --ramp 14 --max-velocity 0.2 -o ramp.csv".split())
+    run_step(
+        *f"servo design axis.toml {band} --seed 1 --ramp 14 --max-velocity 0.2 -o ramp.csv".split()
+    )
     run_step(*["servo", "play", "belt", "ramp.csv", "-o", "trace.csv"])
     names, *rows = (tmp_path / "trace.csv").read_text().splitlines()
     names = names.split(",")
@@ -98,26 +110,40 @@ def test_levels_of_a_trace_in_amperes_and_millimetres_are_recommended_in_newtons
     table[:, force] /= 125.0
     table[:, position] *= 1e3
     names[force], names[position] = "force set point [A]", "position [mm]"
-    np.savetxt(tmp_path / "amperes.csv", table, delimiter=",", header=",".join(names), comments="", fmt="%.12g")
+    np.savetxt(
+        tmp_path / "amperes.csv",
+        table,
+        delimiter=",",
+        header=",".join(names),
+        comments="",
+        fmt="%.12g",
+    )
     one, other = (
-        run_step("servo", "levels", trace, "--design", "ramp.npz")[1] for trace in ("trace.csv", "amperes.csv")
+        run_step("servo", "levels", trace, "--design", "ramp.npz")[1]
+        for trace in ("trace.csv", "amperes.csv")
     )
     assert one == other
     assert "take, as rms of the force set point: " in one
-    again = f"{band} --first ramp.npz --level bends --seed 1 -o".replace("--f-min 4", "--f-min 12").split()
+    again = f"{band} --first ramp.npz --level bends --seed 1 -o".replace(
+        "--f-min 4", "--f-min 12"
+    ).split()
     one, other = (
-        run_step("servo", "design", f"{name}.csv", *again, f"{name}-bends.csv") for name in ("trace", "amperes")
+        run_step("servo", "design", f"{name}.csv", *again, f"{name}-bends.csv")
+        for name in ("trace", "amperes")
     )
     assert one[1].replace("trace-bends", "amperes-bends") == other[1]
     first, second = (
-        np.loadtxt(tmp_path / f"{name}-bends.csv", delimiter=",", skiprows=1) for name in ("trace", "amperes")
+        np.loadtxt(tmp_path / f"{name}-bends.csv", delimiter=",", skiprows=1)
+        for name in ("trace", "amperes")
     )
     assert np.abs(first).max(axis=0) == pytest.approx(np.abs(second).max(axis=0), rel=1e-6)
     assert "position [m]" in (tmp_path / "amperes-bends.csv").read_text().splitlines()[0]
 
 
 def test_a_drive_without_velocity_feedforward(run_step, tmp_path):
-    """The default of axis.toml; the presets have one, and what is designed for another drive is not played."""
+    """The default of axis.toml; the presets have one, and what is designed for another drive is not
+    played.
+    """
     (tmp_path / "axis.toml").write_text(AXIS_TOML)
     design = "servo design axis.toml --period 1000 --f-min 4 --f-max 100 --seed 1 --rms 20"
     code, out, err = run_step(*f"{design} -o play.csv".split())
@@ -125,10 +151,15 @@ def test_a_drive_without_velocity_feedforward(run_step, tmp_path):
     assert "velocity_feedforward = 0 (none)" in one_line(out)
     code, _, err = run_step(*["servo", "play", "belt", "play.csv", "-o", "trace.csv"])
     assert code == 2
-    assert "must have the gains of the design in 'play.npz', kv = 30 1/s, kp = 33 A s/m, tn = 0.03 s, " in err
+    assert (
+        "must have the gains of the design in 'play.npz', kv = 30 1/s, kp = 33 A s/m, tn = 0.03 s, "
+        in err
+    )
     assert "velocity_feedforward = 0, got" in err
     assert "velocity_feedforward = 1: design again" in err
-    run_step(*f"{design} --port force -o push.csv".split())  # at rest no set point moves: the feedforward is idle
+    run_step(
+        *f"{design} --port force -o push.csv".split()
+    )  # at rest no set point moves: the feedforward is idle
     assert run_step(*["servo", "play", "belt", "push.csv", "-o", "push-trace.csv"])[0] == 0
 
 
@@ -155,7 +186,10 @@ def test_a_design_is_replaced_when_asked_to_and_the_refusal_says_what_it_is(run_
     ("arguments", "message"),
     [
         ("servo design lathe {} -o x.csv", "preset must be one of"),
-        ("servo design belt {} --rms 5 --ramp 8 --velocity 0.1 -o x.csv", "ramp must be left out with --velocity"),
+        (
+            "servo design belt {} --rms 5 --ramp 8 --velocity 0.1 -o x.csv",
+            "ramp must be left out with --velocity",
+        ),
         (
             "servo design belt {} --rms 5 --strokes 1 -o x.csv",
             "--velocity must not be zero with strokes",
@@ -164,9 +198,15 @@ def test_a_design_is_replaced_when_asked_to_and_the_refusal_says_what_it_is(run_
         ("servo design trace.csv {} -o x.csv", "got 'trace.csv': for a trace give --first"),
         (
             "servo design bad.toml {} -o x.csv",
-            "bad.toml must have no entry 'motor_inertai', did you mean motor_inertia? It may have damping, drive,",
+            (
+                "bad.toml must have no entry 'motor_inertai', did you mean motor_inertia? It may"
+                " have damping, drive,"
+            ),
         ),
-        ("servo design bare.toml {} -o x.csv", "bare.toml must have an entry motor_inertia, got none"),
+        (
+            "servo design bare.toml {} -o x.csv",
+            "bare.toml must have an entry motor_inertia, got none",
+        ),
         ("servo design broken.toml {} -o x.csv", "axis must be a TOML file, got 'broken.toml': "),
         ("servo play belt play.npz -o x.csv", "path must hold set points called"),
         (
@@ -203,9 +243,10 @@ def test_what_the_commands_of_an_axis_refuse(run_step, tmp_path, arguments, mess
 def test_an_axis_with_units_is_the_one_in_plain_numbers(tmp_path):
     linear, rotary = tmp_path / "linear.toml", tmp_path / "rotary.toml"
     linear.write_text(
-        'motor_inertia = "7170 g"\nload_inertia = 15\nstiffness = "1.33 N/um"\ndamping = "100 N/(m/s)"\n'
-        'resolution = "50 nm"\n[drive]\ntorque_constant = "125 N/A"\nfs = "4 kHz"\nkv = "1.8 m/min/mm"\n'
-        'kp = "33 A s/m"\ntn = "30 ms"\nlag = "500 us"\nlimit = "17000 mA"\nvelocity_feedforward = "80 %"\n',
+        'motor_inertia = "7170 g"\nload_inertia = 15\nstiffness = "1.33 N/um"\ndamping = "100'
+        ' N/(m/s)"\nresolution = "50 nm"\n[drive]\ntorque_constant = "125 N/A"\nfs = "4 kHz"\nkv ='
+        ' "1.8 m/min/mm"\nkp = "33 A s/m"\ntn = "30 ms"\nlag = "500 us"\nlimit = "17000'
+        ' mA"\nvelocity_feedforward = "80 %"\n',
         encoding="utf-8",
     )
     rotary.write_text(
@@ -214,26 +255,45 @@ def test_an_axis_with_units_is_the_one_in_plain_numbers(tmp_path):
         encoding="utf-8",
     )
     found = load_axis(linear)
-    assert (found.motor_inertia, found.stiffness, found.resolution) == pytest.approx((7.17, 1.33e6, 50e-9))
-    assert (found.drive.fs, found.drive.kv, found.drive.kp, found.drive.tn) == pytest.approx((4000, 30, 33, 0.03))
-    assert (found.drive.lag, found.drive.limit, found.drive.velocity_feedforward) == (0.5e-3, 17.0, 0.8)
+    assert (found.motor_inertia, found.stiffness, found.resolution) == pytest.approx(
+        (7.17, 1.33e6, 50e-9)
+    )
+    assert (found.drive.fs, found.drive.kv, found.drive.kp, found.drive.tn) == pytest.approx(
+        (4000, 30, 33, 0.03)
+    )
+    assert (found.drive.lag, found.drive.limit, found.drive.velocity_feedforward) == (
+        0.5e-3,
+        17.0,
+        0.8,
+    )
     found = load_axis(rotary)
-    assert (found.motor_inertia, found.drive.kv, found.drive.gain) == pytest.approx((0.52, 15, 60 / np.pi))
+    assert (found.motor_inertia, found.drive.kv, found.drive.gain) == pytest.approx(
+        (0.52, 15, 60 / np.pi)
+    )
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("load_inertia = 15.0", 'load_inertia = "15 kg m^2"'), "load_inertia must be a number with its unit, such as"),
+        (
+            ("load_inertia = 15.0", 'load_inertia = "15 kg m^2"'),
+            "load_inertia must be a number with its unit, such as",
+        ),
         (("tn = 0.03", 'tn = "30"'), 'tn must be a number with its unit, such as "1 s" or "1 ms"'),
-        (("kp = 33", 'kp = "33 A/(rad/s)"'), r'kp must be a number with its unit, such as "143 A/\(m/s\)", got'),
+        (
+            ("kp = 33", 'kp = "33 A/(rad/s)"'),
+            r'kp must be a number with its unit, such as "143 A/\(m/s\)", got',
+        ),
         (("kv = 30", ""), r"\[drive\] of axis.toml must have an entry kv, got none"),
         (
             ("kv = 30", "Kv = 30"),
             r"\[drive\] of axis.toml must have no entry 'Kv', did you mean kv\? It may have delay",
         ),
         (("[drive]", "drive = 3\n[other]"), "axis.toml must have no entry 'other'"),
-        (("lag = 0.5e-3", 'delay_periods = "1 ms"'), "delay_periods must be a real number, got '1 ms'"),
+        (
+            ("lag = 0.5e-3", 'delay_periods = "1 ms"'),
+            "delay_periods must be a real number, got '1 ms'",
+        ),
     ],
 )
 def test_an_axis_that_is_not_well_written_is_refused(tmp_path, change, message):

@@ -1,4 +1,6 @@
-"""The design through the loop: spectra against the simulated axis without friction, limits, files."""
+"""The design through the loop: spectra against the simulated axis without friction, limits,
+files.
+"""
 
 from dataclasses import replace
 
@@ -31,11 +33,14 @@ def spectrum(signal, begin, lines):
 
 @pytest.mark.attack(every=3)
 @pytest.mark.parametrize(
-    ("name", "port"), [*((name, "position") for name in PRESETS), ("belt", "velocity"), ("ball screw", "force")]
+    ("name", "port"),
+    [*((name, "position") for name in PRESETS), ("belt", "velocity"), ("ball screw", "force")],
 )
 def test_the_spectrum_of_force_is_the_one_asked_for(name, port):
     axis = free(name)
-    experiment = design_experiment(axis, multisine(**BAND, amplitude=lambda f: 1 / f), rms=20, port=port, n_discard=10)
+    experiment = design_experiment(
+        axis, multisine(**BAND, amplitude=lambda f: 1 / f), rms=20, port=port, n_discard=10
+    )
     trace = run(axis, experiment.set_points(0), oversampling=4)
     lines, begin = experiment.ms.lines.excited, experiment.n_discard * N
     U, Y = (spectrum(one, begin, lines) for one in (trace.force_set, trace.position))
@@ -47,7 +52,9 @@ def test_the_spectrum_of_force_is_the_one_asked_for(name, port):
     assert np.isclose(np.abs(trace.force_set[kept]).max(), experiment.peak_force, rtol=1e-4)
     assert np.isclose(np.ptp(trace.position[kept]), experiment.travel, rtol=1e-4)
     assert np.isclose(
-        np.abs(np.gradient(trace.position[kept], 1 / axis.drive.fs)).max(), experiment.peak_velocity, rtol=0.02
+        np.abs(np.gradient(trace.position[kept], 1 / axis.drive.fs)).max(),
+        experiment.peak_velocity,
+        rtol=0.02,
     )
 
 
@@ -55,7 +62,13 @@ def test_the_spectrum_of_force_is_the_one_asked_for(name, port):
     "drive",
     [
         {"delay_periods": 0.4, "lag": 0.0},
-        {"delay_periods": 2.7, "velocity_lag": 1e-3, "velocity_feedforward": 0.3, "kp": 10.0, "kv": 10.0},
+        {
+            "delay_periods": 2.7,
+            "velocity_lag": 1e-3,
+            "velocity_feedforward": 0.3,
+            "kp": 10.0,
+            "kv": 10.0,
+        },
         {"filters": [[0.2, 0.3, 0.1, 1.0, -0.6, 0.2]], "tn": np.inf},
     ],
 )
@@ -76,7 +89,9 @@ def test_a_slower_position_loop_is_taken_as_its_mean():
 
 
 def test_phases_stay_random_on_a_special_odd_grid():
-    experiment = design_experiment(servo_axis("belt"), multisine(**BAND, n_realizations=200), rms=20)
+    experiment = design_experiment(
+        servo_axis("belt"), multisine(**BAND, n_realizations=200), rms=20
+    )
     plain = multisine(**BAND, n_realizations=200)
     assert experiment.ms.lines.kind == "special-odd"
     assert np.array_equal(experiment.ms.phase, plain.phase)
@@ -91,14 +106,18 @@ def test_phases_stay_random_on_a_special_odd_grid():
     ],
 )
 def test_without_a_level_the_limit_is_reached_and_not_passed(limits, which):
-    experiment = design_experiment(servo_axis("belt"), multisine(**BAND, n_realizations=3), limits=limits)
+    experiment = design_experiment(
+        servo_axis("belt"), multisine(**BAND, n_realizations=3), limits=limits
+    )
     limit = next(one for one in (limits.force, limits.velocity, limits.travel) if np.isfinite(one))
     assert np.isclose(getattr(experiment, which), limit)
 
 
 def test_in_motion_the_multisine_never_turns_the_axis_back():
     axis = servo_axis("belt")
-    experiment = design_experiment(axis, MS, base_velocity=0.1, strokes=1, limits=AxisLimits(velocity=1))
+    experiment = design_experiment(
+        axis, MS, base_velocity=0.1, strokes=1, limits=AxisLimits(velocity=1)
+    )
     trace = run(axis, experiment.set_points(0))
     forward = slice(experiment.n_discard * N, experiment.block)
     assert trace.v[0, forward].min() > -1e-3
@@ -111,7 +130,9 @@ def test_the_base_motion_begins_and_ends_at_rest_without_a_jump():
     experiment = design_experiment(servo_axis("belt"), MS, base_velocity=0.1, strokes=2, rms=20)
     velocity = np.diff(experiment.base) * 4000
     played = experiment.set_points(0)["position"]
-    assert np.abs(np.diff(velocity)).max() < 1.01 * 0.2 * np.pi / 2 / (N // 4)  # slope of a cosine from -0.1 to 0.1
+    assert np.abs(np.diff(velocity)).max() < 1.01 * 0.2 * np.pi / 2 / (
+        N // 4
+    )  # slope of a cosine from -0.1 to 0.1
     assert abs(played[0]) < 1e-6
     assert abs(played[-1] - experiment.base[-1]) < 1e-6
     assert abs(experiment.base[-1]) < 0.1 * N / 4000
@@ -123,16 +144,24 @@ def test_a_measured_loop_gives_the_spectrum_too():
     trace = run(axis, first.set_points(0), oversampling=4)
     kept = slice(10 * N, 12 * N)
     u, y = (one[kept].reshape(1, 2, N) for one in (trace.force_set, trace.position))
-    record = nlfrf.Record(u=u, y=y, r=np.tile(first.ms.u[:, None], (1, 2, 1)), fs=4000, lines=first.ms.lines)
-    second = design_experiment(record, multisine(fs=4000, n_samples=N, f_min=6, f_max=290, rng=2), rms=20, n_discard=10)
+    record = nlfrf.Record(
+        u=u, y=y, r=np.tile(first.ms.u[:, None], (1, 2, 1)), fs=4000, lines=first.ms.lines
+    )
+    second = design_experiment(
+        record, multisine(fs=4000, n_samples=N, f_min=6, f_max=290, rng=2), rms=20, n_discard=10
+    )
     trace = run(axis, second.set_points(0), oversampling=4)
     U = spectrum(trace.force_set, 10 * N, second.ms.lines.excited)
     assert np.allclose(np.abs(U), second.force_amplitude, rtol=1e-3)
     f = first.ms.f
     bla = nlfrf.bla_from_frf(f, plant_frf(axis, f), std=1e-9, fs=4000, hold="zoh")
-    by_bla = design_experiment((axis, bla), multisine(fs=4000, n_samples=N, f_min=6, f_max=290, rng=2), rms=20)
+    by_bla = design_experiment(
+        (axis, bla), multisine(fs=4000, n_samples=N, f_min=6, f_max=290, rng=2), rms=20
+    )
     assert np.allclose(by_bla.ms.amplitude, second.ms.amplitude, rtol=1e-3)
-    with pytest.raises(ValueError, match="f_min and f_max must be within the lines of the record, 6 to 294 Hz"):
+    with pytest.raises(
+        ValueError, match="f_min and f_max must be within the lines of the record, 6 to 294 Hz"
+    ):
         design_experiment(record, multisine(fs=4000, n_samples=N, f_min=2, f_max=290), rms=20)
 
 
@@ -143,9 +172,15 @@ def test_a_measured_loop_gives_the_spectrum_too():
             {"rms": 500, "limits": AxisLimits(force=100)},
             "rms must be at most .* N within the limits, got 500 N: force would peak",
         ),
-        ({"rms": 20, "limits": AxisLimits(travel=1e-5)}, "got 20 N: travel would peak at .*, above 1e-05 m"),
+        (
+            {"rms": 20, "limits": AxisLimits(travel=1e-5)},
+            "got 20 N: travel would peak at .*, above 1e-05 m",
+        ),
         ({}, "rms must be given without limits"),
-        ({"base_velocity": 0.1, "rms": 500}, "velocity would peak at .*, above 0.1 m/s left by the base motion"),
+        (
+            {"base_velocity": 0.1, "rms": 500},
+            "velocity would peak at .*, above 0.1 m/s left by the base motion",
+        ),
         (
             {"base_velocity": 0.1, "limits": AxisLimits(travel=0.05)},
             "base_velocity must be lower, or its strokes shorter, for a travel of at most 0.05 m",
@@ -172,7 +207,9 @@ def test_sources_that_do_not_fit():
         design_experiment(1.0, MS, rms=1)
     with pytest.raises(ValueError, match="with its reference r, got one without"):
         design_experiment(record, multisine(fs=1, n_samples=8, f_min=0.1, f_max=0.2), rms=1)
-    with pytest.raises(ValueError, match="ms must be sampled as the source is, at 1 Hz, got 4000 Hz"):
+    with pytest.raises(
+        ValueError, match="ms must be sampled as the source is, at 1 Hz, got 4000 Hz"
+    ):
         design_experiment(record, MS, rms=1)
     with pytest.raises(ValueError, match="ms must be of type Multisine, got 1"):
         design_experiment(servo_axis("belt"), 1.0, rms=1)
@@ -189,7 +226,9 @@ def test_sources_that_do_not_fit():
 
 @pytest.mark.parametrize("port", PORTS)
 def test_the_design_survives_its_file(tmp_path, port):
-    experiment = design_experiment(servo_axis("joint"), MS, base_velocity=0.5, strokes=1, rms=3, port=port)
+    experiment = design_experiment(
+        servo_axis("joint"), MS, base_velocity=0.5, strokes=1, rms=3, port=port
+    )
     nlfrf.save(experiment, tmp_path / "play.csv")
     again = nlfrf.load(tmp_path / "play.npz")
     for name in ("force_response", "position_response", "gains", "velocities"):
@@ -210,7 +249,9 @@ def test_the_design_survives_its_file(tmp_path, port):
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_from_the_design_to_the_frf_of_either_direction(tmp_path, name):
-    """In motion the friction is a constant and a damping: the FRF is that of the machine without friction."""
+    """In motion the friction is a constant and a damping: the FRF is that of the machine without
+    friction.
+    """
     axis = servo_axis(name)
     velocity, rms = {"joint": (0.5, 5), "ball screw": (0.05, 300)}.get(name, (0.15, 30))
     ms = multisine(**BAND | {"f_min": 10})
@@ -226,7 +267,9 @@ def test_from_the_design_to_the_frf_of_either_direction(tmp_path, name):
         assert np.allclose(U, experiment.force_amplitude, rtol=0.02)
         G = np.fft.rfft(record.y.mean(axis=(0, 1)))[record.lines.excited]
         G = G / np.fft.rfft(record.u.mean(axis=(0, 1)))[record.lines.excited]
-        assert np.allclose(G, plant_frf(free(name), experiment.ms.f), rtol=0.03, atol=0.003 * np.abs(G).max())
+        assert np.allclose(
+            G, plant_frf(free(name), experiment.ms.f), rtol=0.03, atol=0.003 * np.abs(G).max()
+        )
         assert (record.hold, record.u_name, record.y_name) == ("zoh", "force set point", "position")
         assert (record.y_unit, record.u_unit) == axis.units
 
@@ -254,10 +297,14 @@ def test_what_the_simulated_axis_does_not_play(tmp_path):
 
     def table(*columns):
         names = ",".join(["t [s]", *columns])
-        play.write_text("\n".join([names, *(",".join(map(str, [one] + [0.0] * len(columns))) for one in t)]))
+        play.write_text(
+            "\n".join([names, *(",".join(map(str, [one] + [0.0] * len(columns))) for one in t)])
+        )
 
     table("speed")
-    with pytest.raises(ValueError, match="path must hold set points called force, velocity, position, got none"):
+    with pytest.raises(
+        ValueError, match="path must hold set points called force, velocity, position, got none"
+    ):
         play_experiment(axis, play, out)
     table("position [mm]")
     with pytest.raises(ValueError, match="path must have its position in m, the unit of the axis"):
@@ -266,7 +313,9 @@ def test_what_the_simulated_axis_does_not_play(tmp_path):
     with pytest.raises(ValueError, match=r"out must end in \.csv"):
         play_experiment(axis, play, tmp_path / "trace.mat")
     slow = replace(axis, drive=replace(axis.drive, fs=1000))
-    with pytest.raises(ValueError, match="path must be sampled as the drive is, at 1000 Hz, got 4000 Hz"):
+    with pytest.raises(
+        ValueError, match="path must be sampled as the drive is, at 1000 Hz, got 4000 Hz"
+    ):
         play_experiment(slow, play, out)
 
 
@@ -277,7 +326,10 @@ def test_a_drive_with_other_gains_than_its_design_is_not_played(tmp_path, realiz
     nlfrf.save(design_experiment(axis, ms, rms=5), tmp_path / "play.csv")
     file = tmp_path / ("play.csv" if realizations == 1 else "play-2.csv")
     other = replace(axis, drive=replace(axis.drive, kv=60))
-    with pytest.raises(ValueError, match=r"gains of the design in 'play.npz', kv = 30 1/s, kp = 33 .* got kv = 60 1/s"):
+    with pytest.raises(
+        ValueError,
+        match=r"gains of the design in 'play.npz', kv = 30 1/s, kp = 33 .* got kv = 60 1/s",
+    ):
         play_experiment(other, file, tmp_path / "t.csv")
     assert not (tmp_path / "t.csv").exists()
     play_experiment(axis, file, tmp_path / "t.csv")
@@ -291,7 +343,9 @@ def test_a_trace_ends_where_a_limit_is_passed(tmp_path):
     ms = multisine(fs=4000, n_samples=1000, f_min=8, f_max=200, rng=1)
     ramp = design_ramp(free("linear motor"), ms, rms=100, n_levels=8)
     nlfrf.save(ramp, tmp_path / "play.csv")
-    play_experiment(axis, tmp_path / "play.csv", tmp_path / "trace.csv", limits=AxisLimits(travel=1e-4))
+    play_experiment(
+        axis, tmp_path / "play.csv", tmp_path / "trace.csv", limits=AxisLimits(travel=1e-4)
+    )
     records = load_trace(tmp_path / "trace.csv", ramp)
     assert 3 <= len(records) < 8
     assert all(np.ptp(record.y) <= 1e-4 for record in records)
@@ -318,7 +372,9 @@ def test_a_kick_decays_or_grows_as_the_poles_of_the_loop_say(name, drive):
 
 
 def test_crossover_of_a_mass_under_a_velocity_loop():
-    """Without position loop, reset time, delay and lag |L| is kp K / (m omega), a sampled integrator."""
+    """Without position loop, reset time, delay and lag |L| is kp K / (m omega), a sampled
+    integrator.
+    """
     axis = free("linear motor", kv=0.0, tn=np.inf, lag=0.0, delay_periods=0.0, kp=10.0)
     axis = replace(axis, motor_damping=0.0)
     assert np.isclose(crossover_frequency(axis), 10.0 * 52.8 / 12.0 / (2 * np.pi), rtol=0.01)
@@ -328,13 +384,22 @@ def test_crossover_of_a_mass_under_a_velocity_loop():
 @pytest.mark.parametrize(
     ("axis", "message"),
     [
-        (free("linear motor", kp=1500.0), "is unstable without friction: the computed peaks and set points"),
+        (
+            free("linear motor", kp=1500.0),
+            "is unstable without friction: the computed peaks and set points",
+        ),
         (
             free("linear motor", torque_constant=0.0528),
             "is unstable without friction: the computed peaks and set points",
         ),
-        (free("linear motor", kp=1.43, kv=1.0, tn=0.4), r"crosses over at 1[\d.]+ Hz, far outside the lines of 6"),
-        (free("linear motor", tn=12.0), "tn = 12 s is longer than the period of 0.5 s: .*it is in seconds"),
+        (
+            free("linear motor", kp=1.43, kv=1.0, tn=0.4),
+            r"crosses over at 1[\d.]+ Hz, far outside the lines of 6",
+        ),
+        (
+            free("linear motor", tn=12.0),
+            "tn = 12 s is longer than the period of 0.5 s: .*it is in seconds",
+        ),
     ],
 )
 @pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")

@@ -1,4 +1,6 @@
-"""The level pre-test: against what the simulated axes do at its levels, and on machines it must not read."""
+"""The level pre-test: against what the simulated axes do at its levels, and on machines it must not
+read.
+"""
 
 import re
 from dataclasses import replace
@@ -11,7 +13,13 @@ from nlfrf import DataWarning, servo_axis
 from nlfrf._base.files import write_table
 from nlfrf.io import load_trace
 from nlfrf.rig import run
-from robust.servo import FrictionRegime, design_experiment, design_ramp, find_levels, play_experiment
+from robust.servo import (
+    FrictionRegime,
+    design_experiment,
+    design_ramp,
+    find_levels,
+    play_experiment,
+)
 from tests.support.backlash import play_backlash
 
 N = 1000
@@ -38,7 +46,10 @@ def slipping(axis, x):
 @pytest.mark.filterwarnings("ignore:the force is .* as designed")
 @pytest.mark.parametrize("name", TOP)
 def test_the_levels_are_those_at_which_the_axis_sticks_bends_and_slides(tmp_path, name):
-    """Truth: no element slips, some do, all do. The first one may slip by a sixth at the highest peak."""
+    """Truth: no element slips, some do, all do.
+
+    The first one may slip by a sixth at the highest peak.
+    """
     axis = servo_axis(name)
     ramp = design_ramp(without_friction(axis), MS, rms=TOP[name], n_levels=18)
     nlfrf.save(ramp, tmp_path / "ramp.csv")
@@ -66,7 +77,9 @@ def test_the_stiffness_of_the_plateau_is_the_presliding_stiffness(tmp_path):
     sticks = np.array([state is FrictionRegime.STICKS for state in levels.states])
     plateau = levels.stiffness[sticks]
     assert np.allclose(plateau, axis.motor_friction.stiffness.sum(), rtol=0.05)
-    asked = (levels.set_point_rms / levels.position_rms)[sticks]  # a mass on a spring; the lowest are quantised
+    asked = (levels.set_point_rms / levels.position_rms)[
+        sticks
+    ]  # a mass on a spring; the lowest are quantised
     assert np.allclose(asked[-3:], asked[-1], rtol=0.15)
     assert set(levels.rms) < set(levels.set_point_rms)
     assert str(levels).endswith("(slides)")
@@ -82,8 +95,14 @@ def judged(tmp_path, axis, ms=MS, **how):
 @pytest.mark.parametrize(
     ("how", "reason"),
     [
-        ({"rms": 1.2, "span": 60}, "the axis does not break away: its stiffness stays at .* N/m at .* N rms"),
-        ({"rms": 15, "span": 1000}, "the axis does not slide yet: its stiffness still changes from .* to .* N/m"),
+        (
+            {"rms": 1.2, "span": 60},
+            "the axis does not break away: its stiffness stays at .* N/m at .* N rms",
+        ),
+        (
+            {"rms": 15, "span": 1000},
+            "the axis does not slide yet: its stiffness still changes from .* to .* N/m",
+        ),
         ({"rms": 150, "span": 10}, "no level sticks: .* raise --span|no readable level sticks"),
         (
             {"rms": 0.2, "span": 1000},
@@ -115,14 +134,21 @@ def test_an_axis_without_friction_has_no_levels(tmp_path):
     assert levels.reason.startswith("no readable level sticks: ")
     assert "friction holds" not in levels.reason
     small = [state is FrictionRegime.TOO_SMALL for state in levels.states]
-    assert small == (levels.position_rms < 2 * axis.resolution).tolist()  # what it resolves is left open
+    assert (
+        small == (levels.position_rms < 2 * axis.resolution).tolist()
+    )  # what it resolves is left open
 
 
 @pytest.mark.parametrize(
     ("resolution", "said"),
-    [(5e-8, "At [1-9] of 10 levels friction holds the axis within 2 steps of the encoder"), (1e-6, "no level sticks")],
+    [
+        (5e-8, "At [1-9] of 10 levels friction holds the axis within 2 steps of the encoder"),
+        (1e-6, "no level sticks"),
+    ],
 )
-def test_friction_that_is_stiffer_than_the_encoder_shows_is_not_looked_for_lower(tmp_path, resolution, said):
+def test_friction_that_is_stiffer_than_the_encoder_shows_is_not_looked_for_lower(
+    tmp_path, resolution, said
+):
     """Rigid friction holds the axis at all, and at no level that is seen."""
     rigid = nlfrf.friction.Coulomb(Fc=15.0, Fs=20.0, vs=0.01)
     axis = replace(servo_axis("linear motor"), motor_friction=rigid, resolution=resolution)
@@ -132,13 +158,26 @@ def test_friction_that_is_stiffer_than_the_encoder_shows_is_not_looked_for_lower
     assert "span" not in levels.reason
 
 
-BACKLASH = {"m1": 7.0, "m2": 15.0, "k": 1.3e6, "c": 100.0, "kv": 30.0, "kp": 700.0, "tn": 0.05, "lag": 0.5e-3}
+BACKLASH = {
+    "m1": 7.0,
+    "m2": 15.0,
+    "k": 1.3e6,
+    "c": 100.0,
+    "kv": 30.0,
+    "kp": 700.0,
+    "tn": 0.05,
+    "lag": 0.5e-3,
+}
 FRICTION = {"motor_K0": 2e6, "load_K0": 1e6, "load_Fs": 30.0}
 
 
 def levels_with_play(tmp_path, **machine):
-    drive = nlfrf.rig.Drive(kp_unit="N/(m/s)", fs=2000, kv=30, kp=700, tn=0.05, lag=0.5e-3, velocity_feedforward=1.0)
-    rough = nlfrf.rig.ServoAxis(motor_inertia=7.0, load_inertia=15.0, stiffness=1.3e6, damping=100.0, drive=drive)
+    drive = nlfrf.rig.Drive(
+        kp_unit="N/(m/s)", fs=2000, kv=30, kp=700, tn=0.05, lag=0.5e-3, velocity_feedforward=1.0
+    )
+    rough = nlfrf.rig.ServoAxis(
+        motor_inertia=7.0, load_inertia=15.0, stiffness=1.3e6, damping=100.0, drive=drive
+    )
     ms = nlfrf.multisine(fs=2000, n_samples=1000, f_min=4, f_max=100, rng=1)
     ramp = design_ramp(rough, ms, rms=200, n_levels=14, span=3e3)
     u, y = play_backlash(ramp, **BACKLASH, **FRICTION, **machine)
@@ -155,13 +194,17 @@ def test_play_in_front_of_a_load_with_friction_is_seen(tmp_path):
 
 
 def test_an_axis_that_vibrates_by_itself_is_not_taken_for_play(tmp_path):
-    """On stiff bristles the loop is unstable: the axis vibrates by a micrometre, which makes dry friction viscous."""
+    """On stiff bristles the loop is unstable: the axis vibrates by a micrometre, which makes dry
+    friction viscous.
+    """
     drive = nlfrf.rig.Drive(fs=1000, kv=35, kp=5222, kp_unit="N/(m/s)", tn=0.0185, lag=0.44e-3)
     machine = {"motor_inertia": 34.6, "motor_damping": 96.0, "drive": drive, "resolution": 2e-9}
     ms = nlfrf.multisine(fs=1000, n_samples=1000, f_min=3, f_max=120, rng=1)
     said = []
     for stiffness in (4.9e7, 4.9e5):
-        axis = nlfrf.rig.ServoAxis(motor_friction=nlfrf.friction.Dahl(sigma0=stiffness, Fc=86.3), **machine)
+        axis = nlfrf.rig.ServoAxis(
+            motor_friction=nlfrf.friction.Dahl(sigma0=stiffness, Fc=86.3), **machine
+        )
         said.append(judged(tmp_path, axis, ms, rms=110, span=1e2, n_levels=7).reason)
         (tmp_path / "ramp.csv").unlink()
     assert said[0].startswith("below ")
@@ -171,8 +214,17 @@ def test_an_axis_that_vibrates_by_itself_is_not_taken_for_play(tmp_path):
 
 
 def test_an_axis_that_drifts_is_not_said_to_vibrate(tmp_path):
-    """With two periods a level: one whose integral part winds up, and the one that vibrates at 190 Hz."""
-    gains = {"kv": 50.2, "kp": 204.2, "kp_unit": "N/(m/s)", "tn": 0.01616, "lag": 0.27e-3, "velocity_feedforward": 1.0}
+    """With two periods a level: one whose integral part winds up, and the one that vibrates at 190
+    Hz.
+    """
+    gains = {
+        "kv": 50.2,
+        "kp": 204.2,
+        "kp_unit": "N/(m/s)",
+        "tn": 0.01616,
+        "lag": 0.27e-3,
+        "velocity_feedforward": 1.0,
+    }
     slow = nlfrf.rig.ServoAxis(
         motor_inertia=1.256,
         motor_damping=3.49,
@@ -182,7 +234,9 @@ def test_an_axis_that_drifts_is_not_said_to_vibrate(tmp_path):
     )
     ms = nlfrf.multisine(fs=2000, n_samples=2000, f_min=3, f_max=100, rng=1)
     said = judged(tmp_path, slow, ms, rms=15, span=3e2, n_periods=2).reason
-    assert re.search(r"its position drifts by \S+ m rms from period to period, .* raise --discard", said)
+    assert re.search(
+        r"its position drifts by \S+ m rms from period to period, .* raise --discard", said
+    )
     assert "vibrates" not in said
     (tmp_path / "ramp.csv").unlink()
     fast = nlfrf.rig.ServoAxis(
@@ -199,14 +253,18 @@ def test_an_axis_that_drifts_is_not_said_to_vibrate(tmp_path):
 
 
 def test_play_behind_the_friction_of_the_motor_is_not_seen(tmp_path):
-    """What the guide names as silent: the motor sticks first, so the stiffness falls as friction makes it fall."""
+    """What the guide names as silent: the motor sticks first, so the stiffness falls as friction
+    makes it fall.
+    """
     assert levels_with_play(tmp_path, play=1e-4, motor_Fs=10.0).reason == ""
 
 
 def test_what_is_no_ramp_is_refused(tmp_path):
     axis = without_friction(servo_axis("belt"))
     still = design_experiment(axis, MS, rms=20)
-    with pytest.raises(ValueError, match="experiment must be a ramp of levels, got one with the parts at rest"):
+    with pytest.raises(
+        ValueError, match="experiment must be a ramp of levels, got one with the parts at rest"
+    ):
         find_levels([], still)
     ramp = design_ramp(axis, MS, rms=20)
     with pytest.raises(ValueError, match="records must be those of a ramp"):

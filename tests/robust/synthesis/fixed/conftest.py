@@ -1,4 +1,6 @@
-"""Shared by the tests of fixed structures: a light mode with a small set, and commands on its file."""
+"""Shared by the tests of fixed structures: a light mode with a small set, and commands on its
+file.
+"""
 
 import sys
 
@@ -12,11 +14,15 @@ from robust import cli
 
 @pytest.fixture
 def command_on_light_mode(monkeypatch, capsys, tmp_path):
-    """Run a line in a folder with the model of a light mode, m.json: exit code, standard output, standard error."""
+    """Run a line in a folder with the model of a light mode, m.json: exit code, standard output,
+    standard error.
+    """
     monkeypatch.chdir(tmp_path)
     omega, plant = np.geomspace(1, 600, 20), control.tf([60.0**2], [1, 36.0, 60.0**2])
     weight = control.tf([0.01], [1])
-    robust.save(robust.UncertaintyModel(plant, weight, "multiplicative", omega, np.full(20, 0.01)), "m.json")
+    robust.save(
+        robust.UncertaintyModel(plant, weight, "multiplicative", omega, np.full(20, 0.01)), "m.json"
+    )
 
     def run(line):
         monkeypatch.setattr(sys, "argv", line.split())

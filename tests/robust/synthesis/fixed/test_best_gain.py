@@ -1,4 +1,6 @@
-"""The largest integral gain is found, not the optimum next to the first controller that stabilises."""
+"""The largest integral gain is found, not the optimum next to the first controller that
+stabilises.
+"""
 
 import control
 import numpy as np
@@ -12,7 +14,9 @@ from robust.synthesis.fixed.plants import plant_on_lines
 @pytest.mark.attack(every=3)
 @pytest.mark.parametrize("seed", [5, 38, 48])
 def test_no_other_search_finds_a_tenth_more(seed):
-    """From one simple start, by convex steps alone, these ended at 0.1, 0.48 and 0 of the rival's gain."""
+    """From one simple start, by convex steps alone, these ended at 0.1, 0.48 and 0 of the rival's
+    gain.
+    """
     asked = case(np.random.default_rng([1, seed]))
     other = rival(asked, seed, generations=120)
     assert other > 0
@@ -20,7 +24,9 @@ def test_no_other_search_finds_a_tenth_more(seed):
 
 
 def test_a_peak_between_lines_is_seen_from_them():
-    """No line near the closest passage of (0.2 s + 1)/s^2 by -1: on all others |S| is far below its peak."""
+    """No line near the closest passage of (0.2 s + 1)/s^2 by -1: on all others |S| is far below its
+    peak.
+    """
     G = control.tf([0.2, 1.0], [1, 0, 0])
     at = plant_on_lines(G, dt=0.0, delay=0.0, extra=(), weights=())
     row = demand_row("|S| <= 1", at, a=1.0, b=0.0)

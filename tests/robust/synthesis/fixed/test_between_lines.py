@@ -1,4 +1,6 @@
-"""What a design says between the lines it was made on, and above them: of the controller nothing is unknown there."""
+"""What a design says between the lines it was made on, and above them: of the controller nothing is
+unknown there.
+"""
 
 from types import SimpleNamespace
 
@@ -51,7 +53,11 @@ def test_sampled_modes_too():
     z = np.exp((-1e-4 + 1j) * at * dt)
     for kick in (-50.0, 0.1):
         K = control.ss(
-            [[z.real, z.imag], [-z.imag, z.real]], [[0.0], [1.0]], [[0.0, kick * 1e-4 * at * dt]], [[1.0]], dt
+            [[z.real, z.imag], [-z.imag, z.real]],
+            [[0.0], [1.0]],
+            [[0.0, kick * 1e-4 * at * dt]],
+            [[1.0]],
+            dt,
         )
         G = control.sample_system(control.ss(LAG), dt)
         stable = bool(np.all(np.abs(control.feedback(G * K, 1).poles()) < 1))
@@ -70,19 +76,31 @@ def test_margins_on_lines_see_the_modes_of_the_controller():
 
 @pytest.mark.attack
 def test_the_modes_of_one_controller_in_the_loop_of_another():
-    """Each loop by itself is stable, and both together on the lines: 24 of 3000 random ones were not, between them."""
+    """Each loop by itself is stable, and both together on the lines:
+
+    24 of 3000 random ones were not, between them.
+    """
     unit, said = SimpleNamespace(inputs=("a", "b"), outputs=("c", "d")), []
     rng, at = np.random.default_rng(0), float(np.sqrt(LINES[120] * LINES[121]))
     for _ in range(320):
         g = rng.standard_normal((2, 2)) * 3
         g[[0, 1], [0, 1]] = np.abs(g[[0, 1], [0, 1]])
         G = control.ss(np.diag([-1.0, -rng.uniform(0.3, 3)]), np.eye(2), g, np.zeros((2, 2)))
-        mode = resonance(10 ** rng.uniform(-5, -3), rng.choice([-1, 1]) * 10 ** rng.uniform(-1, 2), at)
-        K = [control.ss(rng.uniform(0.3, 5) * mode), control.ss([], [], [], [[rng.uniform(0.3, 5)]])]
+        mode = resonance(
+            10 ** rng.uniform(-5, -3), rng.choice([-1, 1]) * 10 ** rng.uniform(-1, 2), at
+        )
+        K = [
+            control.ss(rng.uniform(0.3, 5) * mode),
+            control.ss([], [], [], [[rng.uniform(0.3, 5)]]),
+        ]
         whole = control.feedback(G * control.append(*K), control.ss([], [], [], np.eye(2)))
         none = np.zeros((LINES.size, 2, 2))
         seen = MatrixOnLines(
-            omega=LINES, G=np.moveaxis(G(1j * LINES), 2, 0), left=none + np.eye(2), right=none, radius=none
+            omega=LINES,
+            G=np.moveaxis(G(1j * LINES), 2, 0),
+            left=none + np.eye(2),
+            right=none,
+            radius=none,
         )
         for order in ([0, 1], [1, 0]):
             if not check_sequential_stability(unit, seen.with_modes(K), K=K, order=order, dt=0.0):
@@ -100,21 +118,30 @@ def test_a_known_factor_with_a_mode_between_the_lines():
     at = controller_mode_lines(design.K, (LINES[0], LINES[-1]))
     S = sensitivity(LAG, design.K, np.union1d(at, LINES))
     assert not design.met or S.max() < 2.01
-    assert design.gamma == pytest.approx((np.abs(w_P(1j * np.union1d(at, LINES))) * S).max(), rel=0.02)
+    assert design.gamma == pytest.approx(
+        (np.abs(w_P(1j * np.union1d(at, LINES))) * S).max(), rel=0.02
+    )
 
 
 @pytest.mark.parametrize("structure", ["P", "PI", "PID", 2])
 def test_gamma_is_taken_where_the_loop_ends(structure):
-    """w_P alone asks for all gain there is: above any crossover S is one, and gamma at least |w_P| there."""
+    """w_P alone asks for all gain there is: above any crossover S is one, and gamma at least |w_P|
+    there.
+    """
     w_P = performance_weight(2, M_S=2, A=1e-2)
     design = design_frf(LAG, structure, w_P=w_P)
     omega = np.geomspace(1e-3, 1e18, 24000)  # of the P the crossover is at 1e14
     assert design.gamma >= 0.499
-    assert design.gamma == pytest.approx((np.abs(w_P(1j * omega)) * sensitivity(LAG, design.K, omega)).max(), rel=0.01)
+    assert design.gamma == pytest.approx(
+        (np.abs(w_P(1j * omega)) * sensitivity(LAG, design.K, omega)).max(), rel=0.01
+    )
 
 
 def test_limits_hold_up_to_the_nyquist_frequency():
-    """An order 3 at 100 times the speed of the plant: |S| up to 37 times its limit, beside the Nyquist frequency."""
+    """An order 3 at 100 times the speed of the plant:
+
+    |S| up to 37 times its limit, beside the Nyquist frequency.
+    """
     G, dt = control.tf([1], [1, 0.4, 1]) + control.tf([1], [1, 1]), 0.01
     design = design_frf(G, 3, M_S=1.7, M_T=1.7, M_u=100.0, dt=dt)
     sampled = control.sample_system(control.ss(G), dt)
@@ -128,15 +155,24 @@ def test_limits_hold_up_to_the_nyquist_frequency():
 @pytest.mark.parametrize("i", [0, 3, 17, 43, 45])
 @pytest.mark.filterwarnings("ignore")
 def test_designs_are_what_they_say(i):
-    """Of the attack: gamma or a limit was missed by more than 1 % above or between the frequencies of the design."""
+    """Of the attack: gamma or a limit was missed by more than 1 % above or between the frequencies
+    of the design.
+    """
     assert judged(np.random.default_rng([1, i])) == ""
 
 
 def test_a_crossover_that_a_notch_could_meet():
-    """|L| <= 1 at one frequency, by a notch there and a gain without bound elsewhere: |S| was 3000, and 1.7 allowed."""
+    """|L| <= 1 at one frequency, by a notch there and a gain without bound elsewhere:
+
+    |S| was 3000, and 1.7 allowed.
+    """
     resonant = ControllerStructure(n_zeros=3, n_integrators=1, poles=(-0.05 + 50j, -0.05 - 50j))
     G = control.tf([1], [0.1, 1])
     design = design_frf(G, resonant, M_S=1.7, omega_c=(4.0, 8.0))
-    omega = np.unique(np.concatenate([np.geomspace(1e-3, 1e12, 40000), controller_mode_lines(design.K, (1.0, 1e3))]))
+    omega = np.unique(
+        np.concatenate(
+            [np.geomspace(1e-3, 1e12, 40000), controller_mode_lines(design.K, (1.0, 1e3))]
+        )
+    )
     assert design.met
     assert sensitivity(G, design.K, omega).max() < 1.7 * 1.01

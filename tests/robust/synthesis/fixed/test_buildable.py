@@ -29,11 +29,16 @@ def test_a_filter_chosen_by_the_design_does_not_ring():
 def test_a_filter_time_that_rings_is_warned_of():
     for filter_time, pole in ((1e-3, -3 / 7), (2.4e-3, -0.1 / 4.9)):
         with pytest.warns(
-            robust.DesignWarning, match=r"the derivative rings, d\[k\] = -0\.\d+ d.*use two samples, 0.01 s"
+            robust.DesignWarning,
+            match=r"the derivative rings, d\[k\] = -0\.\d+ d.*use two samples, 0.01 s",
         ):
-            design = robust.design_frf(PLANT, "PID", filter_time=filter_time, n_iterations=1, **ASKED)
+            design = robust.design_frf(
+                PLANT, "PID", filter_time=filter_time, n_iterations=1, **ASKED
+            )
         assert filter_pole(design.K) == pytest.approx(pole, rel=1e-6)
-    robust.design_frf(PLANT, "PID", filter_time=2.5e-3, n_iterations=1, **ASKED)  # warnings are errors here
+    robust.design_frf(
+        PLANT, "PID", filter_time=2.5e-3, n_iterations=1, **ASKED
+    )  # warnings are errors here
 
 
 def test_an_integral_that_is_nothing_is_named():
@@ -44,7 +49,11 @@ def test_an_integral_that_is_nothing_is_named():
 
 def test_a_design_says_where_its_loop_crosses_over_and_how_far_it_peaks():
     design = robust.design_frf(PLANT, "PI", M_S=1.6, M_T=1.2, dt=5e-3, delay=0.02)
-    L = control.sample_system(PLANT, 5e-3, "zoh") * control.tf([1], [1, 0, 0, 0, 0], 5e-3) * design.K
+    L = (
+        control.sample_system(PLANT, 5e-3, "zoh")
+        * control.tf([1], [1, 0, 0, 0, 0], 5e-3)
+        * design.K
+    )
     z = np.exp(1j * np.linspace(0.1, np.pi / 5e-3, 20000) * 5e-3)
     L = L(z)
     assert design.peak_S == pytest.approx(np.abs(1 / (1 + L)).max(), rel=1e-3)
@@ -53,12 +62,17 @@ def test_a_design_says_where_its_loop_crosses_over_and_how_far_it_peaks():
     near = np.argmin(np.abs(np.log(np.abs(L))))
     assert crossover == pytest.approx(np.angle(z[near]) / 5e-3, rel=1e-2)
     row = str(design).splitlines()[1]
-    assert re.fullmatch(r"  crossover [\d.]+ Hz; nominal max \|S\| 1\.\d+, max \|T\| 1(\.\d+)?", row)
+    assert re.fullmatch(
+        r"  crossover [\d.]+ Hz; nominal max \|S\| 1\.\d+, max \|T\| 1(\.\d+)?", row
+    )
 
 
 def test_the_command_takes_a_limit_on_T_and_a_filter_time(command_on_light_mode):
     run = command_on_light_mode
-    line = "robust design m.json --sample-time 0.005 --delay 0.02 --peak 1.8 -o K.json --peak-t 1.1 --filter-time 0.01"
+    line = (
+        "robust design m.json --sample-time 0.005 --delay 0.02 --peak 1.8 -o K.json --peak-t 1.1"
+        " --filter-time 0.01"
+    )
     code, out, err = run(f"{line} --method pid")
     assert code == 0, err
     assert "Tf = 0.01 s" in unwrapped(out).replace("PID ", "")
@@ -71,5 +85,7 @@ def test_the_command_takes_a_limit_on_T_and_a_filter_time(command_on_light_mode)
 
 def test_a_design_is_told_to_save_its_controller(tmp_path):
     design = robust.design_frf(PLANT, "PI", n_iterations=1, **ASKED)
-    with pytest.raises(ValueError, match=r"^thing must be the controller, got a Design: save its K, of order 1$"):
+    with pytest.raises(
+        ValueError, match=r"^thing must be the controller, got a Design: save its K, of order 1$"
+    ):
         robust.save(design, tmp_path / "K.json")

@@ -1,4 +1,6 @@
-"""Controllers of fixed structure straight from the FRF: published optima, demands recomputed, honest failure."""
+"""Controllers of fixed structure straight from the FRF: published optima, demands recomputed,
+honest failure.
+"""
 
 import control
 import numpy as np
@@ -44,10 +46,14 @@ def stable(G, K):
 
 @pytest.mark.parametrize(("order", "gamma"), [(1, 2.002), (2, 1.404), (3, 1.366)])
 def test_sp_example_2_17(order, gamma):
-    """SP 2nd ed., Example 2.17: the H-infinity optimum is 1.366 (there 1.37) with 4 states; order 3 reaches it."""
+    """SP 2nd ed., Example 2.17: the H-infinity optimum is 1.366 (there 1.37) with 4 states; order 3
+    reaches it.
+    """
     design = design_frf(BOOK, order, w_P=W_P, w_u=1.0)
     assert design.gamma == pytest.approx(gamma, abs=1e-3)
-    assert design.gamma == pytest.approx(gamma_of(BOOK, design.K, np.geomspace(1e-4, 1e3, 4000)), rel=1e-3)
+    assert design.gamma == pytest.approx(
+        gamma_of(BOOK, design.K, np.geomspace(1e-4, 1e3, 4000)), rel=1e-3
+    )
     assert design.K.nstates == order
     assert stable(BOOK, design.K)
     assert design.met
@@ -68,18 +74,25 @@ def test_pi_of_a_lag_has_the_largest_integral_gain_the_sensitivity_allows():
     g = 1 / (1j * w + 1) ** 3 / (1j * w)
     ki = np.linspace(0.1, 1, 2001)
     peak = np.abs(1 / (1 + ki[:, None] * g)).max(axis=1)
-    assert float(np.abs(response(design.K, np.array([1e-6])) * 1e-6)[0]) == pytest.approx(ki[peak <= 2].max(), rel=2e-3)
+    assert float(np.abs(response(design.K, np.array([1e-6])) * 1e-6)[0]) == pytest.approx(
+        ki[peak <= 2].max(), rel=2e-3
+    )
     more = design_frf(G, "PI", M_S=2.0)
     most = design_frf(G, "PID", M_S=2.0)
     gains = [float(np.abs(response(d.K, np.array([1e-6])) * 1e-6)[0]) for d in (design, more, most)]
-    # Åström & Hägglund, Advanced PID Control, 6.5: PID control brings far more on a lag-dominated plant
+    # Åström & Hägglund, Advanced PID Control, 6.5: PID control brings far more on a lag-dominated
+    # plant
     assert gains[0] < gains[1] < 0.6 * gains[2]
 
 
 def discs(form):
     omega = np.geomspace(0.02, 200, 60)
     # the inverse form is above one at low frequency, where its set is no disc
-    w = control.tf([0.3, 0.02], [0.05, 1]) if form == "multiplicative" else control.tf([0.1, 1.5], [1, 0.5])
+    w = (
+        control.tf([0.3, 0.02], [0.05, 1])
+        if form == "multiplicative"
+        else control.tf([0.1, 1.5], [1, 0.5])
+    )
     radius = 0.5 * np.abs(response(control.ss(w), omega))
     return UncertaintyModel(control.ss(BOOK), w, form, omega, radius, perturbation="LTI")
 
@@ -130,25 +143,33 @@ def test_low_frequency_gain():
 
 def test_sampled_with_delay():
     """The design is on what the sampled controller sees: hold and delay inside."""
-    design = design_frf(BOOK, "PID", w_P=performance_weight(2, M_S=2.0, A=1e-2), M_S=2.0, dt=0.02, delay=0.03)
+    design = design_frf(
+        BOOK, "PID", w_P=performance_weight(2, M_S=2.0, A=1e-2), M_S=2.0, dt=0.02, delay=0.03
+    )
     plant = sampled(control.ss(BOOK), 0.02, 0.03)
     assert design.K.dt == 0.02
     assert stable(plant, design.K)
     w = np.geomspace(1e-2, np.pi / 0.02 * 0.999, 3000)
     assert np.abs(1 / (1 + response(plant, w) * response(design.K, w))).max() <= 2.0 * 1.005
-    undelayed = design_frf(BOOK, "PID", w_P=performance_weight(2, M_S=2.0, A=1e-2), M_S=2.0, dt=0.02)
+    undelayed = design_frf(
+        BOOK, "PID", w_P=performance_weight(2, M_S=2.0, A=1e-2), M_S=2.0, dt=0.02
+    )
     assert undelayed.gamma < design.gamma
 
 
 def test_family():
-    """One controller for plants of gain 1 and 3: stable and inside the limit with each, at a price."""
+    """One controller for plants of gain 1 and 3: stable and inside the limit with each, at a
+    price.
+    """
     plants = [k * BOOK / 2 for k in (1, 3)]
     one = design_frf(plants, "PID", w_P=performance_weight(3, A=1e-2), M_S=1.7)
     alone = design_frf(plants[0], "PID", w_P=performance_weight(3, A=1e-2), M_S=1.7)
     w = np.geomspace(1e-2, 1e3, 3000)
     for G in plants:
         assert stable(G, one.K)
-        assert np.abs(1 / (1 + response(control.ss(G), w) * response(one.K, w))).max() <= 1.7 * 1.005
+        assert (
+            np.abs(1 / (1 + response(control.ss(G), w) * response(one.K, w))).max() <= 1.7 * 1.005
+        )
     assert one.gamma >= alone.gamma
 
 
@@ -165,7 +186,9 @@ def test_undamped_modes_are_stabilised_whichever_side_rounding_puts_them(stiffne
 def test_unstable_plant():
     G = control.tf([1], [1, -1])
     for plant, more in ((G, {}), (frf(G, np.geomspace(0.05, 50, 150)), {"n_unstable": 1})):
-        design = design_frf(plant, "PI", w_u=1.0, w_P=performance_weight(0.5, M_S=3, A=1e-2), **more)
+        design = design_frf(
+            plant, "PI", w_u=1.0, w_P=performance_weight(0.5, M_S=3, A=1e-2), **more
+        )
         assert stable(G, design.K)
 
 
@@ -228,7 +251,9 @@ def test_the_last_good_controller_is_kept_when_the_solver_fails(monkeypatch):
 
     monkeypatch.setattr(iteration, "solve_step", failing)
     design = design_frf(BOOK, 2, w_P=W_P, w_u=1.0)
-    assert design.reason == "the solver CLARABEL failed: PanicError; the previous controller is kept"
+    assert (
+        design.reason == "the solver CLARABEL failed: PanicError; the previous controller is kept"
+    )
     assert stable(BOOK, design.K)
     assert design.gamma == pytest.approx(design.history[-1], rel=1e-3)
 
@@ -271,7 +296,9 @@ def test_lines_too_far_apart_are_never_called_stable():
 )
 @example(w0=1.0, zeta=0.05078125, delay=0.0, structure="PI", from_lines=True)
 def test_what_is_called_met_is_met(w0, zeta, delay, structure, from_lines):
-    """Random resonant plants with delay, from the model and from noisy lines: never an unstable loop called met."""
+    """Random resonant plants with delay, from the model and from noisy lines: never an unstable
+    loop called met.
+    """
     G = control.tf([w0**2], [1, 2 * zeta * w0, w0**2])
     w = np.geomspace(w0 / 30, 30 * w0, 200)
     plant = G
@@ -291,7 +318,8 @@ def test_what_is_called_met_is_met(w0, zeta, delay, structure, from_lines):
     if design is not None and design.met:
         true = control.ss(G) * control.tf(*control.pade(delay / w0, 8)) if delay else control.ss(G)
         assert stable(true, design.K)
-        # of lines it is met on the lines: between them a resonance three lines wide stands up to 1.17 times higher
+        # of lines it is met on the lines: between them a resonance three lines wide stands up to
+        # 1.17 times higher
         dense = np.geomspace(w0 / 30, 30 * w0, 2000)
         for at, most in ((w, 1.15), (dense, 1.25)) if from_lines else ((dense, 1.005),):
             L = response(control.ss(G), at) * np.exp(-1j * at * delay / w0) * response(design.K, at)
@@ -308,7 +336,14 @@ def rig_like():
 
     size = np.abs(plant(2j * np.pi * LINES))
     return make_bla(
-        plant, LINES, f0=0.5, sigma_noise=0.005 * size, sigma_distortion=0.05 * size, rng=3, fs=500, hold="band-limited"
+        plant,
+        LINES,
+        f0=0.5,
+        sigma_noise=0.005 * size,
+        sigma_distortion=0.05 * size,
+        rng=3,
+        fs=500,
+        hold="band-limited",
     )
 
 
@@ -330,28 +365,51 @@ def test_pid_from_one_record():
         (lambda: design_frf(BOOK, 40, M_S=2), "structure must have an order"),
         (lambda: design_frf(BOOK, "PID"), "got no demand on the loop"),
         (lambda: design_frf(BOOK, "PID", M_S=2, aim="gamma"), 'aim must be "gain"'),
-        (lambda: design_frf(BOOK, "PI", M_S=2, filter_time=0.1), "filter_time must only be given with PD or PID"),
+        (
+            lambda: design_frf(BOOK, "PI", M_S=2, filter_time=0.1),
+            "filter_time must only be given with PD or PID",
+        ),
         (lambda: design_frf(BOOK, "PID", M_S=2, filter_time=0.0), "filter_time must be positive"),
         (lambda: design_frf(BOOK, "PI", M_S=2, integrators=1), "integrators must only be given"),
         (lambda: design_frf([], "PI", M_S=2), "empty list"),
         (lambda: design_frf(BOOK, "PI", M_S=-1.0), "M_S must be positive"),
-        (lambda: design_frf(frf(BOOK, OMEGA), "PI", M_S=2, omega_c=1e5), "omega_c must lie within the lines"),
+        (
+            lambda: design_frf(frf(BOOK, OMEGA), "PI", M_S=2, omega_c=1e5),
+            "omega_c must lie within the lines",
+        ),
         (
             lambda: design_frf(frf(BOOK, OMEGA), "PI", M_S=2, dt=1.0),
             "dt must put the Nyquist frequency above the highest line",
         ),
-        (lambda: design_frf(sampled(control.ss(BOOK), 0.1), "PI", M_S=2, dt=0.2), "dt must be one sampling time"),
-        (lambda: design_frf(BOOK, "PI", M_S=2, start=control.tf([-50], [1, 0])), "start must stabilise the plant"),
-        (lambda: design_frf(BOOK, "PI", M_S=2, start=control.tf([1], [1, 1, 1])), "start must have the structure"),
+        (
+            lambda: design_frf(sampled(control.ss(BOOK), 0.1), "PI", M_S=2, dt=0.2),
+            "dt must be one sampling time",
+        ),
+        (
+            lambda: design_frf(BOOK, "PI", M_S=2, start=control.tf([-50], [1, 0])),
+            "start must stabilise the plant",
+        ),
+        (
+            lambda: design_frf(BOOK, "PI", M_S=2, start=control.tf([1], [1, 1, 1])),
+            "start must have the structure",
+        ),
         (lambda: design_frf(BOOK, "PI", M_S=2, gain=3.0), "gain must be"),
         (
             lambda: design_frf(BOOK, "PI", M_S=2, fixed=control.tf([1], [1, 1], 0.1)),
             "fixed must be continuous as the",
         ),
-        (lambda: design_frf(control.tf([1], [1, 0, -1]), "I", M_S=2), "start must be given: no simple I controller"),
         (
-            lambda: design_frf(frf(control.tf([1], [1, 0.2, 100]), np.geomspace(0.1, 1e3, 80)), "PI", M_S=1.6),
-            "lines at 9.434 and 10.6 rad/s the phase of the FRF turns by 161 deg, .*measure lines between them",
+            lambda: design_frf(control.tf([1], [1, 0, -1]), "I", M_S=2),
+            "start must be given: no simple I controller",
+        ),
+        (
+            lambda: design_frf(
+                frf(control.tf([1], [1, 0.2, 100]), np.geomspace(0.1, 1e3, 80)), "PI", M_S=1.6
+            ),
+            (
+                "lines at 9.434 and 10.6 rad/s the phase of the FRF turns by 161 deg, .*measure"
+                " lines between them"
+            ),
         ),
     ],
 )
@@ -363,7 +421,9 @@ def test_refusals(call, message):
 @pytest.mark.data
 @pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")
 def test_pid_for_the_measured_motor_bench(measured):
-    """From the record alone, sampled with a delay; then held against a model the design did not know."""
+    """From the record alone, sampled with a delay; then held against a model the design did not
+    know.
+    """
     file = measured / "motor_bench" / "MultisineTypeB.mat"
     cut = {"fs": 2500, "n_samples": 2500, "n_discard": 1, "hold": "band-limited"}
     bla = nlfrf.identify(nlfrf.load_record(file, u="iq_adx", y="theta_mx", **cut))

@@ -1,4 +1,6 @@
-"""A design from the FRF says on what its limits were held; a check of a model may fail where these lines pass."""
+"""A design from the FRF says on what its limits were held; a check of a model may fail where these
+lines pass.
+"""
 
 import re
 import shlex
@@ -22,7 +24,9 @@ def resonance(s):
 def command(monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
     size = np.abs(resonance(2j * np.pi * F))
-    bla = make_bla(resonance, F, f0=0.5, sigma_noise=0.01 * size, sigma_distortion=0.02 * size, rng=1, fs=1000)
+    bla = make_bla(
+        resonance, F, f0=0.5, sigma_noise=0.01 * size, sigma_distortion=0.02 * size, rng=1, fs=1000
+    )
     save(replace(bla, hold="band-limited"), "bla.npz")
 
     def run(line):
@@ -36,10 +40,17 @@ def command(monkeypatch, capsys, tmp_path):
 
 
 def test_the_lines_are_named_and_the_commands_that_prove_run(command):
-    """4aa289a said "every limit met" and left open on what; check then said NOT ROBUST of the same data."""
-    code, out, _ = command("robust design bla.npz --method pid --peak 1.8 --sample-time 1e-3 --delay 1e-3 -o K.json")
+    """4aa289a said "every limit met" and left open on what; check then said NOT ROBUST of the same
+    data.
+    """
+    code, out, _ = command(
+        "robust design bla.npz --method pid --peak 1.8 --sample-time 1e-3 --delay 1e-3 -o K.json"
+    )
     assert code == 0
-    assert "limits tried: on the 158 measured lines only, 1 to 79.5 Hz, each with its bound at 95 %" in out
+    assert (
+        "limits tried: on the 158 measured lines only, 1 to 79.5 Hz, each with its bound at 95 %"
+        in out
+    )
     (row,) = re.findall(r"prove it: +(.*)", out)
     for line in row.split("; "):
         code, out, err = command(line.replace("--poles N", "--poles 2 --zeros 0"))
@@ -49,9 +60,14 @@ def test_the_lines_are_named_and_the_commands_that_prove_run(command):
 
 def test_a_model_is_held_by_its_weight_on_a_grid(command):
     assert command("robust model bla.npz --poles 2 --zeros 0 -o m.json")[0] == 0
-    code, out, _ = command("robust design m.json --method pid --peak 1.8 --sample-time 1e-3 -o K.json")
+    code, out, _ = command(
+        "robust design m.json --method pid --peak 1.8 --sample-time 1e-3 -o K.json"
+    )
     assert code == 0
-    assert "limits tried: on a grid, for every plant within the weight of m.json; a grid proves nothing" in out
+    assert (
+        "limits tried: on a grid, for every plant within the weight of m.json; a grid proves"
+        " nothing" in out
+    )
     (line,) = re.findall(r"prove it: +(.*)", out)
     code, out, err = command(line)
     assert code == 0, err

@@ -1,4 +1,6 @@
-"""What is met is met: integrators and sign below the first line, modes between two lines, and gain above the last."""
+"""What is met is met: integrators and sign below the first line, modes between two lines, and gain
+above the last.
+"""
 
 import control
 import numpy as np
@@ -14,16 +16,22 @@ FREE = control.tf([100], [1, 17, 0])
 
 
 def scattered(G, omega, *, size, rng):
-    """An FRF with complex normal scatter of a relative standard deviation (W,), none off by more than its bound."""
+    """An FRF with complex normal scatter of a relative standard deviation (W,), none off by more
+    than its bound.
+    """
     e = (rng.standard_normal(omega.size) + 1j * rng.standard_normal(omega.size)) / np.sqrt(2)
     G0 = G(1j * omega)
     return nlfrf.bla_from_frf(
-        omega / (2 * np.pi), G0 * (1 + size * e / np.maximum(1, np.abs(e) / 1.7)), std=size * np.abs(G0)
+        omega / (2 * np.pi),
+        G0 * (1 + size * e / np.maximum(1, np.abs(e) / 1.7)),
+        std=size * np.abs(G0),
     )
 
 
 def test_a_free_stage_whose_first_lines_scatter():
-    """Of issue 67: no integrator was read, Kp was -162, every limit was met, and the closed loop had a pole at 1.65."""
+    """Of issue 67: no integrator was read, Kp was -162, every limit was met, and the closed loop
+    had a pole at 1.65.
+    """
     f = nlfrf.multisine("special-odd", fs=1000, n_samples=4000, f_min=0.75, f_max=150, rng=1).f
     G = control.tf([100], [1, 2 * np.pi * 2.7, 0])
     G0, r, rng = G(2j * np.pi * f), 0.25 * np.minimum(1, 3 / f) + 0.02, np.random.default_rng(35)
@@ -77,7 +85,9 @@ class TestSign:
 
     def test_and_one_that_is_wrong(self):
         bla = scattered(-FREE, np.geomspace(1, 300, 60), size=0.05, rng=np.random.default_rng(2))
-        with pytest.raises(ValueError, match=r"by the phase of the FRF y falls as u rises\. Change the sign"):
+        with pytest.raises(
+            ValueError, match=r"by the phase of the FRF y falls as u rises\. Change the sign"
+        ):
             design_frf(bla, "PI", M_S=2, positive=True)
 
 
@@ -98,7 +108,9 @@ def test_integrators_that_are_given():
 
 
 def test_a_mode_between_two_lines_is_no_proof():
-    """The phase turns by 99 degrees from line to line, and the true |S| is 2.3 between them, where 1.6 is asked for."""
+    """The phase turns by 99 degrees from line to line, and the true |S| is 2.3 between them, where
+    1.6 is asked for.
+    """
     omega = np.geomspace(0.3, 30, 100)
     k = np.argmin(np.abs(omega - 5))
     w = np.sqrt(omega[k] * omega[k + 1])
@@ -114,7 +126,9 @@ def test_a_mode_between_two_lines_is_no_proof():
 def test_lines_close_enough_name_no_lines():
     lag = control.tf([1], [1, 1])
     omega = np.geomspace(0.01, 100, 2000)
-    design = design_frf(control.FrequencyResponseData(lag(1j * omega), omega), "PI", M_S=1.5, M_u=10.0)
+    design = design_frf(
+        control.FrequencyResponseData(lag(1j * omega), omega), "PI", M_S=1.5, M_u=10.0
+    )
     assert design.met
     assert design.n_lines == 0
 

@@ -42,7 +42,9 @@ def test_a_resonant_denominator_takes_a_known_disturbance_away(dt):
 
 
 def test_poles_that_are_given_are_kept_and_free_ones_are_chosen():
-    free = robust.design_frf(PLANT, ControllerStructure(n_zeros=1, n_integrators=1, n_poles=1), M_S=1.5)
+    free = robust.design_frf(
+        PLANT, ControllerStructure(n_zeros=1, n_integrators=1, n_poles=1), M_S=1.5
+    )
     assert free.K.nstates == 2
     lag = ControllerStructure(n_zeros=1, poles=(-3.0,))
     assert robust.design_frf(PLANT, lag, M_S=1.5, omega_c=5.0).K.poles() == pytest.approx([-3.0])

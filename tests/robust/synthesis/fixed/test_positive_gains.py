@@ -1,4 +1,6 @@
-"""PID gains that a PLC takes: all of one sign, under the names of its blocks; and a warning where they are not."""
+"""PID gains that a PLC takes: all of one sign, under the names of its blocks; and a warning where
+they are not.
+"""
 
 import re
 
@@ -29,7 +31,8 @@ def test_free_gains_have_different_signs_here():
 
 
 @pytest.mark.parametrize(
-    "structure", ["PI", *(pytest.param(one, marks=pytest.mark.attack) for one in ("P", "I", "PD", "PID"))]
+    "structure",
+    ["PI", *(pytest.param(one, marks=pytest.mark.attack) for one in ("P", "I", "PD", "PID"))],
 )
 def test_positive_gains_are_positive_and_meet_the_limits(structure):
     """Of a PID the command below designs one with the same limits."""
@@ -50,18 +53,25 @@ def assert_positive_and_within_limits(K):
 @pytest.mark.attack
 def test_what_three_gains_can_do_two_cannot_do_better():
     """Of positive gains PI is a PID, so the gain at low frequency of the latter is no smaller."""
-    pid, pi = (gains_of(robust.design_frf(PLANT, name, positive=True, **ASKED).K)[1] for name in ("PID", "PI"))
+    pid, pi = (
+        gains_of(robust.design_frf(PLANT, name, positive=True, **ASKED).K)[1]
+        for name in ("PID", "PI")
+    )
     assert pid > 0.99 * pi
 
 
 @pytest.mark.attack
 def test_no_filter_that_is_given_does_better():
-    """Six filter times alone reached 0.92 of the integral gain, with a proportional gain of zero."""
+    """Six filter times alone reached 0.92 of the integral gain, with a proportional gain of
+    zero.
+    """
     w = 2 * np.pi * np.arange(1.0, 60.0)
     P = control.tf([1], [2, 60, 2 * (2 * np.pi * 20) ** 2]) * control.tf([300], [1, 300])
     asked = {"M_S": 1.8, "dt": 1e-3, "delay": 5e-3, "positive": True}
     frf = control.frd(P(1j * w), w)
-    given = [robust.design_frf(frf, "PID", filter_time=T, **asked) for T in np.geomspace(5e-4, 5e-2, 20)]
+    given = [
+        robust.design_frf(frf, "PID", filter_time=T, **asked) for T in np.geomspace(5e-4, 5e-2, 20)
+    ]
     best = max(gains_of(design.K)[1] for design in given if design.met)
     assert gains_of(robust.design_frf(frf, "PID", **asked).K)[1] > 0.99 * best
 
@@ -78,9 +88,16 @@ def test_gains_that_are_positive_of_themselves_are_not_touched():
     [
         ({"structure": "lead"}, "positive must be used with P, I, PI, PD, PID, got it with 'lead'"),
         ({"structure": 2}, "positive must be used with"),
-        ({"structure": "PI", "fixed": control.tf([1], [0.01, 1])}, "positive must be left out with a fixed factor"),
         (
-            {"structure": "PID", "start": robust.shaping.pid(-0.1, 1.0, 1e-3, filter_time=1e-3), "filter_time": 1e-3},
+            {"structure": "PI", "fixed": control.tf([1], [0.01, 1])},
+            "positive must be left out with a fixed factor",
+        ),
+        (
+            {
+                "structure": "PID",
+                "start": robust.shaping.pid(-0.1, 1.0, 1e-3, filter_time=1e-3),
+                "filter_time": 1e-3,
+            },
             "negative",
         ),
     ],
@@ -108,7 +125,9 @@ def test_the_ideal_form_of_the_blocks_is_the_controller():
         for row in gains.plc_parameters()
     )
     Kp, Ti, Td, a = (compact[name] for name in ("Gain", "Ti", "Td", "TdFiltRatio"))
-    np.testing.assert_allclose(Kp * (1 + 1 / (Ti * s) + Td * s / (a * Td * s + 1)), wanted, rtol=1e-5)
+    np.testing.assert_allclose(
+        Kp * (1 + 1 / (Ti * s) + Td * s / (a * Td * s + 1)), wanted, rtol=1e-5
+    )
     Kp, Ti, Td, lag = (classic[name] for name in ("GAIN", "TI", "TD", "TM_LAG"))
     np.testing.assert_allclose(Kp * (1 + 1 / (Ti * s) + Td * s / (lag * s + 1)), wanted, rtol=1e-5)
     Kp, Tn, Tv, Td = (twincat[name] for name in ("fKp", "tTn", "tTv", "tTd"))
@@ -118,12 +137,18 @@ def test_the_ideal_form_of_the_blocks_is_the_controller():
 def test_no_ideal_form_and_no_plc_where_times_are_negative_or_below_a_sample():
     """4aa289a printed Ti = -0.003 s and Td = -0.165 s without a word."""
     gains = PidGains(kp=-2.61, ki=870.0, kd=0.43, filter_time=0.01)
-    assert "ideal: none that a PLC takes, as Ti = -0.003 s and Td = -0.1648 s would be negative" in unwrapped(gains)
+    assert (
+        "ideal: none that a PLC takes, as Ti = -0.003 s and Td = -0.1648 s would be negative"
+        in unwrapped(gains)
+    )
     assert gains.plc_parameters() == []
     for integral_time, takes in ((1.001e-3, True), (0.999e-3, False)):  # a cycle of 1 ms
         gains = PidGains(kp=2.0, ki=2.0 / integral_time, dt=1e-3)
         assert gains.has_ideal_form == takes == bool(gains.plc_parameters())
-    assert "Ti = 0.000999 s would be shorter than a sample of 1 ms; use the parallel form" in unwrapped(gains)
+    assert (
+        "Ti = 0.000999 s would be shorter than a sample of 1 ms; use the parallel form"
+        in unwrapped(gains)
+    )
     inverted = PidGains(kp=-2.0, ki=-4.0)  # a plant of negative gain: the times are positive
     assert inverted.has_ideal_form
     assert "Gain = -2, Ti = 0.5 s, Td = 0 s" in inverted.plc_parameters()[0]
@@ -152,7 +177,9 @@ def test_a_proportional_gain_that_does_nothing_is_named_and_an_integrator_is_as_
     plant = control.tf([60.0**2], [1, 2.4, 60.0**2])
     design = robust.design_frf(plant, "PI", positive=True, **ASKED)
     found = advice_on_structure(design.K, OMEGA)
-    assert re.fullmatch(r"Kp = \S+ is at most \S+ % of \|K\| on the lines: K is an int.*Use --structure I", found)
+    assert re.fullmatch(
+        r"Kp = \S+ is at most \S+ % of \|K\| on the lines: K is an int.*Use --structure I", found
+    )
     alone = robust.design_frf(plant, "I", positive=True, **ASKED)
     assert gains_of(alone.K)[1] == pytest.approx(gains_of(design.K)[1], rel=1e-3)
 
@@ -178,6 +205,8 @@ def test_other_controllers_get_no_advice(K):
 def test_a_design_without_a_weight_has_no_gamma_to_print():
     design = robust.design_frf(PLANT, "PI", positive=True, **ASKED)
     assert np.isnan(design.gamma)
-    assert str(design).splitlines()[0] == "controller of order 1, sampled at 200 Hz: every limit met"
+    assert (
+        str(design).splitlines()[0] == "controller of order 1, sampled at 200 Hz: every limit met"
+    )
     missed = robust.design_frf(PLANT, "PI", M_S=0.9, dt=5e-3, delay=0.02)
     assert str(missed).splitlines()[0] == "controller of order 1, sampled at 200 Hz: LIMITS NOT MET"

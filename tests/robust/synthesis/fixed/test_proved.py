@@ -16,24 +16,35 @@ CLASS = MaxwellSlip(64e3)
 
 def test_the_largest_proved_gain_is_bracketed(monkeypatch):
     for limit in (0.003, 0.37, 2.0):
-        verdict = lambda one, K, *_, limit=limit, **__: SimpleNamespace(verdict=SimpleNamespace(is_proved=limit > K))  # noqa: E731
+
+        def verdict(one, K, *_, limit=limit, **__):
+            return SimpleNamespace(verdict=SimpleNamespace(is_proved=limit > K))
+
         monkeypatch.setattr(one_loop, "prove_friction", verdict)
         found = one_loop.largest_proved_gain(1.0, (RIG,), friction=CLASS, delay=0.0)
         assert min(limit, 1.0) / 1.03 < found <= min(limit, 1.0)
     monkeypatch.setattr(
-        one_loop, "prove_friction", lambda *_, **__: SimpleNamespace(verdict=SimpleNamespace(is_proved=False))
+        one_loop,
+        "prove_friction",
+        lambda *_, **__: SimpleNamespace(verdict=SimpleNamespace(is_proved=False)),
     )
     assert one_loop.largest_proved_gain(1.0, (RIG,), friction=CLASS, delay=0.0) == 0
 
 
 def test_a_design_from_the_frf_is_lowered_until_it_is_proved():
-    """On the stuck machine alone a PID may destabilise the sliding one; with the class it does not."""
+    """On the stuck machine alone a PID may destabilise the sliding one; with the class it
+    does not.
+    """
     stuck = control.ss(control.tf([1], [1, 13.4, 144e3]))
     asked = {"M_S": 2.0, "dt": 1e-3}
     alone = design_frf(stuck, "I", **asked)
     assert prove_friction(RIG, alone.K, CLASS).verdict == "refuted"
-    undamped = robust.friction_plant(1.0, 80e3)  # an integrator alone makes it unstable at every gain
-    with pytest.raises(ValueError, match="prove must be a class for which some gain of the controller is proved"):
+    undamped = robust.friction_plant(
+        1.0, 80e3
+    )  # an integrator alone makes it unstable at every gain
+    with pytest.raises(
+        ValueError, match="prove must be a class for which some gain of the controller is proved"
+    ):
         design_frf(stuck, "I", prove=(undamped, CLASS), **asked)
     for given, message in (
         ((1.0, CLASS), "machine must be a friction_plant, or a MachineWithFriction alone, got 1.0"),

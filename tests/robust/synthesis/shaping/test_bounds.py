@@ -16,12 +16,16 @@ FORMS = ("multiplicative", "additive", "inverse-multiplicative", "inverse-additi
 
 @pytest.mark.parametrize("form", FORMS)
 def test_loop_bounds_are_exact_over_the_phase(form):
-    """By brute force over the phase of L: just inside the bound every phase meets the demand, just beyond one fails."""
+    """By brute force over the phase of L: just inside the bound every phase meets the demand, just
+    beyond one fails.
+    """
     omega = np.array([0.1, 1.0, 10.0])
     G = control.tf([2], [1, 1])
     for size in (0.3, 1.8):
         w = size / (1 if "multiplicative" in form else 2.0)
-        model = UncertaintyModel(G, control.ss([], [], [], [[w]]), form, omega, np.full(3, w), perturbation="LTI")
+        model = UncertaintyModel(
+            G, control.ss([], [], [], [[w]]), form, omega, np.full(3, w), perturbation="LTI"
+        )
         g = model.at(omega)
         w_P = performance_weight(2.0, M_S=2.0, A=0.01)
         p = np.abs(response(w_P, omega))
@@ -31,7 +35,9 @@ def test_loop_bounds_are_exact_over_the_phase(form):
         def holds(k, level, g=g, p=p, w=w, phases=phases):
             K = level * phases / g[k]
             worst = worst_sensitivity(
-                *perturbed_sensitivity_terms(form, np.full(K.size, w + 0j), G=np.full(K.size, g[k]), K=K)
+                *perturbed_sensitivity_terms(
+                    form, np.full(K.size, w + 0j), G=np.full(K.size, g[k]), K=K
+                )
             )
             return np.max(p[k] * worst) <= 1
 

@@ -1,4 +1,6 @@
-"""Random structures, plants and limits: nothing met that a dense look finds violated, no loop unstable."""
+"""Random structures, plants and limits: nothing met that a dense look finds violated, no loop
+unstable.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,6 @@
-"""The friction limit: its mobility against that of the proof, its slopes, and `prove_friction` on what comes out."""
+"""The friction limit: its mobility against that of the proof, its slopes, and `prove_friction` on
+what comes out.
+"""
 
 import control
 import numpy as np
@@ -30,7 +32,9 @@ def pid_on_the_rig(*limits, delay=1e-3, **options):
     return {
         "system": [on_clock(ERROR), on_clock(FORCE)],
         "plant": tuning.Plants(G, inputs="f", outputs="y"),
-        "blocks": {"K": tuning.Pid(kp=5e3, ki=5e4, kd=20.0, filter_time=1e-3, reads="e", drives="u")},
+        "blocks": {
+            "K": tuning.Pid(kp=5e3, ki=5e4, kd=20.0, filter_time=1e-3, reads="e", drives="u")
+        },
         "hard": [tuning.Limit("d", "f", 2.0), *limits],
         "soft": [tuning.Limit("r", "e", lambda omega: np.maximum(omega, 1.0) / 30, band=(0, 30))],
         "dt": T,
@@ -84,15 +88,22 @@ def test_slopes_of_the_limit():
 
 @pytest.mark.attack
 def test_a_design_is_proved_with_the_limit_and_not_without():
-    """Late by a sample, with stiction: the stiffest PID is not proved, the one that keeps the limit is."""
+    """Late by a sample, with stiction: the stiffest PID is not proved, the one that keeps the limit
+    is.
+    """
     friction = MaxwellSlip(64e3, 1.5)
     limit = tuning.FrictionLimit(RIG, friction)
     designs = [robust.tune(**pid_on_the_rig(*more), n_starts=1, rng=1) for more in ((), (limit,))]
-    proofs = [robust.prove_friction(RIG, one.controller("y", "f"), friction, delay=1e-3) for one in designs]
+    proofs = [
+        robust.prove_friction(RIG, one.controller("y", "f"), friction, delay=1e-3)
+        for one in designs
+    ]
     assert [one.met for one in designs] == [True, True]
     assert [proof.verdict.is_proved for proof in proofs] == [False, True]
     found = next(one for one in designs[1].limits if one.limit is limit)
-    assert found.ratio == pytest.approx(1.0, abs=1e-4)  # it binds: stiffness is given away for the proof
+    assert found.ratio == pytest.approx(
+        1.0, abs=1e-4
+    )  # it binds: stiffness is given away for the proof
     assert found.n_lines
     assert str(found).startswith("hard  comes to rest with friction up to 64 kN/m on plant 2")
     assert designs[1].gamma > designs[0].gamma
@@ -102,7 +113,10 @@ def test_a_cascade_on_a_servo_axis_is_proved():
     """Position P over velocity PI on a free mass, with stiction of a fifth."""
     friction = MaxwellSlip(1e5, 1.2)
     velocity = control.tf([1 / T, -1 / T], [1, 0], T, inputs="y", outputs="v")
-    junctions = [on_clock(control.summing_junction(a, b)) for a, b in ((["r", "-y"], "e_x"), (["v_r", "-v"], "e_v"))]
+    junctions = [
+        on_clock(control.summing_junction(a, b))
+        for a, b in ((["r", "-y"], "e_x"), (["v_r", "-v"], "e_v"))
+    ]
     design = robust.tune(
         [*junctions, on_clock(FORCE), velocity],
         tuning.Plants(control.tf([1], [1, 0, 0]), inputs="f", outputs="y"),
@@ -122,17 +136,27 @@ def test_a_cascade_on_a_servo_axis_is_proved():
         rng=1,
     )
     assert design.met
-    assert robust.prove_friction(AXIS, design.controller("y", "f"), friction, delay=0.5e-3).verdict.is_proved
+    assert robust.prove_friction(
+        AXIS, design.controller("y", "f"), friction, delay=0.5e-3
+    ).verdict.is_proved
 
 
 @pytest.mark.parametrize(
     ("match", "call"),
     [
-        ("friction must be robust.friction.MaxwellSlip", lambda: tuning.FrictionLimit(RIG, Bounded(1.0))),
-        ("margin must lie between 0 and 1", lambda: tuning.FrictionLimit(RIG, MaxwellSlip(1e4), margin=1.0)),
+        (
+            "friction must be robust.friction.MaxwellSlip",
+            lambda: tuning.FrictionLimit(RIG, Bounded(1.0)),
+        ),
+        (
+            "margin must lie between 0 and 1",
+            lambda: tuning.FrictionLimit(RIG, MaxwellSlip(1e4), margin=1.0),
+        ),
         (
             "soft must hold robust.tuning.Limit",
-            lambda: robust.tune(**pid_on_the_rig() | {"soft": [tuning.FrictionLimit(RIG, MaxwellSlip(1e4))]}),
+            lambda: robust.tune(
+                **pid_on_the_rig() | {"soft": [tuning.FrictionLimit(RIG, MaxwellSlip(1e4))]}
+            ),
         ),
         (
             "dt must be given for a friction limit with a delay",
@@ -145,7 +169,9 @@ def test_a_cascade_on_a_servo_axis_is_proved():
             "friction limits for a plant with one input and one output only",
             lambda: robust.tune(
                 [],
-                tuning.Plants(control.ss([[-1.0]], [[1.0]], [[1.0], [1.0]], 0), inputs="u", outputs=["x", "y"]),
+                tuning.Plants(
+                    control.ss([[-1.0]], [[1.0]], [[1.0], [1.0]], 0), inputs="u", outputs=["x", "y"]
+                ),
                 {"K": tuning.Gain(K=-1.0, reads="y", drives="u")},
                 hard=[tuning.FrictionLimit(RIG, MaxwellSlip(1e4))],
             ),

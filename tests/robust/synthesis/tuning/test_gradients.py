@@ -1,4 +1,6 @@
-"""Slopes of every limit and pole against differences, wiring against python-control's interconnection."""
+"""Slopes of every limit and pole against differences, wiring against python-control's
+interconnection.
+"""
 
 import control
 import numpy as np
@@ -23,19 +25,28 @@ BLOCKS = [
     tuning.Lag(omega=3.0, reads="a", drives="c"),
     tuning.LowPass(omega=7.0, zeta=0.4, reads="a", drives="c"),
     tuning.LowPass(omega=7.0, order=1, reads="a", drives="c"),
-    tuning.Biquad(omega=7.0, zeta=0.4, numerator_omega=5.0, numerator_zeta=0.1, reads="a", drives="c"),
-    tuning.Biquad(omega=7.0, zeta=0.4, numerator_omega=5.0, numerator_zeta=0.0, reads="a", drives="c"),
+    tuning.Biquad(
+        omega=7.0, zeta=0.4, numerator_omega=5.0, numerator_zeta=0.1, reads="a", drives="c"
+    ),
+    tuning.Biquad(
+        omega=7.0, zeta=0.4, numerator_omega=5.0, numerator_zeta=0.0, reads="a", drives="c"
+    ),
     tuning.StateSpace(n_states=2, reads=["a", "b"], drives="c"),
 ]
 
 
 def problem_of(arguments):
     """The problem that `tune` makes of its arguments."""
-    plant, dt = arguments["plant"], arguments["dt"] or stated_sampling_time(arguments["plant"].models)
+    plant = arguments["plant"]
+    dt = arguments["dt"] or stated_sampling_time(arguments["plant"].models)
     controller = controller_of_blocks(arguments["blocks"], dt)
-    limits = [(limit, True) for limit in arguments["hard"]] + [(limit, False) for limit in arguments["soft"]]
+    limits = [(limit, True) for limit in arguments["hard"]] + [
+        (limit, False) for limit in arguments["soft"]
+    ]
     parts = fixed_parts(arguments["system"], dt)
-    scenes = make_loops(parts, plant, controller=controller, limits=limits, dt=dt, delay=arguments["delay"])
+    scenes = make_loops(
+        parts, plant, controller=controller, limits=limits, dt=dt, delay=arguments["delay"]
+    )
     return TuningProblem(controller, scenes, decay=0.0, dt=dt, deadline=np.inf, progress=None)
 
 
@@ -53,7 +64,9 @@ def differences(function, x, step=1e-6):
 @pytest.mark.parametrize("block", BLOCKS, ids=lambda block: type(block).__name__)
 @pytest.mark.parametrize("dt", [0.0, 0.02])
 def test_a_block_is_what_it_says(block, dt):
-    """Its response is that of its formula, the sampled one exact at its omega; its slopes are those of differences."""
+    """Its response is that of its formula, the sampled one exact at its omega; its slopes are those
+    of differences.
+    """
     controller = controller_of_blocks({"K": block}, dt)
     omega = np.array([0.3, 2.0, 9.0])
     system = block.system(dt)
@@ -61,7 +74,11 @@ def test_a_block_is_what_it_says(block, dt):
     at = getattr(block, "omega", 1e-9)
     s = 1j * (at * np.tan(omega * dt / 2) / np.tan(at * dt / 2) if dt else omega)
     if isinstance(block, tuning.Pid):
-        expected = (block.kp or 0) + (block.ki or 0) / s + (block.kd or 0) * s / ((block.filter_time or 0) * s + 1)
+        expected = (
+            (block.kp or 0)
+            + (block.ki or 0) / s
+            + (block.kd or 0) * s / ((block.filter_time or 0) * s + 1)
+        )
         assert np.allclose(system(z), expected, rtol=1e-12)
     elif isinstance(block, tuning.Notch):
         w, b = block.omega, block.width
@@ -93,7 +110,9 @@ def test_a_block_is_what_it_says(block, dt):
 
 @pytest.mark.parametrize("seed", range(40))
 def test_slopes_of_limits_and_poles(seed):
-    """At a fixed frequency: d log(gain) and d(real part of a pole) against differences, 1e-7 of the largest."""
+    """At a fixed frequency: d log(gain) and d(real part of a pole) against differences, 1e-7 of the
+    largest.
+    """
     rng = np.random.default_rng(seed)
     problem = problem_of(random_tuning(rng))
     controller = problem.controller
@@ -114,7 +133,10 @@ def test_slopes_of_limits_and_poles(seed):
             expected = differences(level, x)
             assert np.abs(peak.gradient - expected).max() <= 1e-7 * max(1.0, np.abs(expected).max())
     found = problem.evaluate(x, peaks=False)
-    separate = min((abs(a.excess - b.excess) for a in found.poles for b in found.poles if a is not b), default=1)
+    separate = min(
+        (abs(a.excess - b.excess) for a in found.poles for b in found.poles if a is not b),
+        default=1,
+    )
     if found.poles and separate > 1e-3:
         expected = differences(lambda x: problem.evaluate(x, peaks=False).excess, x)
         scale = max(1.0, np.abs(expected).max())
@@ -132,13 +154,19 @@ def random_system(rng, inputs, outputs):
 
 @pytest.mark.parametrize("seed", range(60))
 def test_wiring_is_that_of_python_control(seed):
-    """Random parts and ports joined by name, ports closed afterwards: the response of `control.interconnect`."""
+    """Random parts and ports joined by name, ports closed afterwards: the response of
+    `control.interconnect`.
+    """
     rng = np.random.default_rng([7, seed])
     driven = [f"s{k}" for k in range(int(rng.integers(2, 5)))]
     parts = []
     for k in range(len(driven)):
         parts.append(
-            random_system(rng, sorted({*rng.choice([*driven, "s5"], 2), *(["w"] if k == 0 else [])}), [driven[k]])
+            random_system(
+                rng,
+                sorted({*rng.choice([*driven, "s5"], 2), *(["w"] if k == 0 else [])}),
+                [driven[k]],
+            )
         )
     block = random_system(rng, [driven[int(rng.integers(len(driven)))]], ["s5"])
     reading = random_system(rng, ["s5"], ["z"])
@@ -154,4 +182,6 @@ def test_wiring_is_that_of_python_control(seed):
         theirs = control.interconnect(
             [*parts, reading, block], inputs=["w"], outputs=["z", driven[-1]], check_unused=False
         )
-        assert np.abs(closed - theirs(s, squeeze=False)).max() <= 1e-12 * max(1.0, np.abs(own).max())
+        assert np.abs(closed - theirs(s, squeeze=False)).max() <= 1e-12 * max(
+            1.0, np.abs(own).max()
+        )

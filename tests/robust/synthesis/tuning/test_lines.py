@@ -1,4 +1,6 @@
-"""Plants known on lines: the same loop as a system, its winding number, what a coarse or unstable start is told."""
+"""Plants known on lines: the same loop as a system, its winding number, what a coarse or unstable
+start is told.
+"""
 
 import control
 import numpy as np
@@ -34,11 +36,25 @@ def blocks(ki=1.0):
 
 @pytest.mark.attack
 def test_an_frf_gives_what_its_system_gives():
-    """The same limits on 600 lines and on the system: the same optimum, within what lies between the lines."""
+    """The same limits on 600 lines and on the system: the same optimum, within what lies between
+    the lines.
+    """
     on_lines = robust.tune(
-        [ERROR, FORCE], tuning.Plants(measured(), inputs="f", outputs="y"), blocks(), **LIMITS, dt=DT, rng=1
+        [ERROR, FORCE],
+        tuning.Plants(measured(), inputs="f", outputs="y"),
+        blocks(),
+        **LIMITS,
+        dt=DT,
+        rng=1,
     )
-    exact = robust.tune([ERROR, FORCE], tuning.Plants(PLANT, inputs="f", outputs="y"), blocks(), **LIMITS, dt=DT, rng=1)
+    exact = robust.tune(
+        [ERROR, FORCE],
+        tuning.Plants(PLANT, inputs="f", outputs="y"),
+        blocks(),
+        **LIMITS,
+        dt=DT,
+        rng=1,
+    )
     assert on_lines.met
     assert exact.met
     assert on_lines.gamma == pytest.approx(exact.gamma, rel=0.02)
@@ -47,7 +63,9 @@ def test_an_frf_gives_what_its_system_gives():
     assert hard.n_lines == OMEGA.size
     report = robust.check(measured(), on_lines.controller("y", "u"), w_P=1 / (1.8 * hard.ratio))
     assert report.nominally_stable
-    assert np.max(report.curves.np_[np.isin(report.curves.omega, OMEGA)]) == pytest.approx(1.0, abs=1e-6)
+    assert np.max(report.curves.np_[np.isin(report.curves.omega, OMEGA)]) == pytest.approx(
+        1.0, abs=1e-6
+    )
 
 
 def test_a_bla_is_tuned_at_worst_over_its_discs():
@@ -55,7 +73,9 @@ def test_a_bla_is_tuned_at_worst_over_its_discs():
     rng = np.random.default_rng(2)
     ms = nlfrf.multisine(fs=256, n_samples=512, f_min=0.5, f_max=100, rms=1.0, rng=2)
     u = np.repeat(ms.u.reshape(1, 1, -1), 6, axis=1)
-    y = np.real(np.fft.irfft(np.fft.rfft(u, axis=-1) * 1 / (1 + 1j * np.arange(257) / 12), n=512, axis=-1))
+    y = np.real(
+        np.fft.irfft(np.fft.rfft(u, axis=-1) * 1 / (1 + 1j * np.arange(257) / 12), n=512, axis=-1)
+    )
     y += 0.02 * rng.normal(size=y.shape)
     bla = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=256, lines=ms.lines, hold="band-limited"))
     design = robust.tune(
@@ -76,9 +96,15 @@ def test_a_bla_is_tuned_at_worst_over_its_discs():
 
 
 def test_a_start_that_does_not_stabilise_is_refused():
-    with pytest.raises(ValueError, match=r"must start with gains that stabilise an FRF.*design_frf"):
+    with pytest.raises(
+        ValueError, match=r"must start with gains that stabilise an FRF.*design_frf"
+    ):
         robust.tune(
-            [ERROR, FORCE], tuning.Plants(measured(), inputs="f", outputs="y"), blocks(ki=200.0), **LIMITS, dt=DT
+            [ERROR, FORCE],
+            tuning.Plants(measured(), inputs="f", outputs="y"),
+            blocks(ki=200.0),
+            **LIMITS,
+            dt=DT,
         )
 
 
@@ -120,7 +146,9 @@ def test_several_channels_on_lines():
     }
     block = {"K": tuning.Gain(K=np.eye(2), reads=["e1", "e2"], drives=["u1", "u2"])}
     found = [
-        robust.tune(errors, tuning.Plants(one, inputs=["u1", "u2"], outputs=["y1", "y2"]), block, **common)
+        robust.tune(
+            errors, tuning.Plants(one, inputs=["u1", "u2"], outputs=["y1", "y2"]), block, **common
+        )
         for one in (frf, G)
     ]
     assert all(one.met for one in found)

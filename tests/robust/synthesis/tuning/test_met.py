@@ -1,4 +1,6 @@
-"""What is met is met: poles and zeros of weights, bounds and sets are looked at, and what lies below an FRF."""
+"""What is met is met: poles and zeros of weights, bounds and sets are looked at, and what lies
+below an FRF.
+"""
 
 import control
 import numpy as np
@@ -30,7 +32,9 @@ def light(w, zeta, times):
 
 
 def around(w, zeta):
-    return np.unique(np.concatenate([np.geomspace(1e-3, 1e3, 4001), w * (1 + zeta * np.linspace(-30, 30, 6001))]))
+    return np.unique(
+        np.concatenate([np.geomspace(1e-3, 1e3, 4001), w * (1 + zeta * np.linspace(-30, 30, 6001))])
+    )
 
 
 @pytest.mark.parametrize("w", [0.5, 40.0])
@@ -42,26 +46,37 @@ def test_a_light_mode_of_a_weight_or_a_bound(w, zeta, as_weight):
     limit = Limit("d", "f", **{"bound": 1.0, **shape})
     plant = Plants(LAG, inputs="f", outputs="y")
     design = robust.tune(
-        [ERROR, FORCE], plant, {"K": pi()}, hard=[limit], soft=[Limit("r", "e", band=(0, 0.1))], n_starts=1
+        [ERROR, FORCE],
+        plant,
+        {"K": pi()},
+        hard=[limit],
+        soft=[Limit("r", "e", band=(0, 0.1))],
+        n_starts=1,
     )
     found = next(one for one in design.limits if one.hard)
     at = 1j * around(w, zeta)
     k = design.blocks["K"]
     S = 1 / (1 + (k.kp + k.ki / at) * LAG(at))
-    true = np.max(np.abs(S) * (np.abs(light(w, zeta, 20)(at)) if as_weight else 1 / np.abs(light(w, zeta, 1 / 20)(at))))
+    true = np.max(
+        np.abs(S)
+        * (np.abs(light(w, zeta, 20)(at)) if as_weight else 1 / np.abs(light(w, zeta, 1 / 20)(at)))
+    )
     assert found.ratio == pytest.approx(true, rel=1e-3)
     assert found.n_lines == 0
     assert not design.met
 
 
 def test_a_bound_that_vanishes_at_infinite_frequency_and_one_of_another_clock():
-    """Neither has a system for an inverse: they are looked at on lines, and those see their modes."""
+    """Neither has a system for an inverse: they are looked at on lines, and those see their
+    modes.
+    """
     dt, w, zeta = 0.05, 20.0, 1e-3
     bound = control.tf([2.0 * w**2], [1, 2 * zeta * w, w**2]) * light(7.0, zeta, 0.02)
     plant = Plants(LAG, inputs="f", outputs="y")
     for clock in (0.0, dt):
         parts = [
-            control.ss([], [], [], p.D, clock, inputs=p.input_labels, outputs=p.output_labels) for p in (ERROR, FORCE)
+            control.ss([], [], [], p.D, clock, inputs=p.input_labels, outputs=p.output_labels)
+            for p in (ERROR, FORCE)
         ]
         design = robust.tune(
             parts,
@@ -76,7 +91,9 @@ def test_a_bound_that_vanishes_at_infinite_frequency_and_one_of_another_clock():
         omega = around(7.0, zeta)
         omega = omega[omega < (np.pi / dt if clock else 1e3)]
         at = np.exp(1j * omega * dt) if clock else 1j * omega
-        L = (robust.sampled(control.ss(LAG), dt) if clock else LAG)(at) * design.blocks["K"].system(clock)(at)
+        L = (robust.sampled(control.ss(LAG), dt) if clock else LAG)(at) * design.blocks["K"].system(
+            clock
+        )(at)
         true = np.max(np.abs(L / (1 + L)) / np.abs(bound(1j * omega)))
         assert found.ratio == pytest.approx(true, rel=0.01)
         assert found.n_lines > 0
@@ -85,7 +102,9 @@ def test_a_bound_that_vanishes_at_infinite_frequency_and_one_of_another_clock():
 @pytest.mark.attack(every=2)
 @pytest.mark.parametrize("form", ["multiplicative", "additive"])
 def test_a_light_mode_in_the_weight_of_a_set(form):
-    """Issue 67: met at a largest |S| of 1.007 over the set, with plants in it that are unstable in the loop."""
+    """Issue 67: met at a largest |S| of 1.007 over the set, with plants in it that are unstable in
+    the loop.
+    """
     w, zeta = 0.5, 1e-3
     W = 0.12 * light(w, zeta, 10) * (LAG if form == "additive" else 1)
     omega = np.geomspace(0.1, 10, 40)
@@ -114,12 +133,18 @@ def test_a_set_that_worst_case_finds_unstable_is_not_met(monkeypatch):
     model = robust.UncertaintyModel(
         LAG, control.tf([0.1], [1]), "multiplicative", np.geomspace(0.1, 10, 40), 0.1 * np.ones(40)
     )
-    asked = {"hard": [Limit("r", "e", 1.5, worst=True)], "soft": [Limit("r", "e", band=(0, 0.05))], "n_starts": 1}
+    asked = {
+        "hard": [Limit("r", "e", 1.5, worst=True)],
+        "soft": [Limit("r", "e", band=(0, 0.05))],
+        "n_starts": 1,
+    }
     assert robust.tune([ERROR], Plants(model, inputs="u", outputs="y"), {"K": pi()}, **asked).met
     wide = robust.UncertaintyModel(
         LAG, control.tf([3.0], [1]), "multiplicative", np.geomspace(0.1, 10, 40), 0.1 * np.ones(40)
     )
-    monkeypatch.setattr("robust.synthesis.tuning.loops.ModelledLoop.perturbation", zero_perturbation)
+    monkeypatch.setattr(
+        "robust.synthesis.tuning.loops.ModelledLoop.perturbation", zero_perturbation
+    )
     design = robust.tune([ERROR], Plants(wide, inputs="u", outputs="y"), {"K": pi()}, **asked)
     assert not design.met
     assert design.broken_sets == ("plant 0: a plant of its set makes the loop unstable",)
@@ -133,7 +158,9 @@ def zero_perturbation(self, true):
 
 
 def test_below_the_first_line_limits_are_looked_at():
-    """A mass on a P controller is 1/kp soft at zero frequency: its FRF begins at ten times the crossover."""
+    """A mass on a P controller is 1/kp soft at zero frequency: its FRF begins at ten times the
+    crossover.
+    """
     G = control.tf([1], [1, 2, 0])
     omega = np.geomspace(3, 300, 200)
     frf = control.FrequencyResponseData(G(1j * omega), omega)

@@ -19,7 +19,10 @@ def static_feedback(name, *, order=0, **options):
     """A COMPleib problem by static output feedback, or by a controller of an order."""
     P, n_y, n_u = compleib_problem(name)
     n_w, n_z = P.ninputs - n_u, P.noutputs - n_y
-    w, u, z, y = ([f"{letter}{k}" for k in range(n)] for letter, n in zip("wuzy", (n_w, n_u, n_z, n_y), strict=True))
+    w, u, z, y = (
+        [f"{letter}{k}" for k in range(n)]
+        for letter, n in zip("wuzy", (n_w, n_u, n_z, n_y), strict=True)
+    )
     if order:
         block = tuning.StateSpace(n_states=order, reads=y, drives=u)
     else:
@@ -29,23 +32,32 @@ def static_feedback(name, *, order=0, **options):
 
 
 @pytest.mark.attack(every=4)
-@pytest.mark.parametrize(("name", "best"), [("AC17", 6.61243), ("NN2", 2.2216), ("MFP", 31.590), ("REA1", 0.8660)])
+@pytest.mark.parametrize(
+    ("name", "best"), [("AC17", 6.61243), ("NN2", 2.2216), ("MFP", 31.590), ("REA1", 0.8660)]
+)
 def test_static_output_feedback(name, best):
-    """AC17: no controller of any order is better (an LMI's bound). The norm is that of the loop, certified."""
+    """AC17: no controller of any order is better (an LMI's bound).
+
+    The norm is that of the loop, certified.
+    """
     design, (w, z) = static_feedback(name, rng=1, n_starts=4)
     assert design.gamma == pytest.approx(best, rel=1e-3)
     loop = design.loop(w, z)
     norm, _ = hinf_norm(loop)
     assert abs(design.gamma / norm - 1) < 1e-6
     assert not design.limits[0].n_lines
-    there = loop(1j * design.limits[0].omega, squeeze=False)  # one of several peaks of the same height
+    there = loop(
+        1j * design.limits[0].omega, squeeze=False
+    )  # one of several peaks of the same height
     assert np.linalg.norm(there, 2) == pytest.approx(norm, rel=1e-6)
     assert design.met  # nothing hard is asked, and the loop is stable
     assert min(design.spread) == pytest.approx(design.gamma, rel=1e-6)
 
 
 def test_a_closed_form():
-    """|u/r| = K (s + 1)/(s + 1 + K) has its largest value K at infinity: the hard limit is reached, not passed."""
+    """|u/r| = K (s + 1)/(s + 1 + K) has its largest value K at infinity: the hard limit is reached,
+    not passed.
+    """
     design = robust.tune(
         [ERROR, FORCE],
         LAG,
@@ -63,22 +75,30 @@ def test_a_closed_form():
 
 
 def test_several_plants_share_one_controller():
-    """Gains 1 and 4 with one integral gain: peak |S| of the faster plant decides, as it does alone."""
+    """Gains 1 and 4 with one integral gain: peak |S| of the faster plant decides, as it does
+    alone.
+    """
     plants = [control.tf([k], [1, 1, 0]) for k in (1.0, 4.0)]
     asked = {
         "hard": [tuning.Limit("d", "f", 1.5)],
         "soft": [tuning.Limit("d", "y", 1.0, band=(0.0, 0.01))],
     }
     block = {"K": tuning.Gain(K=0.1, reads="e", drives="u")}
-    both = robust.tune([ERROR, FORCE], tuning.Plants(plants, inputs="f", outputs="y"), block, **asked, rng=0)
-    alone = robust.tune([ERROR, FORCE], tuning.Plants(plants[1], inputs="f", outputs="y"), block, **asked, rng=0)
+    both = robust.tune(
+        [ERROR, FORCE], tuning.Plants(plants, inputs="f", outputs="y"), block, **asked, rng=0
+    )
+    alone = robust.tune(
+        [ERROR, FORCE], tuning.Plants(plants[1], inputs="f", outputs="y"), block, **asked, rng=0
+    )
     assert both.met
     assert both.blocks["K"].K[0, 0] == pytest.approx(alone.blocks["K"].K[0, 0], rel=1e-3)
     assert {one.plant for one in both.limits} == {0, 1}
 
 
 def test_decay_is_kept():
-    """With 1/(s (s + 2)) and a gain both poles are at -1 at best: a decay of 0.9 bounds the gain from both sides."""
+    """With 1/(s (s + 2)) and a gain both poles are at -1 at best: a decay of 0.9 bounds the gain
+    from both sides.
+    """
     plant = tuning.Plants(control.tf([1], [1, 2, 0]), inputs="f", outputs="y")
     design = robust.tune(
         [ERROR, FORCE],
@@ -152,7 +172,11 @@ def test_a_feedforward_needs_no_loop():
     design = robust.tune(
         [ERROR],
         plant,
-        {"F": tuning.Pid(kp=0.5, kd=0.1, filter_time=0.05, fixed=("filter_time",), reads="r", drives="f")},
+        {
+            "F": tuning.Pid(
+                kp=0.5, kd=0.1, filter_time=0.05, fixed=("filter_time",), reads="r", drives="f"
+            )
+        },
         soft=[tuning.Limit("r", "e", 1.0, band=(0.0, 5.0))],
         rng=0,
     )
@@ -161,7 +185,9 @@ def test_a_feedforward_needs_no_loop():
 
 
 def test_the_controller_is_the_one_that_was_tuned():
-    """`controller` with `check`'s sign in a loop of its own: the same |S| as the design says, sampled with a delay."""
+    """`controller` with `check`'s sign in a loop of its own: the same |S| as the design says,
+    sampled with a delay.
+    """
     dt = 0.02
     plant = control.tf([4], [1, 1, 4])
     design = robust.tune(
@@ -222,17 +248,29 @@ GAIN_ONE = control.ss([], [], [], [[1.0]], inputs="q", outputs="q")
         ("must be outputs of a system", {"soft": [tuning.Limit("d", "nobody", 1.0)]}),
         ("which no output drives", {"blocks": {"K": tuning.Gain(K=1.0, reads="q9", drives="u")}}),
         ("which no input reads", {"blocks": {"K": tuning.Gain(K=1.0, reads="e", drives="q9")}}),
-        ("that no block moves", {"soft": [tuning.Limit("d", "y_i", 1.0)], "system": [ERROR, FORCE, INTEGRATOR]}),
-        ("that no block moves", {"soft": [tuning.Limit("d", "y_i", 1.0)], "system": [ERROR, FORCE, UNSTABLE]}),
+        (
+            "that no block moves",
+            {"soft": [tuning.Limit("d", "y_i", 1.0)], "system": [ERROR, FORCE, INTEGRATOR]},
+        ),
+        (
+            "that no block moves",
+            {"soft": [tuning.Limit("d", "y_i", 1.0)], "system": [ERROR, FORCE, UNSTABLE]},
+        ),
         ("algebraic loop", {"system": [ERROR, FORCE, GAIN_ONE]}),
-        ("must have the sampling time of the design", {"dt": 0.1, "system": [ERROR, FORCE, INTEGRATOR]}),
+        (
+            "must have the sampling time of the design",
+            {"dt": 0.1, "system": [ERROR, FORCE, INTEGRATOR]},
+        ),
         ("must name the signal that it reads", {"blocks": {"K": tuning.Pid(kp=1.0)}}),
         ("decay must be zero or positive", {"decay": -1.0}),
         ("delay must be finite", {"delay": float("nan")}),
         ("n_starts must be a whole number", {"n_starts": 0}),
         ("progress must be callable", {"progress": 3}),
         ("rng must be", {"rng": "x"}),
-        ("start between its bounds", {"blocks": {"K": tuning.Pid(kp=1.0, lower={"kp": 2.0}, upper={"kp": 3.0}, **PI)}}),
+        (
+            "start between its bounds",
+            {"blocks": {"K": tuning.Pid(kp=1.0, lower={"kp": 2.0}, upper={"kp": 3.0}, **PI)}},
+        ),
         ("keep the sign", {"blocks": {"K": tuning.Pid(kp=1.0, lower={"kp": -2.0}, **PI)}}),
         (
             "positive and finite at every frequency",
@@ -270,10 +308,15 @@ def test_one_clear_line(message, changed):
         ("weight must be stable", lambda: tuning.Limit("d", "y", weight=control.tf([1], [1, -1]))),
         ("worst must be of type bool", lambda: tuning.Limit("d", "y", worst="yes")),
         ("models must hold at least one", lambda: tuning.Plants([], inputs="u", outputs="y")),
-        ("must have the 1 outputs and 2 inputs", lambda: tuning.Plants(1.0, inputs=["u", "v"], outputs="y")),
+        (
+            "must have the 1 outputs and 2 inputs",
+            lambda: tuning.Plants(1.0, inputs=["u", "v"], outputs="y"),
+        ),
         (
             "must be finite on every line",
-            lambda: tuning.Plants(control.FrequencyResponseData([1.0, np.nan], [1.0, 2.0]), inputs="u", outputs="y"),
+            lambda: tuning.Plants(
+                control.FrequencyResponseData([1.0, np.nan], [1.0, 2.0]), inputs="u", outputs="y"
+            ),
         ),
         ("must be a control.StateSpace", lambda: tuning.Plants(["x"], inputs="u", outputs="y")),
     ],
@@ -286,7 +329,9 @@ def test_a_value_says_what_is_wrong_with_it(message, make):
 def test_a_limit_that_nothing_changes_is_refused_with_where():
     """A channel beside the loop has its gain whatever the blocks are."""
     beside = control.ss([[-1.0]], [[1.0]], [[3.0]], [[0.0]], inputs="n", outputs="q")
-    with pytest.raises(ValueError, match=r"hard\[0\] must be a limit that the blocks can change.* factor 3 "):
+    with pytest.raises(
+        ValueError, match=r"hard\[0\] must be a limit that the blocks can change.* factor 3 "
+    ):
         ask(system=[ERROR, FORCE, beside], hard=[tuning.Limit("n", "q", 1.0)])
 
 
@@ -320,7 +365,10 @@ def test_out_of_time_the_best_so_far_is_kept(monkeypatch):
 
 
 def test_large_gains_are_no_algebraic_loop():
-    """Blocks in series with gains of 1e6: I - D K has a determinant of one, whatever its condition."""
+    """Blocks in series with gains of 1e6:
+
+    I - D K has a determinant of one, whatever its condition.
+    """
     stiff = control.tf([1], [1, 20, 1e5])
     design = robust.tune(
         [ERROR, FORCE],
@@ -335,12 +383,16 @@ def test_large_gains_are_no_algebraic_loop():
         n_starts=1,
     )
     assert design.met
-    norm, _ = hinf_norm(control.ss(control.feedback(1, robust.sampled(stiff, 1e-3) * design.controller("y", "u"))))
+    norm, _ = hinf_norm(
+        control.ss(control.feedback(1, robust.sampled(stiff, 1e-3) * design.controller("y", "u")))
+    )
     assert norm == pytest.approx(1.8 * design.limits[0].ratio, rel=1e-6)
 
 
 def test_a_design_of_one_loop_is_a_start():
-    """The PID of `design_frf` as a block: the same controller, a start that only gets better, and back as a start."""
+    """The PID of `design_frf` as a block: the same controller, a start that only gets better, and
+    back as a start.
+    """
     dt, G = 1e-3, control.tf([400.0], [1, 8, 400])
     first = robust.design_frf(robust.sampled(G, dt), "PID", M_S=1.8, dt=dt, delay=dt)
     block = tuning.Pid.from_gains(robust.io.pid_gains(first.K), reads="e", drives="u")
@@ -357,7 +409,11 @@ def test_a_design_of_one_loop_is_a_start():
         n_starts=1,
     )
     assert design.met
-    assert design.gamma <= abs(1 / (1 + robust.sampled(G, dt, dt)(np.exp(1j * dt)) * first.K(np.exp(1j * dt)))) * 1.001
+    assert (
+        design.gamma
+        <= abs(1 / (1 + robust.sampled(G, dt, dt)(np.exp(1j * dt)) * first.K(np.exp(1j * dt))))
+        * 1.001
+    )
     again = robust.design_frf(
         robust.sampled(G, dt), "PID", M_S=1.8, dt=dt, delay=dt, start=design.blocks["K"].system(dt)
     )
@@ -375,6 +431,7 @@ def test_any_design_starts_a_block_of_its_own_response(dt: float) -> None:
     np.testing.assert_allclose(block.system(dt)(at), K(at), rtol=1e-10)
     assert block.order == 2
     with pytest.raises(
-        ValueError, match="K must have 2 inputs and 1 output, as reads and drives name them, got 1 and 2"
+        ValueError,
+        match="K must have 2 inputs and 1 output, as reads and drives name them, got 1 and 2",
     ):
         tuning.StateSpace.from_system(K, reads=["e1", "e2"], drives="u")

@@ -1,4 +1,6 @@
-"""The limit of every plant of a set: gains and slopes against brute force, and the tuner's number against `check`'s."""
+"""The limit of every plant of a set: gains and slopes against brute force, and the tuner's number
+against `check`'s.
+"""
 
 import control
 import numpy as np
@@ -8,7 +10,13 @@ import robust
 from robust import tuning
 from robust.models.sets.forms import FORMS, plant_numerator
 from robust.mu.gain import closed_gain
-from robust.synthesis.tuning.worst import disc_gain, disc_slope, largest_gain, scaled_gain, scaled_slopes
+from robust.synthesis.tuning.worst import (
+    disc_gain,
+    disc_slope,
+    largest_gain,
+    scaled_gain,
+    scaled_slopes,
+)
 from tests.support.random_tunings import matrix_set
 
 ERROR = control.summing_junction(["r", "-y"], "e")
@@ -17,7 +25,9 @@ FORCE = control.summing_junction(["u", "d"], "f")
 
 @pytest.mark.parametrize("seed", range(20))
 def test_the_disc_of_a_channel(seed):
-    """Centre plus radius is the largest over the circle |Delta| = 1, and no Delta inside has more."""
+    """Centre plus radius is the largest over the circle |Delta| = 1, and no Delta inside has
+    more.
+    """
     rng = np.random.default_rng(seed)
     N11, N12, N21, N22 = rng.normal(size=4) + 1j * rng.normal(size=4)
     N11 *= rng.uniform(0, 0.95) / abs(N11)
@@ -31,13 +41,17 @@ def test_the_disc_of_a_channel(seed):
 
 
 def test_the_inverse_form_keeps_its_numerator():
-    """S = 0.1, w = 0.5: the shortcut |S|/(1 - w |S|) gives 0.105, the largest is 0.1 (1 + 0.5)/(1 + 0.05) = 0.143."""
+    """S = 0.1, w = 0.5: the shortcut |S|/(1 - w |S|) gives 0.105, the largest is 0.1 (1 + 0.5)/(1 +
+    0.05) = 0.143.
+    """
     S, w = 0.1, 0.5
     G = np.array([9.0 + 0j])
     row = FORMS["inverse-multiplicative"]
-    a, g = row.a(np.array([w]), G, G, G / G), plant_numerator("inverse-multiplicative", np.array([w]), G=G)
+    a = row.a(np.array([w]), G, G, G / G)
+    g = plant_numerator("inverse-multiplicative", np.array([w]), G=G)
     assert abs(g[0]) < 1e-15
-    # d and -a Delta act before the plant, S is seen before that: u' = S (d - a Delta), f = S d + (1 - S) a Delta
+    # d and -a Delta act before the plant, S is seen before that: u' = S (d - a Delta), f = S d + (1
+    # - S) a Delta
     N = np.array([[[-a[0] * S, S], [a[0] * (1 - S), S]], [[1.0, S], [a[0] * (1 - S), S]]], complex)
     found, singular = disc_gain(N)
     assert found == pytest.approx(0.1 * 1.5 / 1.05, rel=1e-12)
@@ -51,10 +65,14 @@ def random_loop(rng, blocks, channel, gain):
     return N * gain / np.linalg.norm(N[: n - channel[0], : m - channel[1]], 2)
 
 
-@pytest.mark.parametrize("blocks", [((1, 1),), ((2, 3),), ((1, 1), (1, 1)), ((1, 1), (2, 1), (1, 2))])
+@pytest.mark.parametrize(
+    "blocks", [((1, 1),), ((2, 3),), ((1, 1), (1, 1)), ((1, 1), (2, 1), (1, 2))]
+)
 @pytest.mark.parametrize("gain", [0.6, 1.5])
 def test_slopes_of_the_worst_case(blocks, gain):
-    """By differences of N in every direction, inside the set and where a start outside is carried on."""
+    """By differences of N in every direction, inside the set and where a start outside is carried
+    on.
+    """
     rng = np.random.default_rng(len(blocks))
     d = rng.uniform(0.5, 2.0, len(blocks))
     N = random_loop(rng, blocks, (2, 2), gain)
@@ -75,12 +93,16 @@ def test_slopes_of_the_disc(gain):
     assert found == pytest.approx(disc_gain(N[None], smooth=True)[0], rel=1e-12)
     direction = rng.normal(size=N.shape) + 1j * rng.normal(size=N.shape)
     values = [disc_gain((N + step * direction)[None], smooth=True)[0] for step in (-1e-6, 1e-6)]
-    assert (Q.conj() * direction).sum().real == pytest.approx((values[1] - values[0]) / 2e-6, rel=1e-6)
+    assert (Q.conj() * direction).sum().real == pytest.approx(
+        (values[1] - values[0]) / 2e-6, rel=1e-6
+    )
 
 
 @pytest.mark.parametrize("blocks", [((1, 1),), ((2, 2),), ((1, 1), (1, 1))])
 def test_the_bound_with_scalings_is_the_largest_gain(blocks):
-    """Up to three full blocks, that of the channel among them, the bound is exact: a perturbation attains it."""
+    """Up to three full blocks, that of the channel among them, the bound is exact: a perturbation
+    attains it.
+    """
     rng = np.random.default_rng(5)
     N = random_loop(rng, blocks, (2, 1), 0.6)
     (bound,) = largest_gain(N[None], blocks)
@@ -97,10 +119,15 @@ def test_one_disc_in_a_scalar_channel_needs_no_scalings():
 
 
 def tuned_at_worst(model, dt=0.0):
-    """Two PI controllers on a plant of two inputs and outputs, |S| <= 1.5 for the whole set: their start misses it."""
+    """Two PI controllers on a plant of two inputs and outputs, |S| <= 1.5 for the whole set: their
+    start misses it.
+    """
     errors = [control.summing_junction([f"r{k}", f"-y{k}"], f"e{k}") for k in (1, 2)]
     if dt:
-        errors = [control.ss([], [], [], e.D, dt, inputs=e.input_labels, outputs=e.output_labels) for e in errors]
+        errors = [
+            control.ss([], [], [], e.D, dt, inputs=e.input_labels, outputs=e.output_labels)
+            for e in errors
+        ]
     r, e, u, y = (["r1", "r2"], ["e1", "e2"], ["u1", "u2"], ["y1", "y2"])
     design = robust.tune(
         errors,
@@ -117,14 +144,18 @@ def tuned_at_worst(model, dt=0.0):
 @pytest.mark.attack(every=3)
 @pytest.mark.parametrize("form", ["additive", "elements", "input"])
 def test_the_tuner_has_the_number_of_check_for_several_channels(form):
-    """The largest |S| over the set, by mu in both: scaling the demand to the tuner's number makes mu one."""
+    """The largest |S| over the set, by mu in both: scaling the demand to the tuner's number makes
+    mu one.
+    """
     design, K = tuned_at_worst(matrix_set(form, 0.1), 0.1)
     hard = next(one for one in design.limits if one.limit.worst)
     assert design.met
     assert hard.n_lines
     report = robust.check(design.plant.models[0], K, w_P=1 / (1.5 * hard.ratio), certify=False)
     assert np.nanmax(report.curves.rp) <= 1 + 1e-6
-    assert np.nanmax(report.curves.rp) == pytest.approx(1.0, abs=1e-5)  # its grid may miss the top by so much
+    assert np.nanmax(report.curves.rp) == pytest.approx(
+        1.0, abs=1e-5
+    )  # its grid may miss the top by so much
     assert np.max(report.curves.rs) < 1
 
 
@@ -138,7 +169,9 @@ def test_a_continuous_matrix_set_under_a_clock_is_the_sampled_set_of_check():
 
 
 def test_a_matrix_without_a_set_is_refused():
-    with pytest.raises(ValueError, match=r"worst must be False unless every plant is an UncertaintyModel"):
+    with pytest.raises(
+        ValueError, match=r"worst must be False unless every plant is an UncertaintyModel"
+    ):
         tuned_at_worst(matrix_set("input", 0.0).nominal)
 
 
@@ -147,7 +180,11 @@ def sampled_set(form, *, continuous=False):
     G = control.tf([1e4], [1, 20, 1e4])
     G = control.ss(G) if continuous else robust.sampled(G, 1e-3)
     clock = 0 if continuous else 1e-3
-    weight = control.tf([0.25, 50], [1, 100]) if continuous else control.ss(control.tf([0.15], [1], clock))
+    weight = (
+        control.tf([0.25, 50], [1, 100])
+        if continuous
+        else control.ss(control.tf([0.15], [1], clock))
+    )
     omega = np.geomspace(1, 2000, 60)
     return robust.UncertaintyModel(G, weight, form, omega, np.full(60, 0.05))
 
@@ -155,7 +192,9 @@ def sampled_set(form, *, continuous=False):
 @pytest.mark.attack(every=3)
 @pytest.mark.parametrize("form", list(FORMS))
 def test_the_tuner_has_the_number_of_check(form):
-    """|S| at worst by `check` on the controller that comes out, every form, hold and delay inside."""
+    """|S| at worst by `check` on the controller that comes out, every form, hold and delay
+    inside.
+    """
     model = sampled_set(form)
     design = robust.tune(
         [ERROR, FORCE],
@@ -169,7 +208,9 @@ def test_the_tuner_has_the_number_of_check(form):
     )
     report = robust.check(model, design.controller("y", "u"), delay=1e-3, certify=False)
     found = next(one for one in design.limits if one.hard)
-    worst = robust.check(model, design.controller("y", "u"), w_P=1 / (2.0 * found.ratio), delay=1e-3, certify=False)
+    worst = robust.check(
+        model, design.controller("y", "u"), w_P=1 / (2.0 * found.ratio), delay=1e-3, certify=False
+    )
     assert found.n_lines
     assert found.n_lines > 1000
     assert np.max(worst.curves.rp) == pytest.approx(1.0, abs=1e-6)
@@ -216,10 +257,14 @@ def test_the_worst_of_a_channel_is_no_less_than_of_any_plant():
 
 
 def test_a_start_outside_the_set_is_brought_in():
-    """With |w T| above one at the start the worst case is infinite; the search still has a slope there."""
+    """With |w T| above one at the start the worst case is infinite; the search still has a slope
+    there.
+    """
     G = robust.sampled(control.tf([1], [1, 1]), 0.1)
     weight = control.ss(control.tf([0.9], [1], 0.1))
-    model = robust.UncertaintyModel(G, weight, "multiplicative", np.array([0.1, 1.0]), np.full(2, 0.8))
+    model = robust.UncertaintyModel(
+        G, weight, "multiplicative", np.array([0.1, 1.0]), np.full(2, 0.8)
+    )
     design = robust.tune(
         [ERROR, FORCE],
         tuning.Plants(model, inputs="f", outputs="y"),
