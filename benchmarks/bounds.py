@@ -154,6 +154,18 @@ def try_set(rng: np.random.Generator) -> tuple[float, float] | None:
 KINDS = {"families": try_family, "mixed": try_mixed, "sets": try_set}
 
 
+def print_count(kind: str, rows: list[tuple[float, float] | None], seconds: float) -> None:
+    """Print how many bounds were exceeded so far, and how far above the search they lie."""
+    known = np.array([row for row in rows if row is not None]).reshape(-1, 2)
+    ratio = known[:, 1] / known[:, 0] if len(known) else np.array([np.nan])
+    print(
+        f"{kind}: {len(known)} of {len(rows)} with a bound, "
+        f"{int(np.sum(ratio < 1 - 1e-6))} exceeded; bound over what was found: "
+        f"median {np.median(ratio):.4g}, worst {ratio.max():.4g}; {seconds:.2g} s each",
+        flush=True,
+    )
+
+
 def main() -> None:
     """Draw, count and print."""
     options = argparse.ArgumentParser(description=__doc__)
@@ -172,13 +184,8 @@ def main() -> None:
                     f" {rows[-1][1]:.6g}",
                     flush=True,
                 )
-        known = np.array([row for row in rows if row is not None]).reshape(-1, 2)
-        ratio = known[:, 1] / known[:, 0]
-        print(
-            f"{kind}: {len(known)} of {given.n} with a bound, {int(np.sum(ratio < 1 - 1e-6))}"
-            f" exceeded; bound over what was found: median {np.median(ratio):.4g}, worst"
-            f" {ratio.max():.4g}; {(time.process_time() - start) / given.n:.2g} s each"
-        )
+            if (k + 1) % 25 == 0 or k + 1 == given.n:
+                print_count(kind, rows, (time.process_time() - start) / (k + 1))
 
 
 if __name__ == "__main__":

@@ -277,7 +277,8 @@ def print_table(rows: list[dict[str, float]]) -> None:
         exceeded, unknown = int((known < 1 - ROUNDING).sum()), len(values) - len(known)
         print(
             f"{name:12s} {exceeded:4d} of {len(values)} below one; median {np.median(known):.4g}, "
-            f"95 % {np.quantile(known, 0.95):.4g}, largest {known.max():.4g}, not finite {unknown}"
+            f"95 % {np.quantile(known, 0.95):.4g}, largest {known.max():.4g}, not finite {unknown}",
+            flush=True,
         )
 
 
@@ -303,7 +304,8 @@ def main() -> None:
             or row["seconds"] > 10
         ):
             print(seed, {name: round(float(x), 4) for name, x in row.items()}, flush=True)
-    print_table(rows)
+        if len(rows) % 20 == 0 or len(rows) == given.n:
+            print_table(rows)
 
 
 if __name__ == "__main__":
