@@ -33,13 +33,13 @@ nox.options.error_on_missing_interpreters = False
 
 #: The first script of the README.
 SCRIPT = re.search(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)[1]
-# : A record in memory, to a model, a controller and a report: what the core does without the
-# packages of the extras.
+#: A record in memory, to a model, a controller and a report: what the core does without the
+#: packages of the extras.
 CORE = re.search(
     r'CORE = """\n(.*?)"""', (ROOT / "tests/project/test_light_install.py").read_text(), re.DOTALL
 )[1]
-# : Every interpreter with the pins and with the newest; the oldest packages have wheels for the
-# oldest interpreter only.
+#: Every interpreter with the pins and with the newest; the oldest packages have wheels for the
+#: oldest interpreter only.
 COMBINATIONS = [(python, versions) for python in PYTHONS for versions in ("pinned", "newest")] + [
     ("3.11", "oldest")
 ]

@@ -11,8 +11,8 @@ import subprocess
 import sys
 import time
 
-# : Each command by itself takes other numbers of records, loops and files than the few of here; it
-# prints how many.
+#: Each command by itself takes other numbers of records, loops and files than the few of here; it
+#: prints how many.
 COMMANDS = (
     "machine",
     "size",
@@ -71,8 +71,8 @@ COMMANDS = (
     "coverage --records 50 --processes 2",
     "coverage --hard --records 20 --processes 2",
 )
-# : More threads of linear algebra wait for one another by spinning, which the processor's clock
-# counts as work.
+#: More threads of linear algebra wait for one another by spinning, which the processor's clock
+#: counts as work.
 QUIET = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
 
 

@@ -18,8 +18,8 @@ from tests.support.long_records import written
 
 SIZES = {"4 thousand rows": (2048, 2), "a million rows": (250_000, 4)}
 SHORTER, LONG = (1 << 20, 4), (1 << 22, 4)  # samples of a period, periods
-# : Memory before, its peaks after loading and after identify [kB], and the processor's time of both
-# [s].
+#: Memory before, its peaks after loading and after identify [kB], and the processor's time of both
+#: [s].
 MEASURED = """
 import resource, sys, time, nlfrf, pandas, scipy.fft
 def peak(): return next(line.split()[1] for line in open('/proc/self/status') if line.startswith('VmHWM'))

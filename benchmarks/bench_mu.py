@@ -24,8 +24,8 @@ from robust.mu.gain import gain_bound
 from tests.robust.synthesis.test_hinfsyn import random_plant
 from tests.support.distillation import WITH_PERFORMANCE, controller, plant
 
-# : Runs in the other interpreter: reads N (61, 4, 4) and writes seconds and values of each peer it
-# finds.
+#: Runs in the other interpreter: reads N (61, 4, 4) and writes seconds and values of each peer it
+#: finds.
 PEER = """
 import json, sys, time
 import numpy as np

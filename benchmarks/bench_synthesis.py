@@ -25,8 +25,8 @@ from tests.robust.synthesis.test_hinfsyn import random_plant
 from tests.support.compleib import generalised
 from tests.support.precise_loops import precise_gain
 
-# : Nobody has achieved what the LMI promises of these; infima near zero are compared in absolute
-# terms.
+#: Nobody has achieved what the LMI promises of these; infima near zero are compared in absolute
+#: terms.
 BESIDE_LMI = ("ROC8", "ROC9", "TF3")
 NEAR_ZERO = ("AC1", "AC12", "NN10")
 FOLDER = (

@@ -48,9 +48,8 @@ def forked(room, path):
     if child == 0:
         try:
             os.close(out)
-            limit = (
-                4 * MEMORY_LIMIT + FACTOR * path.stat().st_size
-            )  # a fork begins with all that its parent holds
+            # a fork begins with all that its parent holds
+            limit = 4 * MEMORY_LIMIT + FACTOR * path.stat().st_size
             resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
             try:
                 answer = ("found", io.BytesIO())
@@ -94,9 +93,8 @@ def main():
     warnings.simplefilter("ignore")
     harm = 0
     for family in [name for name in asked.only if name in FAMILIES]:
-        n = (
-            min(asked.files, 5) if "expands" in family else asked.files // 10
-        )  # a gigabyte each, or a process each
+        # a gigabyte each, or a process each
+        n = min(asked.files, 5) if "expands" in family else asked.files // 10
         begin, rng, done = time.perf_counter(), np.random.default_rng(2), 0
         with tempfile.TemporaryDirectory() as folder:
             for _ in range(n):

@@ -27,8 +27,8 @@ DESIGNS = {
     "static": dict(fs=1024, n_samples=2048, f_min=1, f_max=200),
     "Duffing": dict(fs=512, n_samples=2048, f_min=1, f_max=60),
 }
-# : Plant, poles of the nominal (0: the FRF itself, -1: a gain), order of the weight, realisations,
-# SNR [dB].
+#: Plant, poles of the nominal (0: the FRF itself, -1: a gain), order of the weight, realisations,
+#: SNR [dB].
 CASES = (
     ("rig", 0, 1, 1, None),
     ("rig", 0, 2, 1, None),

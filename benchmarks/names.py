@@ -218,8 +218,8 @@ FOREIGN = {
     "Harmonic": 1.0,
     "Valid": 1.0,
 }
-# : Words and units of real headers and of none that are in no table of the grammar, and what they
-# do to the numbers.
+#: Words and units of real headers and of none that are in no table of the grammar, and what they do
+#: to the numbers.
 STRANGE_SCALES = {
     "dBr": lambda x: x + 17,
     "mB": lambda x: 100 * x,

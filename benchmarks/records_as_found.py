@@ -36,8 +36,8 @@ from nlfrf.records.screening.input import hold_factor, repeated_share
 
 FS = 1000.0
 GRIDS = ("special-odd", "odd", "random-odd", "odd-odd", "full")
-# : Names of what drives and of what responds; of neither; and of channels that tell the other
-# direction.
+#: Names of what drives and of what responds; of neither; and of channels that tell the other
+#: direction.
 NAMES = {
     "named": (
         ("force [N]", "position [mm]"),

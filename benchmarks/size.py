@@ -30,8 +30,8 @@ REPORTED = {
     "nlfrf.Bla": "Bla",
     "nlfrf.rig.Drive": "Drive",
 }
-# : Names that give the kind of a plant, a record or a set: one channel or several, lines or a
-# system.
+#: Names that give the kind of a plant, a record or a set: one channel or several, lines or a
+#: system.
 KINDS = (
     "is_single",
     "is_matrix",

@@ -32,8 +32,8 @@ CARD_INCHES = tuple(
     pixels / 120 for pixels in THUMBNAIL
 )  # in which text of 10 points is a twentieth of the height
 CARD_LETTERS = 48  # of its title in a row
-# : Example -> which of its pictures, and which axes in it, stand on its card in the gallery; else
-# the first axes.
+#: Example -> which of its pictures, and which axes in it, stand on its card in the gallery; else
+#: the first axes.
 CARDS = {
     "01_identify_then_design": (0, 0),
     "02_design_an_experiment": (0, 1),

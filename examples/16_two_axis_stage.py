@@ -24,9 +24,8 @@ out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
 
 FS, N = 512.0, 2048
-stage = (
-    nlfrf.rig.two_axis_stage()
-)  # or nlfrf.rig.Rig(mass=..., stiffness=..., damping=..., friction=[..., ...], sensors=...)
+# or nlfrf.rig.Rig(mass=..., stiffness=..., damping=..., friction=[..., ...], sensors=...)
+stage = nlfrf.rig.two_axis_stage()
 
 # %%
 # Two experiments, each with both forces; one period to settle, two to keep, and a little noise.

@@ -17,8 +17,8 @@ settings.register_profile("searching", deadline=None)
 settings.load_profile("repeatable")
 
 
-# : What `make test` leaves out, by the option that runs it: long statistics; examples of one path
-# more, and the pages.
+#: What `make test` leaves out, by the option that runs it: long statistics; examples of one path
+#: more, and the pages.
 LATER = ("attack", "docs")
 
 

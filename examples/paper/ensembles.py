@@ -23,8 +23,8 @@ LEVELS = {1: 0.25, 2: 0.025, 3: 2.5}
 #: The paper's grids, and the one it recommends looking at.
 GRIDS = ("odd", "odd-odd", "special-odd", "random-odd")
 F0, FS = 0.25, 4096.0
-# : First and last line of the band: 5, 7, ..., 573 for the odd grid, from 9 on for the two that
-# leave lines out.
+#: First and last line of the band: 5, 7, ..., 573 for the odd grid, from 9 on for the two that
+#: leave lines out.
 _BAND_LINES = {
     "odd": (5, 573),
     "odd-odd": (9, 573),

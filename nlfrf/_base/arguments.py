@@ -37,9 +37,9 @@ _NUMBER_WORDS = (
     "eleven",
     "twelve",
 )
-# : Characters that control a terminal or turn the direction of the text behind them: control
-# characters except line : break and tab, marks of direction and of no width, tags, halves of a pair
-# (bytes of a file name that are no text).
+#: Characters that control a terminal or turn the direction of the text behind them: control
+#: characters except line break and tab, marks of direction and of no width, tags, halves of a pair
+#: (bytes of a file name that are no text).
 _CONTROL_CHARACTERS = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff\U000e0000-\U000e007f]"
 )

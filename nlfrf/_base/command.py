@@ -209,9 +209,8 @@ def _name_options(text: str, options: Mapping[str, str]) -> str:
         option = f"--{option or parameter}"
         text = re.sub(rf"\b{parameter} ?= ?True\b", option, text)
         text = re.sub(rf"\b{parameter} ?= ?(?!\.\.\.)(?=\S)", f"{option} ", text)
-        verb = (
-            " must name" if len(parameter) == 1 else "(?: of [^ ]+)? must"
-        )  # u, y and r are signals elsewhere
+        # u, y and r are signals elsewhere
+        verb = " must name" if len(parameter) == 1 else "(?: of [^ ]+)? must"
         text = re.sub(
             rf"(?<![-\w.]){parameter}(?={verb}\b| above\b)|(?<=give ){parameter}\b", option, text
         )

@@ -27,14 +27,14 @@ from typing import IO
 import numpy as np
 
 SECONDS, _PER_BYTE = 20.0, 1e-7  # [s] time limit: a base, and a slow disk
-# : Limit of the bytes of unpacked arrays: a base, and a multiple of the size of the file. Noise
-# with 16 bits compresses : 4 times as float64, a CSV with one digit per cell takes 4 times its
-# size; constants have the base.
+#: Limit of the bytes of unpacked arrays: a base, and a multiple of the size of the file. Noise with
+#: 16 bits compresses 4 times as float64, a CSV with one digit per cell takes 4 times its size;
+#: constants have the base.
 UNPACKED, FACTOR = 1 << 30, 20
 MEMORY_LIMIT = 4 << 30  # bytes of address space of a child, instead of UNPACKED, libraries included
 BLOCK_BYTES = 1 << 20  # bytes sent at a time
-# : Content of a file, by name: arrays, units, clocks (a frequency [Hz] or the name of a time
-# channel; "" is for all : channels), and reasons why an entry is no signal.
+#: Content of a file, by name: arrays, units, clocks (a frequency [Hz] or the name of a time
+#: channel; "" is for all channels), and reasons why an entry is no signal.
 Contents = tuple[dict[str, np.ndarray], dict[str, str], dict[str, float | str], dict[str, str]]
 
 

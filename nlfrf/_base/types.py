@@ -9,8 +9,8 @@ if TYPE_CHECKING:
 
     import numpy as np
 
-# : A node of parsed JSON. Its type is open, because a file may contain anything: check by
-# isinstance, or validate the : whole against a schema before you use a part.
+#: A node of parsed JSON. Its type is open, because a file may contain anything: check by
+#: isinstance, or validate the whole against a schema before you use a part.
 Json: TypeAlias = Any
 JsonObject: TypeAlias = dict[str, Json]
 #: Source of random numbers: a generator, its seed, or None for one that cannot be repeated.

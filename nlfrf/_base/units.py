@@ -53,8 +53,8 @@ _QUANTITIES = {
     "share": {"": 1.0, "%": 0.01},
 }
 
-# : Symbol of a unit -> its base unit and the factor to it; a symbol that is not listed is a base
-# unit of its own.
+#: Symbol of a unit -> its base unit and the factor to it; a symbol that is not listed is a base
+#: unit of its own.
 _SYMBOLS = (
     POSITIONS
     | {unit: pair for unit, pair in OUTPUTS.items() if unit != "Nm"}

@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
 _WIDTH, _FEW = 160, 6  # characters of a line; numbers that are shown
 
-# : Type of a field that takes any sequence and holds an array, or None if its kind of value has
-# none. A dataclass can : declare only one of these types, and the reader of the field knows the
-# kind.
+#: Type of a field that takes any sequence and holds an array, or None if its kind of value has
+#: none. A dataclass can declare only one of these types, and the reader of the field knows the
+#: kind.
 ArrayField = Any
 
 

@@ -31,10 +31,10 @@ from nlfrf.bla.local_models import MIN_FIT_LINES, fit_locally
 from nlfrf.records.record import Channels
 from nlfrf.signals.lines import LineGrid, local_mean
 
-# : Fraction of the distortion of a new realisation that the roughness of the FRF does not show,
-# because it bends the FRF : smoothly: none for a saturation, up to a half for a fifth power. A half
-# costs 7 % more of the loss than a quarter. : With fewer than 27 lines the peaks of the input show
-# it (`crest_correction`), and `var_bound` contains it.
+#: Fraction of the distortion of a new realisation that the roughness of the FRF does not show,
+#: because it bends the FRF smoothly: none for a saturation, up to a half for a fifth power. A half
+#: costs 7 % more of the loss than a quarter. With fewer than 27 lines the peaks of the input show
+#: it (`crest_correction`), and `var_bound` contains it.
 _SMOOTH_SHARE = {"roughness": 0.25}
 _COVARIANCES = ("noise", "total", "distortion", "even", "bound")
 _PER_LINE = ("f", "dof", "grid_factor", "coherence")

@@ -15,13 +15,13 @@ import numpy as np
 from nlfrf._base.numbers import TINY, fast_length, rms, squared_modulus
 
 MAX_SPECIAL_ODD_RATIO = 3.0  # largest ratio on a special-odd grid, in a narrow band: 4.77 dB
-# : Times one over the number of lines: the share of the distortion that is one gain on all lines.
-# Neither roughness nor : detection lines show it. For the envelope a of a narrow band, with mean
-# |a|^2 fixed, the mean of |a|^4 scatters by : 4 / n and the middle lines by 3/2 (for a fifth power
-# the share is 6 / n).
+#: Times one over the number of lines: the share of the distortion that is one gain on all lines.
+#: Neither roughness nor detection lines show it. For the envelope a of a narrow band, with mean
+#: |a|^2 fixed, the mean of |a|^4 scatters by 4 / n and the middle lines by 3/2 (for a fifth power
+#: the share is 6 / n).
 COHERENT_SHARE = 8 / 3
-# : Three windows of nine lines. With fewer lines peaks are chance, and a band does not show how its
-# level varies.
+#: Three windows of nine lines. With fewer lines peaks are chance, and a band does not show how its
+#: level varies.
 FEW_LINES = 27
 _MAX_DISTORTION_RATIO = 3.0  # exceeded by one realisation in a hundred with thirty lines
 _MAX_COHERENT_SHARE = (
@@ -31,8 +31,8 @@ _NO_SCATTER = 1e-12  # share of the squared gain of a cubic below which its scat
 _MIN_RATIO_ON_FEW_LINES, _MAX_RATIO_ON_FEW_LINES = 0.6, 6.0
 #: Factor on the gain that a cubic puts on all lines: a fifth power needs 9/4, a jump less than one.
 _HIGHER_ORDER_ALLOWANCE = 1.25
-# : Number of amplitudes in all realisations above which they distort alike, within 17 %, unless
-# their peaks are low.
+#: Number of amplitudes in all realisations above which they distort alike, within 17 %, unless
+#: their peaks are low.
 _ENOUGH_AMPLITUDES = 500
 
 

@@ -21,16 +21,16 @@ from nlfrf.bla.spectra import Spectra
 from nlfrf.records.record import Record
 from nlfrf.signals.lines import local_mean
 
-# : Least significance in standard deviations. It is divided by 1 + _FEW_LINES_WIDENING over the
-# number of lines that : weigh, because a few lines scatter by chance.
+#: Least significance in standard deviations. It is divided by 1 + _FEW_LINES_WIDENING over the
+#: number of lines that weigh, because a few lines scatter by chance.
 _MIN_SIGNIFICANCE, _FEW_LINES_WIDENING = 4.0, 10.0
-# : Squared error by the mismatch over the variance of G above which it is warned of: the bound then
-# holds for 91 % : instead of 95 %.
+#: Squared error by the mismatch over the variance of G above which it is warned of: the bound then
+#: holds for 91 % instead of 95 %.
 _MIN_RELATIVE_ERROR = 0.25
 _MAX_LINE_WEIGHT = 3.0  # largest weight of a line, over the usual weight
 
-# : Usual weight of a line over that in the strongest experiment, below which a channel was not
-# played.
+#: Usual weight of a line over that in the strongest experiment, below which a channel was not
+#: played.
 _MIN_EXPERIMENT_WEIGHT = 1e-9
 _RIVAL_SHARE = 0.8  # least significance of a rival channel, over that of the most significant one
 

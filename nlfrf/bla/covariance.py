@@ -10,9 +10,8 @@ import numpy as np
 
 from nlfrf._base.numbers import squared_modulus
 
-_MIN_EIGENVALUE = (
-    1e-8  # share of the largest eigenvalue of a correlation: one nonlinearity alone gives rank one
-)
+# share of the largest eigenvalue of a correlation: one nonlinearity alone gives rank one
+_MIN_EIGENVALUE = 1e-8
 
 
 def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:

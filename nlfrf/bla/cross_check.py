@@ -48,9 +48,8 @@ _SOURCE_TEXTS = (
     "the input, in parallel with the dynamics",
     "the output, behind the dynamics as by a sensor",
 )
-_MAX_CUBIC_REMAINDER_RATIO = (
-    0.35  # remainder of the cube over that of the fifth power, below which the law is a cubic
-)
+# remainder of the cube over that of the fifth power, below which the law is a cubic
+_MAX_CUBIC_REMAINDER_RATIO = 0.35
 _MIN_FIFTH_COHERENCE = 0.8  # least coherence with a fifth power for a law that is no cubic
 
 

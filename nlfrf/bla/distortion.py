@@ -38,45 +38,42 @@ from nlfrf.bla.residual import NonlinearResidual
 from nlfrf.bla.spectra import Spectra
 from nlfrf.signals.lines import LineGrid
 
-# : Variance of the log of a calibration c about the truth: 1.1 dB, as measured over the plants of
-# benchmarks/plants.py.
+#: Variance of the log of a calibration c about the truth: 1.1 dB, as measured over the plants of
+#: benchmarks/plants.py.
 _CALIBRATION_LOG_VARIANCE = 0.06
-# : The level is log-linear in a coordinate in which the prior of its slope is standard normal:
-# lambda may change as : f^+-1 (a hysteresis has f^-1 to f^-2) and by 5 % a line. Below four lines
-# the logarithm of frequency is cut off: a : level does not grow without end towards zero frequency.
-# Halving either changes the loss by less than 0.5 %.
+#: The level is log-linear in a coordinate in which the prior of its slope is standard normal:
+#: lambda may change as f^+-1 (a hysteresis has f^-1 to f^-2) and by 5 % a line. Below four lines
+#: the logarithm of frequency is cut off: a level does not grow without end towards zero frequency.
+#: Halving either changes the loss by less than 0.5 %.
 _SLOPE_PER_LOG_FREQUENCY, _SLOPE_PER_LINE, _LOWEST_LINES = 1.0, 0.05, 4.0
 # neighbouring excited lines whose likelihoods weigh the hypotheses; 7 to 13 give the same loss
 _EVIDENCE_LINES = 9
-# : Roughness is distortion, or G bends within its window: equal prior weights. A bend gives any
-# roughness from the level : to e^7 above it, with equal density in dB. Half or twice that range
-# changes the loss by 0.5 %.
+#: Roughness is distortion, or G bends within its window: equal prior weights. A bend gives any
+#: roughness from the level to e^7 above it, with equal density in dB. Half or twice that range
+#: changes the loss by 0.5 %.
 _BEND_RANGE = 7.0
-_ROUGHNESS_EVIDENCE = (
-    2.0  # number of independent roughnesses in nine neighbouring, overlapping windows
-)
-# : In one case of five the level from detection lines differs from the scatter by a log-variance of
-# 2 (6 dB): the weight : of scatter over realisations by itself.
+# number of independent roughnesses in nine neighbouring, overlapping windows
+_ROUGHNESS_EVIDENCE = 2.0
+#: In one case of five the level from detection lines differs from the scatter by a log-variance of
+#: 2 (6 dB): the weight of scatter over realisations by itself.
 _UNRELATED, _UNRELATED_LOG_VARIANCE = 0.2, 2.0
-# : Least count over the mean of a cubic's counts on a window: other orders fill the lines that a
-# cubic leaves empty.
+#: Least count over the mean of a cubic's counts on a window: other orders fill the lines that a
+#: cubic leaves empty.
 _MIN_RELATIVE_COUNT = 0.1
-# : Largest count for the cubic of an output, over its mean on the window: at the excited line at
-# three times a light : resonance. For an input it is `MAX_SPECIAL_ODD_RATIO`: a special-odd grid
-# reaches 3 (4.77 dB) in a narrow band.
+#: Largest count for the cubic of an output, over its mean on the window: at the excited line at
+#: three times a light resonance. For an input it is `MAX_SPECIAL_ODD_RATIO`: a special-odd grid
+#: reaches 3 (4.77 dB) in a narrow band.
 _MAX_OUTPUT_RATIO = 12.0
 # largest mean over a roughness window by its own line: lines far below carry no information
 _MAX_WINDOW_SHAPE = 30.0
-_N_SCORING_STEPS = (
-    2  # a third step changes the radius by 0.2 % in the median, and by 6 % on one line in a hundred
-)
-_ENOUGH_REALIZATIONS = (
-    7  # realisations whose scatter is better than the roughness, which may be too high
-)
+# a third step changes the radius by 0.2 % in the median, and by 6 % on one line in a hundred
+_N_SCORING_STEPS = 2
+# realisations whose scatter is better than the roughness, which may be too high
+_ENOUGH_REALIZATIONS = 7
 _ENOUGH_ROUGHNESS_LINES = 20  # lines on which roughness contains most of the distortion
-# : A factor common to all outputs costs a level degrees of freedom. The law of the matrix gets this
-# share of them back: : 0.3 to 0.6 by simulation of two to six outputs, with log-variances of the
-# factor of 0.06 and 0.15.
+#: A factor common to all outputs costs a level degrees of freedom. The law of the matrix gets this
+#: share of them back: 0.3 to 0.6 by simulation of two to six outputs, with log-variances of the
+#: factor of 0.06 and 0.15.
 _COMMON_ERROR = 0.5
 #: Log of the tail probabilities at which the scaled F and the mixture have equal quantiles.
 _LOG_TAIL_PROBABILITIES = math.log(0.05), math.log(0.001)
@@ -98,9 +95,8 @@ class DistortionVariance(NamedTuple):
     # (F,) c at the excited line over its mean on the detection lines, averaged over hypotheses and
     # outputs
     grid_factor: np.ndarray
-    cov_even: (
-        np.ndarray
-    )  # (n_y, n_y, F) covariance on the even lines, noise included; nan without them
+    # (n_y, n_y, F) covariance on the even lines, noise included; nan without them
+    cov_even: np.ndarray
     detected: (
         np.ndarray
     )  # (n_y, F) variance from the odd detection lines alone, noise included; nan without them
@@ -125,9 +121,8 @@ class _OutputVariance(NamedTuple):
     dof: np.ndarray
     grid_factor: np.ndarray
     detected: np.ndarray
-    rough_is_distortion: (
-        np.ndarray
-    )  # (F,) probability that the roughness is distortion; otherwise G bends
+    # (F,) probability that the roughness is distortion; otherwise G bends
+    rough_is_distortion: np.ndarray
 
 
 @value(copy=False)

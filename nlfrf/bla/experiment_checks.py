@@ -26,9 +26,8 @@ _FEW_PHASE_LINES = 5  # lines up to which phases cannot be compared
 # condition number of the inputs: limit of a warning, of a refusal
 _HIGH_CONDITION = 10.0
 _MAX_CONDITION = 1e6
-_MIN_COPY_COHERENCE = (
-    0.9  # |mean over lines of exp(j difference)|: 1 for copies, about F^-1/2 for independent phases
-)
+# |mean over lines of exp(j difference)|: 1 for copies, about F^-1/2 for independent phases
+_MIN_COPY_COHERENCE = 0.9
 # power of the noise on an input over its own up to which bounds hold; at 1 G is off by a third
 _MAX_INPUT_NOISE = 0.3
 #: Covariance of one experiment over the mean of all, above which the law of the matrix is wrong.

@@ -24,25 +24,25 @@ from nlfrf.bla.local_models import LocalFit, leave_one_out_residual
 from nlfrf.bla.realizations import pair_equal_steps
 from nlfrf.bla.spectra import Spectra, residual_scatter
 
-# : Roughness over the level and over |G|^2 above which, on most lines, u and y do not belong
-# together.
+#: Roughness over the level and over |G|^2 above which, on most lines, u and y do not belong
+#: together.
 _MAX_ROUGHNESS_OVER_LEVEL, MAX_ROUGHNESS_OVER_GAIN = 2.5, 0.03
-# : The same for one output of several experiments: exchanged experiments give 0.3 and more. A
-# correct matrix that bends : within a few lines has up to 0.3; an experiment that differs from the
-# others is found before.
+#: The same for one output of several experiments: exchanged experiments give 0.3 and more. A
+#: correct matrix that bends within a few lines has up to 0.3; an experiment that differs from the
+#: others is found before.
 MAX_MATRIX_ROUGHNESS_OVER_GAIN = 0.2
 _N_SPARE_LINES = 2  # added to half of the lines, because a few lines are rough by chance
 _MIN_STEP_PAIRS = 4  # pairs of equal steps that suffice to compare phases
-# : Power over that of chance for an outlier line: over the level; over the scatter of its
-# neighbours, which one regular : line in 4e5 exceeds; and that of a local fit from which outliers
-# are looked for.
+#: Power over that of chance for an outlier line: over the level; over the scatter of its
+#: neighbours, which one regular line in 4e5 exceeds; and that of a local fit from which outliers
+#: are looked for.
 _OUTLIER_OVER_LEVEL, _OUTLIER_OVER_SCATTER, _OUTLIER_CANDIDATE = 25.0, 60.0, 5.0
-# : A free mass bends as 1/omega^2 below its third line, which no parabola follows; omega^2 G is
-# smooth there.
+#: A free mass bends as 1/omega^2 below its third line, which no parabola follows; omega^2 G is
+#: smooth there.
 _INTEGRATORS = (0, 1, 2)
-# : Second line over the first, above which the neighbours do not judge the first: its value would
-# be extrapolated, and : the corner of a viscous friction below it turns G by more (the belt preset
-# in motion: 1.5 and 4.5 Hz).
+#: Second line over the first, above which the neighbours do not judge the first: its value would be
+#: extrapolated, and the corner of a viscous friction below it turns G by more (the belt preset in
+#: motion: 1.5 and 4.5 Hz).
 _MAX_FIRST_RATIO = 1.5
 _MAINS_FREQUENCIES = 50.0, 60.0  # [Hz]
 OUTPUT_ROUNDING = 1e-13  # share of the whole output below which a deviation on a line is rounding
@@ -50,9 +50,8 @@ _MAX_CHANCE_SIGMAS = 3.0  # standard deviations up to which phases agree by chan
 _CHANCE_MATCH_PROBABILITY = (
     1e-6  # probability that by chance an output follows any input, or changes its sign
 )
-_MIN_WARNING_STEP_PAIRS = (
-    30  # pairs of equal steps from which an output that follows no input is warned of
-)
+# pairs of equal steps from which an output that follows no input is warned of
+_MIN_WARNING_STEP_PAIRS = 30
 _MIN_RELATIVE_SCATTER = 0.5  # least scatter of one realisation with random phases, over |G|^2
 _MAX_RELATIVE_NOISE = 0.1  # noise over |G|^2 above which noise may be the cause
 
@@ -75,9 +74,8 @@ class FrmEstimate(NamedTuple):
     gamma_each: np.ndarray  # (R, n_u, n_u, F) the same for each set
     # (R, n_y, F) variance of the residual of each set's experiments by noise; nan for one period
     noise_each: np.ndarray
-    cov_noise: (
-        np.ndarray
-    )  # (n_y, n_y, F) covariance of one experiment's residual by noise; nan for one period
+    # (n_y, n_y, F) covariance of one experiment's residual by noise; nan for one period
+    cov_noise: np.ndarray
     # (n_y, n_y, F) total covariance of one experiment's residual, from the scatter over sets; nan
     # for one set
     cov_scatter: np.ndarray
@@ -394,9 +392,8 @@ def _check_follows(
 def _require_same_sign(output_name: str, phases: np.ndarray) -> None:
     """Refuse a realisation whose phases (M, F) have another sign than those of the others."""
     n, n_lines = phases.shape
-    agree = (
-        np.add.reduce((phases * np.add.reduce(phases).conj()).real, axis=1) - n_lines
-    )  # agreement with the others
+    # agreement with the others
+    agree = np.add.reduce((phases * np.add.reduce(phases).conj()).real, axis=1) - n_lines
     turned = np.flatnonzero(agree < -_chance_sigmas(n) * np.sqrt((n - 1) * n_lines / 2))
     if n > 1 and turned.size:
         which = (

@@ -20,12 +20,11 @@ from nlfrf._base.arguments import (
 from nlfrf.bla.bla import Bla, Covariances, Experiment, levels_without_detection
 from nlfrf.signals.lines import LineGrid
 
-# : Complex degrees of freedom of a known variance: its F quantile equals that of a chi-square to
-# 1e-6.
+#: Complex degrees of freedom of a known variance: its F quantile equals that of a chi-square to
+#: 1e-6.
 KNOWN_DOF = 1e6
-_MAX_GAIN_VARIATION = (
-    0.01  # largest relative variation of a real gain: one that varies more has a phase
-)
+# largest relative variation of a real gain: one that varies more has a phase
+_MAX_GAIN_VARIATION = 0.01
 # difference of a coherence from 1 up to which digits were lost in its computation, not in its file
 _ROUNDING = 1e-6
 _MAX_RAISED_STD = 2.0  # factor on a standard deviation of an entry up to which no warning is given

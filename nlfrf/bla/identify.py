@@ -241,9 +241,8 @@ def _add_outlier_power(
     if not record.is_single:
         if F <= 2 * WINDOW_LINES:  # on fewer lines a bend looks like any fault
             return distortion
-        own = (
-            1.0 if fit is None else 1 - float(np.mean(fit.dof)) / WINDOW_LINES
-        )  # share of a line in its own fit
+        # share of a line in its own fit
+        own = 1.0 if fit is None else 1 - float(np.mean(fit.dof)) / WINDOW_LINES
         # zippered: a difference between experiments does not jump
         left = 1.0 if zippered else 1 - own * record.n_inputs / excited.U.shape[1]
         if left > 0 and warn_of_mismatch(

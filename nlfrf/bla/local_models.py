@@ -29,14 +29,14 @@ from nlfrf.signals.lines import local_mean
 POLYNOMIAL_ORDER = 2  # of both polynomials; the code is written for this order
 _N_POWERS = POLYNOMIAL_ORDER + 1  # number of columns r^k G
 _N_RATIONAL_UNKNOWNS = 2 * POLYNOMIAL_ORDER + 1
-# : Residual variance of the rational over the polynomial model below which it is used: with 0.5 it
-# fitted noise alone in : one window of five.
+#: Residual variance of the rational over the polynomial model below which it is used: with 0.5 it
+#: fitted noise alone in one window of five.
 RATIONAL_VARIANCE_RATIO = 0.25
 N_POOLED_WINDOWS = 9  # neighbouring lines over which this ratio is averaged
 _MIN_NOISE_SHARE = 0.5  # least roughness over the known noise
 NOISE_SMOOTHING_LINES = 13  # neighbouring lines over which the noise of a few periods is averaged
-# : Least denominator over that at the line itself: a pole of the fit near the window is no
-# distortion.
+#: Least denominator over that at the line itself: a pole of the fit near the window is no
+#: distortion.
 _MIN_DENOMINATOR = 0.1
 MIN_FIT_LINES = POLYNOMIAL_ORDER + 3  # lines that leave two degrees of freedom
 _GLOBAL_ORDERS = (
@@ -49,8 +49,8 @@ _N_REWEIGHTED_STEPS = (
 )
 _MIN_FLATNESS = 1 - 1e-9  # smallest over largest weight of a flat spectrum
 _N_CACHED_FITS = 4  # number of grids with cached fits: two kilobytes per line
-# : Variance about the global over that about the local fits, above which the local fits stay:
-# chance gives as much.
+#: Variance about the global over that about the local fits, above which the local fits stay: chance
+#: gives as much.
 _MAX_GLOBAL_VARIANCE_RATIO = 0.5
 
 

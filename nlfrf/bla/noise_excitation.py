@@ -29,8 +29,8 @@ _LINES_PER_SIDE = 6  # DFT lines on either side for a local polynomial
 _N_RECORD_PARTS = 16  # parts of the record, over which the power of stationary noise is constant
 _N_BANDS = 8  # parts of the excited band
 _MAX_POWER_SCATTER = 4.0  # largest scatter of the power from part to part, over that of noise
-# : Least share of the input power around a line that is no transient: a third and more for noise, a
-# tenth by chance.
+#: Least share of the input power around a line that is no transient: a third and more for noise, a
+#: tenth by chance.
 _MIN_ROUGH_SHARE = 1e-3
 _MIN_INPUT_AMPLITUDE = 1e-12  # share of the largest line of an input below which there is no input
 

@@ -31,17 +31,15 @@ _MAX_LEVEL_SIGMAS = 5.0  # the same in standard deviations, if it scatters
 _FALSE_MATCH_PROBABILITY = 1e-9
 #: Least share of the power of a noisy input in common with another one with equal phases.
 _MIN_SHARED_POWER = 0.5
-_MIN_OWN_AMPLITUDE = (
-    1e-3  # least amplitude of its own lines for an input of a zippered record, over the largest
-)
+# least amplitude of its own lines for an input of a zippered record, over the largest
+_MIN_OWN_AMPLITUDE = 1e-3
 _MIN_PHASE_LINES = 4  # fewest lines with which phases can be compared
 _MIN_CREST_LINES = 6  # fewest lines whose sum has peaks as of a normal distribution
-# : Number of pairs of equal steps that suffice to find equal phases at any delay, so that none has
-# to be tried.
+#: Number of pairs of equal steps that suffice to find equal phases at any delay, so that none has
+#: to be tried.
 _ENOUGH_STEP_PAIRS = 30
-_MAX_REFERENCES = (
-    100  # realisations with which all others are compared; a set of files played again is no larger
-)
+# realisations with which all others are compared; a set of files played again is no larger
+_MAX_REFERENCES = 100
 
 
 def warn_of_low_crest(

@@ -18,8 +18,8 @@ from nlfrf.bla.local_models import NOISE_SMOOTHING_LINES
 from nlfrf.bla.spectra import Spectra, residual_scatter
 from nlfrf.signals.lines import local_mean
 
-# : Largest over smallest |G|^2, as means over neighbouring lines, above which the place of the
-# distortion matters.
+#: Largest over smallest |G|^2, as means over neighbouring lines, above which the place of the
+#: distortion matters.
 _MIN_GAIN_VARIATION = 1.5
 _CLEAR_GAIN_VARIATION = 2.0  # the same for single lines, which scatter in one realisation
 

@@ -38,8 +38,8 @@ _LINES_PER_SIDE = 6  # lines on either side of a harmonic for one fit
 _MAX_FOREIGN_AMPLITUDE = (
     0.03  # amplitude of a second input on a line, over the first, up to which it drives one
 )
-# : Residual power of the rational over the polynomial fit below which it is used: noise alone gives
-# 1/2.
+#: Residual power of the rational over the polynomial fit below which it is used: noise alone gives
+#: 1/2.
 _RATIONAL_POWER_RATIO = 0.25
 
 

@@ -25,8 +25,8 @@ from nlfrf.bla.spectra import Spectra, residual_scatter
 from nlfrf.signals.lines import local_mean
 
 _N_REWEIGHTED_ROUNDS, _N_GAUSS_NEWTON_ROUNDS = 3, 3  # rounds of either kind
-# : Least |1 + a1 r + a2 r^2| on a line: below it a pole lies on the line, and the round before is
-# kept.
+#: Least |1 + a1 r + a2 r^2| on a line: below it a pole lies on the line, and the round before is
+#: kept.
 _MIN_ZIPPERED_DENOMINATOR = 0.02
 
 

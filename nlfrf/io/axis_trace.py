@@ -54,9 +54,8 @@ _MOTION_UNITS = (
     ),
     *("rpm", "1/min", "rev/min", "U/min", "m/s^2", "m/s²", "mm/s^2", "mm/s²", "rad/s^2", "rad/s²"),
 )
-_SAME_SIGNAL = (
-    1e-6  # share of power by which a recorded set point differs from the played one: rounding
-)
+# share of power by which a recorded set point differs from the played one: rounding
+_SAME_SIGNAL = 1e-6
 _OTHER_SIGNAL = 1e-4  # least expected share by which the wanted signal differs from the set point
 # |mean exp(j phase steps)| of U over R between neighbouring lines; 1: smooth, 1/sqrt(F): unrelated
 _MIN_LIKENESS = 0.3
@@ -579,9 +578,8 @@ def _require_start(ratio: np.ndarray, record: Record) -> None:
     N = record.n_samples
     spectrum = np.zeros(N // 2 + 1, dtype=complex)
     spectrum[record.lines.excited] = np.mean(ratio / np.abs(ratio), axis=0)
-    agreement = (
-        np.abs(np.fft.irfft(spectrum, N)) * N / 2 / record.lines.excited.size
-    )  # 1: all lines agree on this delay
+    # 1: all lines agree on this delay
+    agreement = np.abs(np.fft.irfft(spectrum, N)) * N / 2 / record.lines.excited.size
     late, near, half = int(np.argmax(agreement)), max(int(_START * N), 1), N // 2
     late = (
         late + half // 2

@@ -61,9 +61,8 @@ _UNSTATED_UNITS = {
     "they are milliseconds": 1e3,
     "they are microseconds": 1e6,
 }
-_MAX_TIME_DIFFERENCE = (
-    1e-3  # largest relative difference between a given sampling frequency and that of the file
-)
+# largest relative difference between a given sampling frequency and that of the file
+_MAX_TIME_DIFFERENCE = 1e-3
 _SECONDS_PER_DAY = 86400.0  # [s]
 _DATE_RANGES = ((3e4, 6e4), (7e5, 8e5))  # the present, in days of spreadsheets and of MATLAB
 _MAX_RATE = 1e6  # [Hz] above this a clock in this range is more likely in days

@@ -376,9 +376,8 @@ def _assemble(
     known = [
         (one, x) for one in deviations if (x := _deviation_of(one, np.abs(G), own)) is not None
     ]
-    n_parts = (
-        2 if len(known) == 1 and known[0][0].parsed.part else 1
-    )  # the other part of G has the same deviation
+    # the other part of G has the same deviation
+    n_parts = 2 if len(known) == 1 and known[0][0].parsed.part else 1
     coherences = [one for one in coherences[:1] if not one.parsed.unknown]
     used = np.flatnonzero(np.isfinite(G) & (f > 0) & (G != 0))[
         :: 1 if np.nanargmax(f) > np.nanargmin(f) else -1

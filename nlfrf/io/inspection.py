@@ -34,9 +34,8 @@ from nlfrf.records.screened import ScreenedStreams, screen_streams
 from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine
 
-_MAX_UNEVEN_STEPS = (
-    0.01  # largest share of the steps of a counter that differ from the others, at its wraps
-)
+# largest share of the steps of a counter that differ from the others, at its wraps
+_MAX_UNEVEN_STEPS = 0.01
 _MIN_LENGTH_RATIO = 16  # length ratio beyond which a shorter channel is ignored
 #: Reason why a channel is no candidate.
 _PROGRESSIVE = "rises or falls throughout, as a clock or a counter does"

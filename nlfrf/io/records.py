@@ -56,9 +56,8 @@ def _read_measurement(path: str | os.PathLike[str]) -> Channels:
 # Behind a lost row every sample is one place early. Periods that are cut by counting are then all
 # misplaced. Cut by their times, all periods except the one with the gap are valid.
 
-_MAX_UNEVENNESS = (
-    0.25  # [samples] a step further from a whole number shows a clock with jitter, not a lost row
-)
+# [samples] a step further from a whole number shows a clock with jitter, not a lost row
+_MAX_UNEVENNESS = 0.25
 _WHOLE_TOLERANCE = 0.1  # [samples] largest distance of a period from a whole number
 _MAX_NAMED = 3  # jumps that a message lists
 _MAX_LOST_SHARE = 0.05  # share of the rows with a jump of time above which the rate varies

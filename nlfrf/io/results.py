@@ -31,8 +31,8 @@ from nlfrf.signals.multisine import Multisine
 _BLA_SCHEMA, _FRM_SCHEMA = "nlfrf-bla", "nlfrf-frm"  # for one input and output, for several
 RESULTS: dict[str, Callable[..., Bla]] = {_BLA_SCHEMA: Bla, _FRM_SCHEMA: Bla}
 StoredValue = Multisine | AxisExperiment | Record | Bla
-# : Module that reads and writes the JSON files of `robust`. It is not imported, because `robust`
-# imports this package.
+#: Module that reads and writes the JSON files of `robust`. It is not imported, because `robust`
+#: imports this package.
 _JSON_FILES = "robust.io.stored"
 _PID_FILES = "robust.synthesis.pid_file"
 

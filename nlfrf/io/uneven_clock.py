@@ -78,9 +78,8 @@ def find_uneven_clock(seconds: np.ndarray | None, fs: float) -> UnevenClock | No
     if seconds is None or seconds.size < _N_PARTS or not fs > 0 or not np.isfinite(seconds).all():
         return None
     n = seconds.size
-    n_equal = (
-        n // (1 + int(np.count_nonzero(seconds[1:] != seconds[:-1]))) + 1
-    )  # if printed coarsely
+    # if printed coarsely
+    n_equal = n // (1 + int(np.count_nonzero(seconds[1:] != seconds[:-1]))) + 1
     size = min(n // 2, max(_PART_ROWS, 8 * n_equal))
     starts = np.linspace(0, n - size, _N_PARTS).astype(int)
     rows = starts[:, None] + np.arange(size)

@@ -19,12 +19,10 @@ from nlfrf.signals.lines import LineGrid, detection_lines
 # [dB] largest standard deviation of lines of one level; smallest one of other lines
 _EVEN = 0.5
 _MIN_UNEVEN = 1.0
-_MIN_SPREAD_RATIO = (
-    6.0  # smallest ratio of the standard deviation of other lines to that of lines of one level
-)
-_MAX_DIRT_RATIO = (
-    0.1  # largest power between the lines of a played signal, over that of the other signal
-)
+# smallest ratio of the standard deviation of other lines to that of lines of one level
+_MIN_SPREAD_RATIO = 6.0
+# largest power between the lines of a played signal, over that of the other signal
+_MAX_DIRT_RATIO = 0.1
 # power over that of the neighbouring lines: of an empty detection line, of a usual line
 _EMPTY = 1e-6
 _FULL = 0.5

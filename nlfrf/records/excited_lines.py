@@ -26,9 +26,8 @@ from nlfrf.signals.lines import LineGrid, local_mean, recognise_kind
 # does; a designed spectrum is smooth. So lines on a regular grid (every line, every odd one, 4k+1,
 # 8k+1 with 8k+3) that are smooth were played, and lines with a jumping level were not.
 
-_ROUGH_LEVEL = (
-    2.5  # [dB] median step from line to line: noise has 4.8, a spectrum distorted by 20 % has 1.6
-)
+# [dB] median step from line to line: noise has 4.8, a spectrum distorted by 20 % has 1.6
+_ROUGH_LEVEL = 2.5
 _ACTUATOR_DROP = 6.0  # [dB] smallest distance of distortion below the neighbouring lines
 _MIN_SHARE = 0.75  # smallest share of the power on the lines that were played
 _EDGE_LINES = 8  # grid lines that are compared on either side of the end of the band

@@ -27,9 +27,8 @@ from nlfrf.signals.lines import LineGrid
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-SAME_CLOCK = (
-    1e-6  # largest relative difference of two sampling frequencies estimated from one clock
-)
+# largest relative difference of two sampling frequencies estimated from one clock
+SAME_CLOCK = 1e-6
 
 
 class SignalLabels(TypedDict, total=False):

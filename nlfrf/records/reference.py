@@ -10,9 +10,8 @@ from nlfrf._base.arguments import require_positive
 from nlfrf._base.numbers import TINY, rfft_at
 from nlfrf.signals.multisine import Multisine
 
-_MIN_CORRELATION = (
-    0.3  # smallest correlation of a measured input with its design, behind any actuator
-)
+# smallest correlation of a measured input with its design, behind any actuator
+_MIN_CORRELATION = 0.3
 
 
 def design_period(design: Multisine, fs: float) -> int:

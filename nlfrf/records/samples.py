@@ -55,15 +55,12 @@ from nlfrf.records.screening.stream import (
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
 
-_MAX_PERIOD_DIFFERENCE = (
-    0.25  # share of its power that does not repeat, beyond which a signal is not periodic
-)
-_MAX_CORRECTIONS = (
-    3  # rounds in which outputs are put onto the clock of the input and examined again
-)
-_SHARED_SHARE = (
-    0.5  # above this share of the inputs on lines of the first, the first has the lines of all
-)
+# share of its power that does not repeat, beyond which a signal is not periodic
+_MAX_PERIOD_DIFFERENCE = 0.25
+# rounds in which outputs are put onto the clock of the input and examined again
+_MAX_CORRECTIONS = 3
+# above this share of the inputs on lines of the first, the first has the lines of all
+_SHARED_SHARE = 0.5
 Streams = dict[str, list[np.ndarray]]
 #: Samples as they are given: one stream, or one for each realisation or experiment.
 Samples: TypeAlias = "np.ndarray | Sequence[np.ndarray]"
@@ -336,9 +333,8 @@ def records_from_streams(
         for name, signal in _check_streams(u, outputs, r=r, named=named).items()
     }
     labels = {name: (labels or {}).get(name, {}) for name in outputs}
-    pairs = (
-        {} if named else labels
-    )  # an output may be emptier between the lines than a sum of inputs
+    # an output may be emptier between the lines than a sum of inputs
+    pairs = {} if named else labels
     del u, outputs, r  # long streams are held once
     known = "r" if "r" in streams else "u"
     for one in streams[known]:

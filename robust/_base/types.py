@@ -20,8 +20,8 @@ AnySystem: TypeAlias = "LinearSystem | control.FrequencyResponseData"
 Controller: TypeAlias = "LinearSystem | float | np.ndarray"
 #: A weight from a user, on a signal or a channel.
 Weight: TypeAlias = "LinearSystem | float | np.ndarray"
-# : Type of a field that takes a `Weight`, None, or plants from a user, and holds a state space,
-# None, or a tuple of : plants: a dataclass can declare one type only.
+#: Type of a field that takes a `Weight`, None, or plants from a user, and holds a state space,
+#: None, or a tuple of plants: a dataclass can declare one type only.
 SystemField: TypeAlias = Any
 #: Rows and columns of each block of a perturbation, and its kind unless it is full.
 Blocks: TypeAlias = "Sequence[tuple[int, int] | tuple[int, int, str]]"

@@ -45,24 +45,20 @@ from robust.lti.lti import make_response, poles, replace_infinite
 from robust.models.sets.forms import FORMS
 from robust.proofs.search.intervals import Magnitude, magnitude_of
 
-# : Number of aliases on either side that are summed one by one: minimum, and maximum if light modes
-# lie higher.
+#: Number of aliases on either side that are summed one by one: minimum, and maximum if light modes
+#: lie higher.
 _MIN_SINGLE_ALIASES, _MAX_SINGLE_ALIASES = 12, 200
-# : Further aliases are bounded in blocks: growth of the blocks, and end of the last block over the
-# largest root.
+#: Further aliases are bounded in blocks: growth of the blocks, and end of the last block over the
+#: largest root.
 _BLOCK_GROWTH, _TAIL_START_RATIO = 1.02, 1e4
-_MIN_UNCERTAINTY_FACTOR = (
-    1e-9  # the factor on the uncertainty is searched between this and its inverse
-)
-_DOMINANT_RATIO = (
-    1e4  # alias over the sum of all others, above which it is computed from the sampled plant
-)
-_MIN_ALIAS_SHARE = (
-    0.003  # of the sum: smaller aliases are left out of the worst plant; each adds two to its order
-)
-_LIGHT_DAMPING = (
-    0.3  # below this damping ratio a mode has a peak that a block would spread over all its aliases
-)
+# the factor on the uncertainty is searched between this and its inverse
+_MIN_UNCERTAINTY_FACTOR = 1e-9
+# alias over the sum of all others, above which it is computed from the sampled plant
+_DOMINANT_RATIO = 1e4
+# of the sum: smaller aliases are left out of the worst plant; each adds two to its order
+_MIN_ALIAS_SHARE = 0.003
+# below this damping ratio a mode has a peak that a block would spread over all its aliases
+_LIGHT_DAMPING = 0.3
 
 
 @value

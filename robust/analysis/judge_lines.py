@@ -90,9 +90,8 @@ class LoopOnLines:
             interpolate_frf(at, self.omega, part) for part in (self.G, self.w, self.W)
         )
         G = self.with_hold_and_delay(at, measured)
-        W = (
-            W * measured / G
-        )  # the set is around the measured plant: hold and delay belong to the controller
+        # the set is around the measured plant: hold and delay belong to the controller
+        W = W * measured / G
         w_P = None if self.w_P is None else response(self.w_P, at)
         return loop_curves(self.form, at, G=G, K=response(self.K, at), w=w, w_P=w_P, W=W)
 

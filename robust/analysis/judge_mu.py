@@ -41,9 +41,8 @@ from robust.proofs.search.stability import decide_stability
 
 # relative distance of proof and counter-example at which the search for an open verdict stops
 _DEFAULT_GAP = 0.05
-_MAX_PARAMETER_RATIO = (
-    100.0  # largest real parameters searched, over the smallest complex ones that break the loop
-)
+# largest real parameters searched, over the smallest complex ones that break the loop
+_MAX_PARAMETER_RATIO = 100.0
 
 
 def judge_mu(loop: LoopOfChannels, effort: Effort) -> Findings:

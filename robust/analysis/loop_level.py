@@ -168,17 +168,17 @@ def _require_real_or_nan(name: str, number: object) -> float:
     )
 
 
-# : Factor by which a level may lie outside the measured ones and still count as one of them,
-# because one record has one : level. A convention: between 0.1 and 2.5 N a factor of 1.5 moves the
-# resonance of the built-in rig by 1 to 6 %.
+#: Factor by which a level may lie outside the measured ones and still count as one of them, because
+#: one record has one level. A convention: between 0.1 and 2.5 N a factor of 1.5 moves the resonance
+#: of the built-in rig by 1 to 6 %.
 _LEVEL_TOLERANCE = 1.5
-# : Rms of the sinusoid with the swing of a step: friction over a swing depends on its amplitude
-# (describing functions).
+#: Rms of the sinusoid with the swing of a step: friction over a swing depends on its amplitude
+#: (describing functions).
 _RMS_OF_SWING = 1 / np.sqrt(8)
 #: Share of the power in the measured band above which the report does not mention the rest.
 _MIN_SHARE_IN_BAND = 0.5
-# : Gauss-Legendre nodes of a panel, and panels between two frequencies of a grid that is dense
-# around every mode.
+#: Gauss-Legendre nodes of a panel, and panels between two frequencies of a grid that is dense
+#: around every mode.
 _PANEL_NODES, _PANELS = 7, 4
 _WIDE = 200  # further frequencies, over nine decades below the upper end of a noise
 

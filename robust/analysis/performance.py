@@ -36,9 +36,8 @@ from robust.pages.section import Fact
 _BETWEEN = 8  # subdivisions between two frequencies of the grid of a system
 #: Phase margin [deg] below which a loop is close to instability (SP 2.4.3).
 USUAL_PHASE_MARGIN = 30.0
-_REAL_TOLERANCE = (
-    1e-6  # |Im L| over |L| below which the last point, just below Nyquist, counts as real
-)
+# |Im L| over |L| below which the last point, just below Nyquist, counts as real
+_REAL_TOLERANCE = 1e-6
 
 
 @value

@@ -30,11 +30,11 @@ from robust.models.sets.forms import FORMS, loop_discs
 from robust.pages.section import Fact
 from robust.pages.text import format_facts
 
-# : Relative change of the gain that is tried against thin margins, and the least relative decrease
-# of |S| that counts.
+#: Relative change of the gain that is tried against thin margins, and the least relative decrease
+#: of |S| that counts.
 _GAIN_STEP, _LEAST_GAIN = 0.1, 0.02
-# : A design that limits |S| on its own grid exceeds the limit by less than this between the grid
-# frequencies.
+#: A design that limits |S| on its own grid exceeds the limit by less than this between the grid
+#: frequencies.
 _ROUNDING = 0.01
 
 
@@ -195,9 +195,8 @@ class RobustnessReport(Findings):
             return None
         if self.proofs.robust_performance:
             return Demand.MET
-        missed = (
-            self.is_single and np.max(self.curves.rp) > 1
-        )  # mu is an upper bound: above one it shows no violation
+        # mu is an upper bound: above one it shows no violation
+        missed = self.is_single and np.max(self.curves.rp) > 1
         return Demand.NOT_MET if missed else Demand.NOT_PROVED
 
     @property

@@ -49,9 +49,8 @@ from robust.proofs.exact.claim import to_matrices
 from robust.proofs.exact.folded_sets import ALIASES, FoldedClaim, FoldedPart, verify_folded
 from robust.proofs.search.certificate import EXACT, Certificate, failed_certificate
 
-_WEIGHT_ORDER = (
-    6  # order of a weight of the sampled set: two more than the default for a measured one
-)
+# order of a weight of the sampled set: two more than the default for a measured one
+_WEIGHT_ORDER = 6
 _COVERED = 1.01  # factor on every weight, for the proof between the frequencies of the grid
 _BLOCKS = 1.06  # factor on the sum of the aliases in blocks, which the proof bounds to 5 % only
 _FLAT_RATIO = 1.06  # largest over smallest radius below which a weight is a number

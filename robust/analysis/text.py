@@ -50,8 +50,8 @@ _REMEDIES = {
     "weight": "the weight lies far above the radius: fit a weight of a higher order",
     "assumed": "the assumption outside the measured band: measure there",
 }
-# : Distance of |T| from one below which a lower bandwidth does not help, and the advice for that
-# case.
+#: Distance of |T| from one below which a lower bandwidth does not help, and the advice for that
+#: case.
 _NEAR_ONE = 0.1
 _ODD_WHERE_T_IS_ONE = (
     "Odd distortion at a frequency where |T| is near one, so a lower bandwidth does not reduce it."
@@ -64,8 +64,8 @@ _NONLINEAR_PLANT = (
     " applies"
 )
 SAMPLES_ONLY = "; the set contains sampled plants, so nothing is proved between the samples"
-# : Usual limit of |S| over a set; it leaves a phase margin of 29 deg and a gain margin of 2 (SP
-# 2.4.3).
+#: Usual limit of |S| over a set; it leaves a phase margin of 29 deg and a gain margin of 2 (SP
+#: 2.4.3).
 USUAL_PEAK = 2.0
 _USUAL_JOINT = (
     0.94,
@@ -462,8 +462,8 @@ VERDICT_MEANINGS = {
         "stability of the machine with this controller is neither proved nor disproved"
     ),
 }
-# : Meaning for a set from a radius or from plants of the user, if no class of perturbation was
-# named.
+#: Meaning for a set from a radius or from plants of the user, if no class of perturbation was
+#: named.
 WITHOUT_CONFIDENCE = (
     "this controller keeps every linear plant of the set stable; the probability that the set"
     " contains the machine is unknown"

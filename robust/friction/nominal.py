@@ -18,8 +18,8 @@ from robust.lti.lti import poles, response, zeros
 from robust.lti.realisation import from_roots, state_space
 from robust.lti.sampling import without_pade
 
-# : A pair of roots closer to the real axis than this, relative to the largest root, does not
-# oscillate.
+#: A pair of roots closer to the real axis than this, relative to the largest root, does not
+#: oscillate.
 _OSCILLATORY_TOLERANCE = 1e-9
 
 

@@ -595,9 +595,8 @@ _MAX_PERIODS = 200_000
 _MAX_OPERATIONS = 1e10  # multiplications
 # pieces of whole periods in half a swing of the fastest mode that lasts: 0.02 % of the bound
 _MERGED_PER_CYCLE = 128
-_N_FINE_PERIODS = (
-    64  # after these periods the modes that are fast relative to the clock have died out
-)
+# after these periods the modes that are fast relative to the clock have died out
+_N_FINE_PERIODS = 64
 _TAIL_SHARE = 1e-4
 _ROUNDED_UP = 1 + 1e-6  # outward
 _CIRCLE_MARGIN = 1e-9  # rounding may put a pole closer to the unit circle on either side
@@ -615,9 +614,8 @@ class _PeriodPieces:
     # (3, R, n) rows that give position, acceleration and velocity at the ends of the pieces from
     # the state at the start
     reads: np.ndarray
-    within: (
-        np.ndarray
-    )  # (3, R) upper bound of their change by 1 N in the pieces of the period up to each end
+    # (3, R) upper bound of their change by 1 N in the pieces of the period up to each end
+    within: np.ndarray
     lengths: np.ndarray  # (P,) lengths of the pieces [s]
 
 

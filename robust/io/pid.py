@@ -14,9 +14,8 @@ from robust.lti.lti import poles, response, timebase
 from robust.lti.norms import continuous_image
 from robust.lti.realisation import multivariable, split_diagonal
 
-_INTEGRATOR_TOLERANCE = (
-    1e-7  # |s| dt, or |s| over the other pole, below which a pole is an integrator
-)
+# |s| dt, or |s| over the other pole, below which a pole is an integrator
+_INTEGRATOR_TOLERANCE = 1e-7
 _RESPONSE_TOLERANCE = 1e-6
 _NOTHING_IN_SAMPLES = 1e6  # Ti in samples, from which an integral is lost in single precision
 _LONGEST_TIME = 2**31 * 1e-3  # largest TIME of IEC 61131-3 in S7 blocks [s]

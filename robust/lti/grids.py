@@ -11,8 +11,8 @@ import numpy as np
 from nlfrf._base.arguments import format_hertz
 from robust.lti.lti import poles, timebase, to_s_plane, zeros
 
-# : Largest distance of a frequency of a loop from their median [as a factor] at which it still
-# widens the common grid.
+#: Largest distance of a frequency of a loop from their median [as a factor] at which it still
+#: widens the common grid.
 _MAX_MODE_RATIO = 1e9
 #: Frequencies at which a mode farther away is examined, relative to it.
 _MODE_OFFSETS = np.array([0.1, 0.3, 0.7, 1.0, 1.4, 3.0, 10.0])
@@ -20,8 +20,8 @@ _MODE_OFFSETS = np.array([0.1, 0.3, 0.7, 1.0, 1.4, 3.0, 10.0])
 _RIPPLES, _POINTS = 150, 8
 #: Maxima that are refined: all within this factor of the largest, and at most so many.
 _NEARLY, _MOST_MAXIMA = 0.9, 40
-# : Distance of the first point from the peak of a mode in half-widths; points a decade; least
-# half-width [relative].
+#: Distance of the first point from the peak of a mode in half-widths; points a decade; least
+#: half-width [relative].
 _FROM_PEAK, _A_DECADE, _NARROWEST = 0.1, 8, 1e-12
 #: Number of refinements of the brackets of maxima, each to a fourth or less.
 _N_ZOOMS = 5

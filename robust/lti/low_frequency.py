@@ -26,22 +26,22 @@ from nlfrf._base.values import value
 
 #: Highest frequency relative to the first line that is used, and logarithmic width of a bin.
 _READ_UP_TO, _BIN = 30.0, 0.15
-# : Spacing of lags and zeros [log], damping of the modes, and standard deviations of the prior:
-# slope (around one), : lags, modes, right-half-plane zeros, delay over the first line [rad], and
-# free parameters. On 2000 machines of : benchmarks.attack_met alpha is then 0.1 rad off (median)
-# and 0.9 (99 %), at most 3.3 of its standard deviations.
+#: Spacing of lags and zeros [log], damping of the modes, and standard deviations of the prior:
+#: slope (around one), lags, modes, right-half-plane zeros, delay over the first line [rad], and
+#: free parameters. On 2000 machines of benchmarks.attack_met alpha is then 0.1 rad off (median) and
+#: 0.9 (99 %), at most 3.3 of its standard deviations.
 _SPACING, _DAMPING = 0.5, (0.3, 0.1)
 _SLOPE, _LAGS, _MODES, _ZEROS, _DELAY, _FREE = 2.0, 0.5, 0.3, 0.1, 1.0, 1e3
 #: Error of the model of log G without noise.
 _LEFT_OVER = 0.05
 #: Contribution of each unstable pole, whose phase rises as that of a zero falls.
 _UNSTABLE = 0.4
-# : Rounds of weighting by Student's t with one degree of freedom: a mode too sharp for the model is
-# an outlier. After 15 : rounds both signs are within the bound for 4 of 500 of those machines,
-# after 5 rounds for 17.
+#: Rounds of weighting by Student's t with one degree of freedom: a mode too sharp for the model is
+#: an outlier. After 15 rounds both signs are within the bound for 4 of 500 of those machines, after
+#: 5 rounds for 17.
 _ROUNDS, _FREEDOM = 15, 1.0
-# : Largest squared distance from the likeliest reading within the bound: odds of 500 to 1. The true
-# integrators and sign : of those 2000 machines are always within it; both signs are for 24.
+#: Largest squared distance from the likeliest reading within the bound: odds of 500 to 1. The true
+#: integrators and sign of those 2000 machines are always within it; both signs are for 24.
 _FARTHEST = 2 * np.log(500.0)
 _DECADES_BELOW, _POINTS_BELOW = 5.0, 160
 

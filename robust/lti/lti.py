@@ -47,8 +47,8 @@ def _rebuild_state_space(
     return control.StateSpace(*numbers, remove_useless_states=False, **names)
 
 
-# : Stands for a response at a pole on the axis: its square and its products with weights are still
-# finite.
+#: Stands for a response at a pole on the axis: its square and its products with weights are still
+#: finite.
 _POLE_RESPONSE = 1e140
 _SCHUR_STATES = 40
 SAMPLING_TOLERANCE = 1e-9  # relative difference up to which two sampling times are equal

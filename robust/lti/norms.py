@@ -118,9 +118,8 @@ def well_conditioned_with(matrices: Matrices) -> tuple[Matrices, np.ndarray]:
     omega = np.unique(np.abs(np.linalg.eigvals(A)))
     before = evaluate_transfer(*matrices, 1j * omega)
     size = np.abs(before).max(axis=(1, 2), keepdims=True)
-    scale = (
-        size + 1e-6 * size.max() + 1e-300
-    )  # a response that is nearly zero need not be reproduced
+    # a response that is nearly zero need not be reproduced
+    scale = size + 1e-6 * size.max() + 1e-300
     for forth, back in filter(None, candidates):
         moved = forth @ A @ back, forth @ B, C @ back, D
         if all(np.isfinite(m).all() for m in moved):
@@ -284,15 +283,13 @@ def _find_gain_above(
 
 # ---- Stabilising solutions of Riccati equations.
 
-_WELL_CONDITIONED = (
-    1e6  # largest condition of R for the Hamiltonian, which takes a third of the time
-)
-_RICCATI_RESIDUAL = (
-    1e-11  # largest residual, relative to the largest terms, if another solver can be tried
-)
-# : The same for the last solver: without a solution the pencil gives a matrix with a residual of a
-# tenth. Of 54 : published problems 1e-6 worsens one by 17 %, because slow poles leave a larger
-# residual, and 1e-8 refutes a level : that is reached.
+# largest condition of R for the Hamiltonian, which takes a third of the time
+_WELL_CONDITIONED = 1e6
+# largest residual, relative to the largest terms, if another solver can be tried
+_RICCATI_RESIDUAL = 1e-11
+#: The same for the last solver: without a solution the pencil gives a matrix with a residual of a
+#: tenth. Of 54 published problems 1e-6 worsens one by 17 %, because slow poles leave a larger
+#: residual, and 1e-8 refutes a level that is reached.
 _MAX_RESIDUAL = 1e-3
 
 

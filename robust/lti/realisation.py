@@ -57,13 +57,12 @@ def multivariable(name: str, system: object) -> control.StateSpace:
     return _require_complete(name, system)
 
 
-# : Poles closer than this, relative to their size, are summed together: poles of multiplicity 4
-# scatter by 1e-4. If the : response shows that this was too close, all poles within a decade are
-# summed together, and then all poles.
+#: Poles closer than this, relative to their size, are summed together: poles of multiplicity 4
+#: scatter by 1e-4. If the response shows that this was too close, all poles within a decade are
+#: summed together, and then all poles.
 _LINKED_POLES = (1e-2, 0.9, np.inf)
-_LARGEST_RESPONSE_ERROR = (
-    1e-6  # of a sum, relative to the entries, at the speeds of all poles and zeros
-)
+# of a sum, relative to the entries, at the speeds of all poles and zeros
+_LARGEST_RESPONSE_ERROR = 1e-6
 
 
 def _realise_transfer_matrix(name: str, system: control.TransferFunction) -> control.StateSpace:

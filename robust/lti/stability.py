@@ -30,9 +30,8 @@ class StabilityResult:
     # True if exact arithmetic found it on the boundary or beyond it, where rounding is too large to
     # decide
     at_boundary: bool = False
-    n_unstable: float = (
-        np.nan
-    )  # number of unstable poles of a loop with its delay, if they were counted; else nan
+    # number of unstable poles of a loop with its delay, if they were counted; else nan
+    n_unstable: float = np.nan
 
     @property
     def stable(self) -> bool:

@@ -46,9 +46,8 @@ _SAME_LINE = 1e-9  # relative difference of equal lines
 _VARIANCE_FLOOR = 1e-8  # relative to the largest eigenvalue of a covariance
 _CONFIDENCE = 0.95  # for a record against a record
 _DIFFERENCE_STEP = 1e-5
-_CHANGED = (
-    0.01  # p below which the conclusion reports a change; a choice, nothing else depends on it
-)
+# p below which the conclusion reports a change; a choice, nothing else depends on it
+_CHANGED = 0.01
 _LINE_TOLERANCE = 1e-6  # relative distance to a line of the FRF that a model is made around
 
 

@@ -166,9 +166,8 @@ def _least_level(M: np.ndarray, G: np.ndarray) -> np.ndarray:
     """
     A, n = scaled_square(M, G), G.shape[1]
     level = np.full(len(M), np.inf)
-    within = (
-        np.linalg.eigvalsh(A[:, :n, :n])[:, -1] < 1
-    )  # otherwise there is no gamma, and I - A is singular
+    # otherwise there is no gamma, and I - A is singular
+    within = np.linalg.eigvalsh(A[:, :n, :n])[:, -1] < 1
     A = A[within]
     through = np.linalg.solve(np.eye(n) - A[:, :n, :n], A[:, :n, n:])
     level[within] = np.linalg.eigvalsh(A[:, n:, n:] + A[:, n:, :n] @ through)[:, -1]

@@ -52,8 +52,8 @@ _SHARES = (
     0.4,
     0.7,
 )  # of the slack of the scaling that Q may cost, along C and along C A^-1
-# : Floors of all scalings relative to the largest: weakly coupled blocks may have any scaling, and
-# similar ones are : best.
+#: Floors of all scalings relative to the largest: weakly coupled blocks may have any scaling, and
+#: similar ones are best.
 _FLOORS, _NEARLY = (0.1, 1e-2, 1e-3, 1e-5, 1e-9), 0.7
 _LEAST_Q = 1e-3  # share of the remaining slack for Q along each state
 _MARGINS = (

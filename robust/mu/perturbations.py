@@ -33,12 +33,10 @@ _BOUNDS_MEET = 1e-6  # relative distance of the bounds at which they count as eq
 MOVES = (1.0, 0.5, 0.2, 0.07, 0.02)  # shares of the way to the smallest perturbation
 _GROWTH = 1e-9  # relative growth of the eigenvalue below which the ascent stops
 _N_ANGLES = 24
-_MOST_NUMBERS = (
-    8  # largest number of real numbers for all signs: n 2^(n-2) polynomials at each frequency
-)
-_REAL_ROOT = (
-    1e-6  # relative imaginary part of a root that counts as rounding; the result is verified
-)
+# largest number of real numbers for all signs: n 2^(n-2) polynomials at each frequency
+_MOST_NUMBERS = 8
+# relative imaginary part of a root that counts as rounding; the result is verified
+_REAL_ROOT = 1e-6
 _EIGENVALUE_TURNS = 2.0  # least penalty of an imaginary part
 
 
@@ -171,9 +169,8 @@ def _all_but_one_at_limits(M: np.ndarray) -> np.ndarray:
             np.linalg.det(np.eye(n) - M[:, None] * (turn[:, None] * limits + one)[None, :, None, :])
             - without
         )
-        a, b = (
-            np.fft.fft(values, axis=1) / n for values in (without, by_free)
-        )  # (W, n) from the power zero on
+        # (W, n) from the power zero on
+        a, b = (np.fft.fft(values, axis=1) / n for values in (without, by_free))
         products = a[:, :, None] * b[:, None, :].conj()
         parts = [
             np.trace(products[:, :, ::-1], n - 1 - power, axis1=1, axis2=2).imag
@@ -299,9 +296,8 @@ def _smallest_perturbation(mode: _Mode, s: BlockStructure) -> tuple[np.ndarray, 
     theta, kink = np.zeros(W), np.zeros(W, bool)
     if n_real:
         grid = np.linspace(-np.pi / 2, np.pi / 2, _N_ANGLES + 2)[1:-1] if b.any() else np.zeros(0)
-        kinks = (
-            np.mod(np.angle(a) + np.pi, np.pi) - np.pi / 2
-        )  # a_j exp(-j theta) is imaginary there
+        # a_j exp(-j theta) is imaginary there
+        kinks = np.mod(np.angle(a) + np.pi, np.pi) - np.pi / 2
         angles = np.concatenate([kinks, np.broadcast_to(grid, (W, grid.size))], axis=1)
         k = _smallest_size(angles, a, b).argmax(axis=1)
         theta, kink = angles[each, k], k < n_real
@@ -421,9 +417,8 @@ def _worst_directions(
     makes it.
     """
     size = np.linalg.norm(M, axis=(1, 2))
-    M = (
-        M / np.where(size > 0, size, 1.0)[:, None, None]
-    )  # so that an N of size one gives the right directions
+    # so that an N of size one gives the right directions
+    M = M / np.where(size > 0, size, 1.0)[:, None, None]
     D_L, D_R, G = optimal_scalings(M, s)
     scaled = D_L @ M @ np.linalg.inv(D_R)
     values, vectors = np.linalg.eigh(scaled_square(scaled, G))

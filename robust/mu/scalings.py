@@ -24,8 +24,8 @@ from robust.mu.blocks import BlockStructure, block_structure, structure_for
 
 _MAX_STEPS = 80
 _MAX_STEPS_REAL = 200
-# : Least number of steps; number of products in all steps above which fewer steps are taken, some
-# ten seconds.
+#: Least number of steps; number of products in all steps above which fewer steps are taken, some
+#: ten seconds.
 _LEAST_STEPS, _MOST_WORK = 1, 2e9
 _CENTRE_GAP = 1e-9
 _CENTRE_REGULARISATION = 0.1
@@ -237,8 +237,8 @@ def optimal_scalings(
     return D_L, D_R, G
 
 
-# : Factor by which a one-way coupling of two blocks counts less than their own entries, and largest
-# ratio of the two.
+#: Factor by which a one-way coupling of two blocks counts less than their own entries, and largest
+#: ratio of the two.
 _ONE_WAY, _MAX_COUPLING = 1e4, 1e16
 
 

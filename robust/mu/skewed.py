@@ -43,8 +43,8 @@ _BOX_WORK = 100_000  # products in a step for the scalings of a part that counts
 _LEVEL_ACCURACY = (
     1e-3  # relative accuracy of the level at which the bound on the test frequencies is one
 )
-# : Shares of that level, or of the counter-example, that are tried for the whole box: a peak may
-# have been missed.
+#: Shares of that level, or of the counter-example, that are tried for the whole box: a peak may
+#: have been missed.
 _WHOLE_SHARES = (0.997, 0.99, 0.95, 0.8, 0.5, 0.2)
 
 

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 #: Colours of levels, in their order.
 _LEVEL_COLORS = (COLOR["misfit"], COLOR["loop"], COLOR["level"], COLOR["limit"])
-# : Range of a picture of the friction force on either side, in widths of presliding (break-away
-# force over stiffness).
+#: Range of a picture of the friction force on either side, in widths of presliding (break-away
+#: force over stiffness).
 _SLIP_LENGTHS = 4.0
 
 

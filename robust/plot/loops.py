@@ -104,9 +104,8 @@ def _mark_measured_band(
     """Mark the measured band of curves over omega [rad/s], and frequencies [rad/s] of events."""
     f = to_hertz(omega)
     low, high = (f[0], f[-1]) if band is None else to_hertz(np.asarray(band))
-    top = (
-        f[-1] if f[-1] > high * (1 + 1e-9) else np.inf
-    )  # a plant known on its lines only has nothing above
+    # a plant known on its lines only has nothing above
+    top = f[-1] if f[-1] > high * (1 + 1e-9) else np.inf
     mark_band(ax, (low, high), happens=[to_hertz(w) for w in happens], top=top)
 
 

@@ -44,12 +44,12 @@ from robust.lti.norms import continuous_image, discrete_matrices
 from robust.lti.realisation import multivariable
 
 Names: TypeAlias = str | Sequence[str]
-# : Numbers of a block by name, real or complex; coefficients of numerator and denominator, highest
-# power first.
+#: Numbers of a block by name, real or complex; coefficients of numerator and denominator, highest
+#: power first.
 Numbers: TypeAlias = Mapping[str, float | np.ndarray]
 Coefficients: TypeAlias = tuple[list[float | np.ndarray], list[float | np.ndarray]]
-# : Type of a field that is None or a mapping of bounds by name: a dataclass can declare a mapping
-# only.
+#: Type of a field that is None or a mapping of bounds by name: a dataclass can declare a mapping
+#: only.
 BoundsField: TypeAlias = Any
 Coordinate = TypeVar("Coordinate", float, complex)
 #: Default range of a parameter, as a factor about its start.

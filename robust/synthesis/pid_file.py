@@ -25,8 +25,8 @@ from nlfrf._base.values import value
 from robust._base.warnings import DesignWarning
 from robust.synthesis.blocks import Biquad, Filter, LowPass, Notch, Pid
 
-# : Filters: their frequency stands under their name, the other numbers under these names, with
-# these defaults.
+#: Filters: their frequency stands under their name, the other numbers under these names, with these
+#: defaults.
 _FILTERS: dict[str, dict[str, float]] = {
     "notch": {"bandwidth": np.nan, "depth": 0.0},
     "low_pass": {"zeta": LowPass.zeta},

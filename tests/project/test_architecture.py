@@ -61,8 +61,8 @@ PARTS = {
     },
     "robust.reports": {".": "", "shaping_page": ""},
 }
-# : Faces: public modules that hand on the names of a package, and the commands, which may import
-# from every module.
+#: Faces: public modules that hand on the names of a package, and the commands, which may import
+#: from every module.
 FACES = {
     *("nlfrf", "nlfrf.cli", "nlfrf.friction", "nlfrf.hysteresis", "nlfrf.plot"),
     *(

@@ -48,8 +48,8 @@ def imported(path, nodes):
                 yield base, alias.name, alias.asname or alias.name
 
 
-# : Files that reach a module under any name: each attribute there, and each word of a text, may be
-# a name of a module.
+#: Files that reach a module under any name: each attribute there, and each word of a text, may be a
+#: name of a module.
 LATE = (
     "lazy_loader.load(",
     "import_module(",

@@ -20,8 +20,8 @@ from nlfrf._base.command import OUTPUT_PARAMETERS
 from robust import cli as controlling
 
 DESIGN = "nlfrf design --fs 512 --period 512 --f-min 2 --f-max 100 --seed 1 -o {}"
-# : Every command that writes, with {} for the file; the words before it that are files are what it
-# reads.
+#: Every command that writes, with {} for the file; the words before it that are files are what it
+#: reads.
 COMMANDS = (
     DESIGN,
     "nlfrf simulate ms.npz -o {}",

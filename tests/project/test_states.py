@@ -70,8 +70,8 @@ CUTS = {
     ),
     "removesuffix",
 }
-# : module:function that takes words apart which are no message, reviewed one by one: what they are
-# instead.
+#: module:function that takes words apart which are no message, reviewed one by one: what they are
+#: instead.
 REVIEWED = {
     "nlfrf.doctor:_iterate_requirements": "a requirement of the metadata of a package",
     "nlfrf.io.readers.header:_parse_number": "a number in a file",

@@ -28,8 +28,8 @@ FLAGS = {
     "stable",
 }  # true or false, whatever they are
 IGNORED = {"subject", "time_cap", "solver", "n_unstable", "rank", "progress"}  # in some cases only
-# : Parameters that no sound value is made of here: results of functions that have a test of their
-# own.
+#: Parameters that no sound value is made of here: results of functions that have a test of their
+#: own.
 RESULTS = {
     "reference",
     "n_u",

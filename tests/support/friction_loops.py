@@ -8,8 +8,8 @@ from robust.friction.plant import friction_loop, friction_plant
 
 T = 1e-3
 RIG = friction_plant(1.0, 80e3, 0.4)
-# : (Kp, Ki, Kd, delay) and the largest K0 of the weights for stiction 1.05, 1/0.7 and 2, the lowest
-# unstable spring.
+#: (Kp, Ki, Kd, delay) and the largest K0 of the weights for stiction 1.05, 1/0.7 and 2, the lowest
+#: unstable spring.
 ORACLES = {
     "P1": ((20e3, 3e5, 60.0, 0.0), (1.826e6, 2.303e5, 9.88e4), 1.826e6),
     "P2": ((-10e3, 2e6, 150.0, 0.0), (1.337e6, 1.562e5, 6.69e4), 2.318e6),

@@ -12,8 +12,8 @@ import numpy as np
 from nlfrf._base.numbers import BLOCK_ENTRIES, all_finite, iterate_blocks
 from nlfrf.io.readers.names import TURN, parse_bracket, parse_unit, suits
 
-# : A unit in brackets behind a name. Whole numbers are an index, `setpoint[0]`, `DCOM(1,2)`; "ratio
-# [1]" has a unit.
+#: A unit in brackets behind a name. Whole numbers are an index, `setpoint[0]`, `DCOM(1,2)`; "ratio
+#: [1]" has a unit.
 UNIT_SUFFIX = re.compile(
     r"(?:\s+(?=\[1\])|\s*(?![\[(]\s*\d[\d,;:\s]*[\])]))[\[(]([^\])]*)[\])]\s*$"
 )
@@ -38,16 +38,15 @@ STEP_WORDS = (
     r"abtastzeit|zykluszeit|delta[ _]?[tx]|[tx][ _]?incr?(?:ement)?|dt|ts"
 )
 RATE_NAME, STEP_NAME = re.compile(RATE_WORDS, re.I), re.compile(rf"{STEP_WORDS}|increment", re.I)
-_MAX_BACKWARD_STEP = (
-    0.5  # share of a step by which a time axis may run backwards, as times noted by a computer do
-)
-# : Largest median deviation of the steps from the usual one, relative to it. A clock with a jitter
-# of a tenth of a step : (rms) has 0.095; an angle that is the sum of the magnitudes of a multisine
-# has 0.48.
+# share of a step by which a time axis may run backwards, as times noted by a computer do
+_MAX_BACKWARD_STEP = 0.5
+#: Largest median deviation of the steps from the usual one, relative to it. A clock with a jitter
+#: of a tenth of a step (rms) has 0.095; an angle that is the sum of the magnitudes of a multisine
+#: has 0.48.
 _MAX_UNEVEN_STEP = 0.25
 MIN_DURATION = 1.0  # [s] above which a "sampling time" may be the duration of the record
-# : Largest relative difference of a time axis with unequal steps from a clock with three digits,
-# which replaces it.
+#: Largest relative difference of a time axis with unequal steps from a clock with three digits,
+#: which replaces it.
 _CLOCK_TOLERANCE = 2e-4
 
 

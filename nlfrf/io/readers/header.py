@@ -78,9 +78,8 @@ _REMARK_NAME = re.compile(r"comments?|remarks?|notes?|kommentare?|bemerkung(?:en
 _SOCKET_NAME = re.compile(
     r"(?:analog|digital|ch|channel|input|trace|data|col|column)[ _.]?\w{1,2}", re.I
 )
-_SAME_CLOCK = (
-    1e-3  # largest relative difference between the steps of a column and those in the preamble
-)
+# largest relative difference between the steps of a column and those in the preamble
+_SAME_CLOCK = 1e-3
 #: Unlikely contents for the name of a time or counter (True), and for any other name (False).
 _MISMATCHED_KINDS = {True: {Kind.NUMBERS}, False: {Kind.CLOCK, Kind.EMPTY}}
 _MAX_UNPAIRED = 2  # most columns without a name, or names without a column
@@ -96,8 +95,8 @@ _DECIMATION = re.compile(
     re.I,
 )
 _OUTPUT = re.compile(r"out|log|record|stor|sav|effective|decimat|result|file|export|display", re.I)
-# : The number behind the name, possibly grouped by blanks or marks, and the next word: its unit, or
-# another cell.
+#: The number behind the name, possibly grouped by blanks or marks, and the next word: its unit, or
+#: another cell.
 _CLOCK_VALUE = re.compile(
     r"[^\w.]*?(?P<number>[-+]?(?=\.?\d)(?:\d{1,3}(?:["
     r" '’\u00a0\u202f]\d{3})+(?!\d)|\d)?[\d.,]*(?:e[+-]?\d+)?)"

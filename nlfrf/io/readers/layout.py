@@ -27,8 +27,8 @@ _SEPARATORS = [
     ("|", "."),
     (",", ","),
 ]
-# : A line whose last cell begins with a quote that does not end in it, and the most lines of such a
-# cell.
+#: A line whose last cell begins with a quote that does not end in it, and the most lines of such a
+#: cell.
 _OPEN_QUOTE, _BREAKS = re.compile(r'^(?:[^"]|"[^"]*")*(?:^|[,;\t|])\s*"[^"]*$'), 5
 COMMENT_MARKS = tuple("#%;!*/")
 EMPTY_CELLS = {

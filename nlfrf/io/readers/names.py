@@ -40,8 +40,8 @@ _PREFIXES = {
     "mega": 1e6,
     "giga": 1e9,
 }
-# : Decades of a ratio per unit of a scale: `log10` and `ln` are for the ratio itself, dB10 for a
-# power.
+#: Decades of a ratio per unit of a scale: `log10` and `ln` are for the ratio itself, dB10 for a
+#: power.
 _SCALES = {
     **dict.fromkeys(("dB", "dB20", "decibel", "decibels"), 1 / 20),
     **dict.fromkeys(("Np", "neper", "nepers", "ln"), 1 / log(10)),
@@ -51,8 +51,8 @@ _SCALES = {
     "dNp": 0.1 / log(10),
     "cNp": 0.01 / log(10),
 }
-# : Units by their spellings: factor to base units, and powers of these. A base unit is its own
-# symbol.
+#: Units by their spellings: factor to base units, and powers of these. A base unit is its own
+#: symbol.
 _UNITS = {
     "rad radian radians": (1.0, "rad"),
     "deg ° degree degrees Deg Grad": (
@@ -115,8 +115,8 @@ _UNITS = {
     "1 - abs lin lin. linear ratio none unitless dimensionless n/a": (1.0, ""),
 }
 _RATIOS = ("1", *[*_UNITS][-1].split())  # units of a ratio
-# : Mark, number, exponent, symbol, power. A symbol ends with its word, or a long one could be cut
-# in too many ways.
+#: Mark, number, exponent, symbol, power. A symbol ends with its word, or a long one could be cut in
+#: too many ways.
 _FACTOR = (
     r"([/*·×⋅.x]|\bper\b|)\s*(?:(?<![^\W\d_xπ])(\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\d.]))(?:\^(-?\d+))?"
     r"|(°[CF]?|%|‰|[^\W\d_]+(?![^\W\d_]))"
@@ -237,8 +237,8 @@ def _normalize(written: str) -> str:
     return re.sub("[′’‘´`]", "'", re.sub('"|″', "''", re.sub("[−–—]", "-", written)))
 
 
-# : Words by meaning. If a name has several quantities, the first one here decides: "gain: real" is
-# a real part.
+#: Words by meaning. If a name has several quantities, the first one here decides: "gain: real" is a
+#: real part.
 _QUANTITIES = {
     "std": "std stdev stddev sigma σ",
     "coherence": "coh coherence koharenz γ gamma msc",
@@ -257,8 +257,8 @@ _QUANTITIES = {
         " omega ω wout"
     ),
 }
-# : Signs, inverses of G and ("loss") of its magnitude, powers, words without meaning, and words
-# never ignored.
+#: Signs, inverses of G and ("loss") of its magnitude, powers, words without meaning, and words
+#: never ignored.
 _WORDS = {
     "minus": "minus neg negative negated",
     "conjugate": "conj conjugate conjugated",
@@ -278,8 +278,8 @@ _WORDS = {
     ),
 }
 ROLES = {word: role for role, listed in (_WORDS | _QUANTITIES).items() for word in listed.split()}
-# : Replacements in a name, in this order, before its words are looked up; ⟪⟫ enclose the object of
-# a quantity.
+#: Replacements in a name, in this order, before its words are looked up; ⟪⟫ enclose the object of a
+#: quantity.
 _REWRITTEN = (
     (r"standard[ _]deviation|std\.?[ _]dev\b\.?", " std "),
     (r"(?:frequency|freq)[ _]?response(?:[ _]?function)?|transfer[ _]?function", " "),

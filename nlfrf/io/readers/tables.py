@@ -24,8 +24,8 @@ _GAMRY_IMPEDANCE = re.compile(
 )  # one of the tables in a .DTA
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
 _WRITTEN_OUT = r"[-+]?\d\.\d+e[-+]\d+"  # without a decimal comma
-# : Complex numbers: 1+2j, 1 - 2i, and those of LTspice: (-3dB,45°), and 1.0e+00,2.0e+00 between
-# tabs.
+#: Complex numbers: 1+2j, 1 - 2i, and those of LTspice: (-3dB,45°), and 1.0e+00,2.0e+00 between
+#: tabs.
 _COMPLEX = re.compile(
     rf"\(?(?P<re>{_NUMBER})\s*(?P<im>[-+]\s*{_NUMBER[5:]})\s*\*?[ij]\b\)?|"
     rf"\((?P<dB>{_NUMBER})dB,\s*(?P<deg>{_NUMBER})[^\s\d,)]{{1,2}}\)|"
@@ -219,9 +219,8 @@ def _parse_columns(
     if layout.has_padding:
         options["skipinitialspace"] = True
     newer = tuple(int(part) for part in pd.__version__.split(".")[:2]) >= (3, 1)
-    exact: dict[str, object] = (
-        {} if newer else {"float_precision": "round_trip"}
-    )  # newer versions are always exact
+    # newer versions are always exact
+    exact: dict[str, object] = {} if newer else {"float_precision": "round_trip"}
     kinds: dict[int, type] = {i: float if layout.numeric[i] else str for i in wanted}
     empty = {"na_values": sorted(EMPTY_CELLS - {""})}
     # pandas has the usual words for an empty cell, and is a quarter slower with more of them

@@ -12,8 +12,8 @@ import numpy as np
 if TYPE_CHECKING:
     from nlfrf._base.own_process import Contents
 
-# : Begin of an export: name of the scope, file, and start of the export, in quotes if blanks
-# separate cells.
+#: Begin of an export: name of the scope, file, and start of the export, in quotes if blanks
+#: separate cells.
 _EXPORT_HEAD = re.compile(
     rb'(?:\xef\xbb\xbf)?Name[\t;:, ][^\n]*\nFile[\t;:, ][^\n]*\n"?Starttime of export'
 )

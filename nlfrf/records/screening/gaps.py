@@ -14,12 +14,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from nlfrf._base.numbers import TINY, power, rfft, rfft_at, squared_modulus
 
-_MIN_LOG_LIKELIHOOD = (
-    50.0  # least reduction of the difference of two periods by a shift, in variances of the noise
-)
-_UNEVEN_LOG_LIKELIHOOD = (
-    10.0  # least log likelihood ratio of an uneven difference for which shifts are tried
-)
+# least reduction of the difference of two periods by a shift, in variances of the noise
+_MIN_LOG_LIKELIHOOD = 50.0
+# least log likelihood ratio of an uneven difference for which shifts are tried
+_UNEVEN_LOG_LIKELIHOOD = 10.0
 _N_PARTS = 64  # places in a period at which this is tested
 _MAX_REST = 1e-3  # largest share of the difference before the gap that a shift may leave
 _WHOLE_TOLERANCE = (
@@ -32,9 +30,8 @@ TRANSIENT_RANK = 4
 _HANKEL_SAMPLES = 256
 _MAX_SHORT_SHIFT = 8  # samples of the gaps that are tried everywhere
 _SHORT_SHIFTS = [sign * k for k in range(1, _MAX_SHORT_SHIFT + 1) for sign in (-1, 1)]
-_SPIKE_SHARE = (
-    0.01  # least share of the explained difference in each quarter; a spike has it all in one
-)
+# least share of the explained difference in each quarter; a spike has it all in one
+_SPIKE_SHARE = 0.01
 _MIN_PERIODS = 4  # best shifts for the part before the first gap that are tried
 _N_LIKELIEST = 3  # longer shifts that are tried, with their neighbours
 # places of a long period between which two gaps are looked for; samples used at each

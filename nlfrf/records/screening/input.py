@@ -39,15 +39,14 @@ _CLIPPED_SHARE = 2e-3  # share of samples at the extremes, in runs, above which 
 # samples that are tested for a hold; fewest changes among them
 _PART = 1 << 16
 _FEWEST_CHANGES = 100
-# : Thresholds for an output that repeats its last value because its sensor is slow. The share of
-# new samples behind a : repetition; repetitions over steps of one quantum, about one for rounding;
-# the share of the runs of : repetitions behind which y goes on in its direction; the smaller step
-# beside a run over the rms of steps. 600 slow : sensors have at least 0.10 and 0.38; of 120 outputs
-# with play the median has 0.09 and 0.27 : (`benchmarks.records_as_found`).
+#: Thresholds for an output that repeats its last value because its sensor is slow. The share of new
+#: samples behind a repetition; repetitions over steps of one quantum, about one for rounding; the
+#: share of the runs of repetitions behind which y goes on in its direction; the smaller step beside
+#: a run over the rms of steps. 600 slow sensors have at least 0.10 and 0.38; of 120 outputs with
+#: play the median has 0.09 and 0.27 (`benchmarks.records_as_found`).
 _MIN_HELD, _MAX_ROUNDED, _MIN_ONWARD, _MIN_STEP = 0.02, 4.0, 0.1, 0.36
-_STANDSTILL_SHARE = (
-    0.02  # penalty for an even delay of one sample per period that explains no more than none
-)
+# penalty for an even delay of one sample per period that explains no more than none
+_STANDSTILL_SHARE = 0.02
 _DRIFT_ORDER = 3  # order of the polynomial that a drifting clock follows over the record
 _ROUNDING = 1e-12  # distance from a sample, in samples, below which it is that sample
 _KAISER_BETA = 9.0  # shape of the Kaiser window of the interpolation: error below 1e-5 up to 0.4 fs
@@ -407,9 +406,8 @@ def repeated_share(y: np.ndarray, u: np.ndarray) -> float:
     y, u = y[:_PART], u[:_PART]
     steps = np.diff(y)
     still = steps == 0
-    edges = (
-        np.flatnonzero(still[1:] != still[:-1]) + 1
-    )  # first steps of runs of repetitions or of moves
+    # first steps of runs of repetitions or of moves
+    edges = np.flatnonzero(still[1:] != still[:-1]) + 1
     behind = edges[~still[edges]]
     held = y[behind]  # the step into it is the last one before the repetitions
     free = (held != y.max()) & (held != y.min()) & (u[behind] != u[behind - 1])

@@ -154,11 +154,11 @@ def _smooth_basis() -> np.ndarray:
     ].astype(complex)
 
 
-# : Thresholds, all tuned on `benchmarks.bench_screening`. Two damped modes explain 0.5 to 0.9 of a
-# gap and 0.1 of noise; : four explain less than 0.95 of a start from rest in one of 300 random
-# records. A difference below a multiple of the : noise is noise. Then for the difference of two
-# periods: the power of its second half over the first, for modes that : beat; of the first half
-# over the second; and of both over the noise.
+#: Thresholds, all tuned on `benchmarks.bench_screening`. Two damped modes explain 0.5 to 0.9 of a
+#: gap and 0.1 of noise; four explain less than 0.95 of a start from rest in one of 300 random
+#: records. A difference below a multiple of the noise is noise. Then for the difference of two
+#: periods: the power of its second half over the first, for modes that beat; of the first half over
+#: the second; and of both over the noise.
 _MODAL_SHARE = 0.9
 _SETTLING_SHARE = 0.95
 _MIN_OVER_NOISE = 3.0
@@ -172,12 +172,10 @@ _VISIBLE_POWER = 1e-6  # share of the power of y out of place above which a dela
 _MAX_CLOCK_ERROR = (
     1e-4  # largest relative difference of two clocks; a larger one is samples lost or repeated
 )
-_MAX_LEVEL_CHANGE = (
-    0.25  # largest relative difference of the gain of a period from that of the others
-)
-_MAX_UNEXPLAINED = (
-    1e-3  # share of the power of a period that does not repeat, above which the period is examined
-)
+# largest relative difference of the gain of a period from that of the others
+_MAX_LEVEL_CHANGE = 0.25
+# share of the power of a period that does not repeat, above which the period is examined
+_MAX_UNEXPLAINED = 1e-3
 _FALSE_ALARM = 1e-3  # probability that noise passes for a late or early period
 _OPPOSITE_CORRELATION = (
     0.9  # correlation of two periods beyond which one is the other with its sign changed
@@ -194,9 +192,8 @@ class _OutputAlignment:
     )  # (P,) delay of y minus that of u in each period, zero for the first sound period [samples]
     # (P,) whole samples of this delay, caused by samples of y that were lost (negative) or repeated
     jumps: np.ndarray
-    sound: (
-        np.ndarray
-    )  # (P,) periods that repeat the others up to a delay and a gain, without a gap inside
+    # (P,) periods that repeat the others up to a delay and a gain, without a gap inside
+    sound: np.ndarray
     corrupted: np.ndarray  # (P,) periods of which a part is shifted against the others
     noise: float  # standard deviation of the delays by noise [samples]
     misplaced: float  # share of the power of y that the delays turn into apparent distortion

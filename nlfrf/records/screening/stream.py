@@ -15,11 +15,11 @@ _TURNS, _COUNTER_BITS = (
     (1.0, 2 * np.pi, 360.0),
     range(8, 33),
 )  # of encoders, and of counters with whole numbers
-# : In turns or shares: smallest span of a position; largest step, because above a half its
-# direction is unknown; number : of parts of the span; share of samples in the first and last part
-# that shows that a position passes the ends, and its : largest ratio to the share in the next two
-# parts; smallest share of each part, over the mean, while a position : turns on and on; and step
-# above which most jumps occur by chance, not at an end.
+#: In turns or shares: smallest span of a position; largest step, because above a half its direction
+#: is unknown; number of parts of the span; share of samples in the first and last part that shows
+#: that a position passes the ends, and its largest ratio to the share in the next two parts;
+#: smallest share of each part, over the mean, while a position turns on and on; and step above
+#: which most jumps occur by chance, not at an end.
 _MIN_SPAN = 0.9
 _MAX_STEP = 0.45
 _PARTS = 20
@@ -27,12 +27,12 @@ _MIN_EDGE = 0.03
 _MAX_PILE = 3.0
 _MIN_EVEN = 0.6
 _MAX_CROSSING = 0.25
-# : Largest step of a slow position, in turns: no raw step then lies between it and one turn minus
-# it.
+#: Largest step of a slow position, in turns: no raw step then lies between it and one turn minus
+#: it.
 _MAX_SLOW = 0.3
-# : Steps on either side of a jump that are as large as the jump minus a whole turn; share of jumps
-# for which this must : hold; share of samples at the largest and smallest value, above which the
-# signal is a switch or has a limit.
+#: Steps on either side of a jump that are as large as the jump minus a whole turn; share of jumps
+#: for which this must hold; share of samples at the largest and smallest value, above which the
+#: signal is a switch or has a limit.
 _NEIGHBOURS, _MIN_SMOOTH, _MAX_STANDSTILL = 3, 0.9, 0.2
 
 
@@ -117,9 +117,9 @@ def unwrap_position(name: str, x: np.ndarray) -> np.ndarray:
 
 # ---- Silence before and behind the excitation.
 
-# : Shortest silence as a part of a period; its largest noise over the level; peak to peak over the
-# level, for random : phases; noise multiple above which a sample belongs to the excitation; share
-# of such samples one period later.
+#: Shortest silence as a part of a period; its largest noise over the level; peak to peak over the
+#: level, for random phases; noise multiple above which a sample belongs to the excitation; share of
+#: such samples one period later.
 _QUIET_PART, _QUIET, _PEAK_TO_PEAK, _QUIET_SIGMAS, _MIN_AWAY = 8, 0.1, 8.0, 6.0, 0.1
 
 
@@ -161,9 +161,9 @@ def _leading_silence(u: np.ndarray, n_samples: int) -> int:
 
 # ---- Outliers: samples far outside all others, which repeat in no other period.
 
-# : Samples that suffice for the median; share of samples that are certainly no outliers; smallest
-# distance of an outlier : over that of these samples, and over that of all other samples; largest
-# share of outliers.
+#: Samples that suffice for the median; share of samples that are certainly no outliers; smallest
+#: distance of an outlier over that of these samples, and over that of all other samples; largest
+#: share of outliers.
 _SAMPLES_FOR_LEVEL = 1 << 16
 _BODY = 0.9
 _MIN_OVER_BODY = 4.0
@@ -231,9 +231,9 @@ def warn_of_outliers(name: str, y: np.ndarray, *, u: np.ndarray, n_samples: int,
 
 # ---- Hits of a hammer: short pulses that repeat neither in time nor in height.
 
-# : Peak to peak over the rms (5 to 8 for a multisine); largest share of samples in pulses; share of
-# the highest sample : above which a sample is in a pulse; differences of pulses of a generator in
-# samples and as a share of the height.
+#: Peak to peak over the rms (5 to 8 for a multisine); largest share of samples in pulses; share of
+#: the highest sample above which a sample is in a pulse; differences of pulses of a generator in
+#: samples and as a share of the height.
 _HIT_CREST, _HIT_SHARE, _HIT_HEIGHT, _SAME_TIME, _SAME_HEIGHT = 10.0, 0.03, 0.3, 2, 0.1
 
 

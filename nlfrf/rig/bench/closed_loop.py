@@ -39,9 +39,8 @@ from nlfrf.rig.laws.laws import UserLawData, pack_law
 
 #: Halvings of the step after which a loop that still runs away counts as diverged.
 MAX_HALVINGS = 6
-_MAX_STEPS_PER_SAMPLE = (
-    10_000  # integration steps per sample; more means an error in mass or stiffness
-)
+# integration steps per sample; more means an error in mass or stiffness
+_MAX_STEPS_PER_SAMPLE = 10_000
 _MAX_BATCH_SAMPLES = 250_000  # samples in one task of an executor: 10 MB, a second or less
 _UNITS = {"r": "m", "u": "N", "x": "m", "v": "m/s", "y": "m", "friction": "N"}
 

@@ -57,11 +57,11 @@ from nlfrf.signals.multisine import Multisine, require_one_input
 
 _MOTIONS = {"linear": ("m", "N"), "rotary": ("rad", "Nm")}
 _PRESETS = ("linear motor", "belt", "ball screw", "joint")
-# : Share of samples with a current limit, or with a reversal in motion, up to which no warning is
-# given.
+#: Share of samples with a current limit, or with a reversal in motion, up to which no warning is
+#: given.
 _SELDOM = 1e-3
-# : Change from one period to the next, over the rms of the position, above which a record is
-# reported as unsettled.
+#: Change from one period to the next, over the rms of the position, above which a record is
+#: reported as unsettled.
 _UNSETTLED = 1e-2
 
 

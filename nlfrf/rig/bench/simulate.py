@@ -225,8 +225,8 @@ def _hash_value(digest: Hash, value: object) -> None:
     digest.update(b";")
 
 
-# : Change from one period to the next, relative to the rms of the position, above which a record is
-# called unsettled.
+#: Change from one period to the next, relative to the rms of the position, above which a record is
+#: called unsettled.
 _MAX_PERIOD_CHANGE = 1e-4
 
 

@@ -14,8 +14,8 @@ from nlfrf._base.values import value
 
 #: Peak-to-peak error over that while disturbed, below which a channel is at rest.
 _MIN_SWING = 1e-6
-# : Largest peak-to-peak error, and drift of the friction, of a settled loop, over the values while
-# disturbed.
+#: Largest peak-to-peak error, and drift of the friction, of a settled loop, over the values while
+#: disturbed.
 _MAX_SETTLED_SWING = 1e-2
 
 

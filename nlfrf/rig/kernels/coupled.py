@@ -44,11 +44,11 @@ compiled = njit(nogil=True, error_model="numpy", _nrt=False)  # cached with its 
 inlined = njit(nogil=True, error_model="numpy", forceinline=True, _nrt=False)
 #: Matrices of a machine; the last one exists only with cubic springs.
 _MASS, _INVERSE_MASS, _STIFFNESS, _DAMPING, _CUBIC = range(5)
-# : Rows of the work space, one number per axis. Four rows make a state: position, velocity, two
-# states of the law.
+#: Rows of the work space, one number per axis. Four rows make a state: position, velocity, two
+#: states of the law.
 _PLACE, _STAGE, _RATE, _END = 0, 4, 8, 12
-# : Force; friction at start and end of a step; turning indicators at both; direction of motion;
-# mark of a turn.
+#: Force; friction at start and end of a step; turning indicators at both; direction of motion; mark
+#: of a turn.
 _NET, _FRICTION_BEGIN, _FRICTION_END, _TURN_BEGIN, _TURN_END, _HEADING, _HAS_TURNED = range(16, 23)
 N_ROWS = 23
 _MAX_PARTS = 12

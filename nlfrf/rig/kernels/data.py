@@ -19,9 +19,9 @@ LEUVEN, DAHL, COULOMB, GMS, SLIDERS, OWN = range(6)
 # Indices into Memory.state
 X, V, Z, F, DIRECTION, DEPTH, LOST, ERROR = range(8)
 N_STATES = 8
-# : Growth of an error of z, to first order, up to which sliding counts as stable. Beyond first
-# order the hysteresis : bounds the error: below this limit the position was never wrong by 1e-3,
-# well above it by 1e-2 and more.
+#: Growth of an error of z, to first order, up to which sliding counts as stable. Beyond first order
+#: the hysteresis bounds the error: below this limit the position was never wrong by 1e-3, well
+#: above it by 1e-2 and more.
 MAX_ERROR_GROWTH = 1e30
 #: Number of turning points in memory; beyond it the innermost loop is forgotten.
 STACK_DEPTH = 256
@@ -81,9 +81,8 @@ class Memory(NamedTuple):
 class Axes(NamedTuple):
     """Coupled masses, one axis each, with their friction laws, and work space."""
 
-    machine: (
-        np.ndarray
-    )  # (4 or 5, axes, axes): mass, its inverse, stiffness, damping, cubic springs
+    # (4 or 5, axes, axes): mass, its inverse, stiffness, damping, cubic springs
+    machine: np.ndarray
     laws: np.ndarray  # (axes, 11): numbers of each law, -1 first for none
     grids: np.ndarray  # (axes, 3 or 7, n): `Grid` of each
     states: np.ndarray  # (axes, N_STATES)
@@ -91,8 +90,8 @@ class Axes(NamedTuple):
     work: np.ndarray
 
 
-# : (3, n) points of a virgin curve: z, force, slope behind it; or (3, E) elements: stiffness,
-# strength, 0; : (7, E) varying elements.
+#: (3, n) points of a virgin curve: z, force, slope behind it; or (3, E) elements: stiffness,
+#: strength, 0; (7, E) varying elements.
 Grid = np.ndarray
 
 

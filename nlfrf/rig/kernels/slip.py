@@ -492,12 +492,12 @@ def advance_sliders(
 # acts as a force that changes linearly within a step. Along the motion every element sticks or
 # slips, so all derivatives solve one linear equation, each with its own force.
 
-# : Largest share of the response to a step that friction falling with speed may take away; more is
-# not resolved.
+#: Largest share of the response to a step that friction falling with speed may take away; more is
+#: not resolved.
 _MOST_FALL = 0.5
-# : Rows of the memory of an element: deflection, direction of slip; then after a step: deflection;
-# by direction, 1 if it : slips and 2 if it slipped and stuck again; jump of its slider when it
-# gives way; place of this in the step; and : weakening of the slider with speed.
+#: Rows of the memory of an element: deflection, direction of slip; then after a step: deflection;
+#: by direction, 1 if it slips and 2 if it slipped and stuck again; jump of its slider when it gives
+#: way; place of this in the step; and weakening of the slider with speed.
 _HELD, _SLIPS, _AFTER, _MOVED, _JUMP, _PART, _WEAKER = range(7)
 
 

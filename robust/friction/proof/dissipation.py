@@ -28,9 +28,9 @@ import numpy as np
 from robust.friction.plant import FrictionLoop
 from robust.friction.proof.storage import Dissipation
 
-# : rho = 1 is replaced by this, a larger class: at rho = 1 the stored energy is not strictly
-# positive. With integral : action K0 (rho - 1) < k + K_p limits the proof; 1.001 left a PID of 200
-# N/m undecided from K0 = 1e5 N/m on.
+#: rho = 1 is replaced by this, a larger class: at rho = 1 the stored energy is not strictly
+#: positive. With integral action K0 (rho - 1) < k + K_p limits the proof; 1.001 left a PID of 200
+#: N/m undecided from K0 = 1e5 N/m on.
 ROUNDED_UP = 1 + 1e-6
 
 

@@ -14,8 +14,8 @@ from robust.friction.plant import ROUNDING, FrictionLoop, FrictionPlant, steady_
 from robust.friction.proof.dissipation import ROUNDED_UP
 from robust.friction.proof.multipliers import negative_multipliers, port_terms
 
-# : Coupling of the forces at two ports, relative to a definite matrix: slack for the aliases of the
-# sampler.
+#: Coupling of the forces at two ports, relative to a definite matrix: slack for the aliases of the
+#: sampler.
 _COUPLINGS = (0.9, 0.99)
 _MIN_SHARE = 1e-9  # share of a row that must remain
 

@@ -262,8 +262,8 @@ _FILTER_SHARES = np.geomspace(1e-3, 1.0, 10)  # of a sample
 _FILTER_RATES = np.geomspace(
     1e-2, 30.0, 10
 )  # relative to the reference, for a continuous controller
-# : Share of command - h that an actuator may fail to deliver: a larger one gives a larger region
-# and a harder proof.
+#: Share of command - h that an actuator may fail to deliver: a larger one gives a larger region and
+#: a harder proof.
 _SECTOR_GAINS = (0.02, 0.1, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98)
 _MAX_FAILURES = 2  # in a row, after which larger sector gains are not tried
 

@@ -30,8 +30,8 @@ from robust.proofs.search.programs import solve_program
 if TYPE_CHECKING:
     import cvxpy
 
-# : Filters of one port: eight made the bound at most 6 % smaller than five on three axes, at twice
-# the time. Several : ports have fewer each, because the program grows with their number.
+#: Filters of one port: eight made the bound at most 6 % smaller than five on three axes, at twice
+#: the time. Several ports have fewer each, because the program grows with their number.
 _N_FILTERS, _N_FILTERS_OF_SEVERAL = 6, 4
 #: Fastest filter, as a multiple of the reference rate.
 _FASTEST = 40.0

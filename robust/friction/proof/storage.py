@@ -404,9 +404,8 @@ def judge_storage(judged: _BoundedForm, storage: JudgedStorage) -> tuple[str, fl
     b = np.broadcast_to(storage.P, (counts.sum(), 4, *storage.P.shape[2:]))
     h = np.repeat(spans / counts, counts)
     h = h[:, None, None, None]
-    steps = (
-        3 * (b[:, 1:] - b[:, :-1]) / h
-    )  # of P', a parabola; its degree is raised to that of a cubic
+    # of P', a parabola; its degree is raised to that of a cubic
+    steps = 3 * (b[:, 1:] - b[:, :-1]) / h
     sizes = 3 * (np.abs(b[:, 1:]) + np.abs(b[:, :-1])) / h
     slope, size = _raise_degree(steps), _raise_degree(sizes)
     worst = _largest_scaled_eigenvalue(*_flow_inequality(judged, b, slope=slope, slope_size=size))

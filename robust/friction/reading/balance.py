@@ -45,49 +45,49 @@ from nlfrf._base.values import ArrayField, value
 from robust.lti.sampling import hold_correction
 from robust.pages.section import Fact
 
-# : Steps of the motion per sample of the record, because the motion reverses and slips between
-# samples: for the search : of elements, for the search of other minima around the first, and for
-# the final numbers.
+#: Steps of the motion per sample of the record, because the motion reverses and slips between
+#: samples: for the search of elements, for the search of other minima around the first, and for the
+#: final numbers.
 COARSE, MEDIUM, FINE = 2, 4, 8
-# : Largest number of these in a cycle of the highest line: more change neither the end of the
-# search nor the numbers.
+#: Largest number of these in a cycle of the highest line: more change neither the end of the search
+#: nor the numbers.
 STEPS_PER_CYCLE = 13.5
 #: Factor on the noise variance by which the power of a motion is shrunk.
 SHRINKAGE = 2.0
-# : Lines of a window for the smoothing of a variance, and of a block whose residuals may be
-# correlated.
+#: Lines of a window for the smoothing of a variance, and of a block whose residuals may be
+#: correlated.
 _WINDOW, _BLOCK = 31, 8
 #: Model error relative to the rms of the force on the lines of a level; a floor of every weight.
 MODEL_ERROR = 0.002
-# : Relative error of every force along a motion that is known at samples only. Five records of the
-# linear motor without : encoder and with small steps left 0.002 to 0.01 % of the force. They were
-# off by 1.2 % of the damping, which is 0.01 : % of the Coulomb friction over the velocity, by 0.02
-# % of the Coulomb friction and by 0.01 % of Fs.
+#: Relative error of every force along a motion that is known at samples only. Five records of the
+#: linear motor without encoder and with small steps left 0.002 to 0.01 % of the force. They were
+#: off by 1.2 % of the damping, which is 0.01 % of the Coulomb friction over the velocity, by 0.02 %
+#: of the Coulomb friction and by 0.01 % of Fs.
 FORCE_ERROR = 1e-4
 #: Number of break-away displacements that are tried in a search for one more element.
 _N_TRIED = 20
-# : Largest number of elements, and F ratio that one more must exceed: chance exceeds 20 in one
-# search of a thousand : (chi-square with two degrees of freedom, twenty trials).
+#: Largest number of elements, and F ratio that one more must exceed: chance exceeds 20 in one
+#: search of a thousand (chi-square with two degrees of freedom, twenty trials).
 _MOST_ELEMENTS, WORTH = 8, 20.0
-# : Number of starts if the first leaves more than this share of the force (or of Fs) of a level
-# beyond noise. From a : wrong stiction two random machines of seven ended with a strength that was
-# 30 % off, and the linear motor under a : soft drive with a negative viscous friction, at 0.8 %.
+#: Number of starts if the first leaves more than this share of the force (or of Fs) of a level
+#: beyond noise. From a wrong stiction two random machines of seven ended with a strength that was
+#: 30 % off, and the linear motor under a soft drive with a negative viscous friction, at 0.8 %.
 _N_STARTS, _EXPLAINED = 3, 0.005
-# : The same for two masses, at levels above half of Fs, where elements slip and a wrong minimum
-# shows. A right fit of : the belt left 0.2 %, of the ball screw 1.0 %; a wrong fit of the joint,
-# with Fs 16 % low, 1.5 %. Lower levels leave : more, up to 1.7 %, because of the step of the
-# encoder.
+#: The same for two masses, at levels above half of Fs, where elements slip and a wrong minimum
+#: shows. A right fit of the belt left 0.2 %, of the ball screw 1.0 %; a wrong fit of the joint,
+#: with Fs 16 % low, 1.5 %. Lower levels leave more, up to 1.7 %, because of the step of the
+#: encoder.
 EXPLAINED_BY_TWO = 0.012
-# : Share of the force (or of Fs) beyond noise that Maxwell slip leaves of another friction law from
-# its first start on. : Dahl, LuGre and exponential hysteresis leave 13 % and more from every start;
-# of 37 sets of levels with Maxwell slip : the worst leaves 9 % at first, and 0.1 % with one more
-# element.
+#: Share of the force (or of Fs) beyond noise that Maxwell slip leaves of another friction law from
+#: its first start on. Dahl, LuGre and exponential hysteresis leave 13 % and more from every start;
+#: of 37 sets of levels with Maxwell slip the worst leaves 9 % at first, and 0.1 % with one more
+#: element.
 REFUTED = 0.1
-# : Share of the previous residual that one more element of two masses may leave: others only fitted
-# what was explained.
+#: Share of the previous residual that one more element of two masses may leave: others only fitted
+#: what was explained.
 _LEFT_BY_ONE_MORE = 0.9
-# : Largest number of passes of a search, and gain in -2 log likelihood that justifies one more pass
-# or parameter.
+#: Largest number of passes of a search, and gain in -2 log likelihood that justifies one more pass
+#: or parameter.
 _MOST_PASSES, _LEAST_GAIN = 6, 6.0
 #: Passes in which the weights follow the residual.
 N_PASSES = 3
@@ -222,8 +222,8 @@ class Motion:
         return float(np.ptp(self.x, axis=1).max() / 2)
 
 
-# : Parameters of a load: mass, spring and damper between motor and load, viscous friction, excess
-# of stiction and : velocity of Stribeck.
+#: Parameters of a load: mass, spring and damper between motor and load, viscous friction, excess of
+#: stiction and velocity of Stribeck.
 LOAD = (
     "log_load_mass",
     "log_coupling",
@@ -233,9 +233,9 @@ LOAD = (
     "load_log_vs",
 )
 
-# : Numbers of two masses that are known from motion. They are held in the first steps, because the
-# weights of a start : are wrong: with all numbers free at once two axes of eleven ended with a load
-# 10 % too light.
+#: Numbers of two masses that are known from motion. They are held in the first steps, because the
+#: weights of a start are wrong: with all numbers free at once two axes of eleven ended with a load
+#: 10 % too light.
 KNOWN_IN_MOTION = ("mass", "delay", *LOAD[:3])
 
 
@@ -536,9 +536,9 @@ def residual_of(
     )
 
 
-# : Relative steps of the derivatives. A break-away displacement is determined to 1e-3 and better:
-# with steps of 2 %, ten : standard deviations, the fit stopped up to 10 in -2 log likelihood above
-# its minimum (linear motor preset). From : 2e-3 to 5e-4 its results are equal.
+#: Relative steps of the derivatives. A break-away displacement is determined to 1e-3 and better:
+#: with steps of 2 %, ten standard deviations, the fit stopped up to 10 in -2 log likelihood above
+#: its minimum (linear motor preset). From 2e-3 to 5e-4 its results are equal.
 STEP = 2e-3
 
 

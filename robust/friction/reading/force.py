@@ -31,15 +31,15 @@ from robust.lti.sampling import hold_correction
 from robust.pages.section import Fact
 from robust.pages.text import format_facts
 
-# : Share of its peak that steps of the encoder may contribute to a force; beyond it the force is
-# cut off in frequency.
+#: Share of its peak that steps of the encoder may contribute to a force; beyond it the force is cut
+#: off in frequency.
 _MOST_STEPS = 0.015
-# : Peak acceleration of one step of the encoder, over omega^2 times the step, after the filter with
-# edge omega.
+#: Peak acceleration of one step of the encoder, over omega^2 times the step, after the filter with
+#: edge omega.
 _STEP_ACCELERATION = 0.153
-# : Highest edge, relative to half the sampling frequency, and number of oscillations at the edge
-# for which its filter : rings. Of 178 axes the interval of the break-away force contained 169, 171
-# and 170 with 0.4, 0.55 and 0.8.
+#: Highest edge, relative to half the sampling frequency, and number of oscillations at the edge for
+#: which its filter rings. Of 178 axes the interval of the break-away force contained 169, 171 and
+#: 170 with 0.4, 0.55 and 0.8.
 _HIGHEST, _RINGS = 0.55, 6
 #: Largest share of the samples that may lie above a peak.
 _ABOVE_PEAK = 5e-4
@@ -47,54 +47,54 @@ _ABOVE_PEAK = 5e-4
 _MOST_CHANGE = 0.2
 #: Largest share of samples at a limit of the force; a level with more is not used.
 _CLIPPED = 2e-3
-# : Exponent of the level with which the peak force still rises at break-away; it is one while
-# friction sticks. This and : the following: set on 24 axes with six laws of friction, 13 of them
-# with stiction two to four times Coulomb : friction, and tried on others
-# (benchmarks/bench_stranger.py).
+#: Exponent of the level with which the peak force still rises at break-away; it is one while
+#: friction sticks. This and the following: set on 24 axes with six laws of friction, 13 of them
+#: with stiction two to four times Coulomb friction, and tried on others
+#: (benchmarks/bench_stranger.py).
 _FLAT = 0.155
-# : Uncertainty of the break-away force from peaks: they were 5 % low to 7 % high, as crests of a
-# filtered force are.
+#: Uncertainty of the break-away force from peaks: they were 5 % low to 7 % high, as crests of a
+#: filtered force are.
 _SCATTER_LOW, _SCATTER_HIGH = 0.08, 0.03
-# : Peaks that fall with the level by more than this share may come from a speed at which stiction
-# has fallen already. : The excess over Coulomb friction is then larger by up to the second factor.
-# It is larger by up to the first if the : peaks do not fall, or if the fall is seen at higher
-# speeds. Set on 60 axes, half of which jump when they break away.
+#: Peaks that fall with the level by more than this share may come from a speed at which stiction
+#: has fallen already. The excess over Coulomb friction is then larger by up to the second factor.
+#: It is larger by up to the first if the peaks do not fall, or if the fall is seen at higher
+#: speeds. Set on 60 axes, half of which jump when they break away.
 _FALLEN, _EXCESS, _EXCESS_FALLEN = 0.07, 1.25, 3.0
 #: Share of Coulomb friction below which a peak that does not rise comes from steps of the encoder.
 _BELOW_COULOMB = 0.7
 #: Number of steps of the encoder that may add up in a peak.
 _STEPS_TOGETHER = 2.0
-# : Least rms of a position over the step of the encoder for estimates of stiffness and damping, and
-# standard deviations : of their ends.
+#: Least rms of a position over the step of the encoder for estimates of stiffness and damping, and
+#: standard deviations of their ends.
 _FEWEST_STEPS, _FEWEST_STEPS_DAMPING, _SIGMAS = 4.0, 10.0, 3.0
-# : Sticking levels have at least this share of the largest stiffness; levels at which no element
-# slips have the second. : There Maxwell slip has no damping: friction with a damping above a share
-# of the stiffness, at the middle of the : lines, creeps. The highest of these levels may have begun
-# to slip.
+#: Sticking levels have at least this share of the largest stiffness; levels at which no element
+#: slips have the second. There Maxwell slip has no damping: friction with a damping above a share
+#: of the stiffness, at the middle of the lines, creeps. The highest of these levels may have begun
+#: to slip.
 _STICKS, _NONE_SLIPS, _CREEPS = 0.9, 0.985, 0.01
-# : Number of highest levels that show the fall of the friction with speed, and the share of their
-# peak that steps of the : encoder may make there.
+#: Number of highest levels that show the fall of the friction with speed, and the share of their
+#: peak that steps of the encoder may make there.
 _LEVELS_STRIBECK, _STEPS_STRIBECK = 4, 0.1
 #: Stribeck velocities that are tried [m/s] or [rad/s]; the highest look like viscous friction.
 _STRIBECK_VELOCITIES, _FASTEST_STRIBECK = np.geomspace(2e-4, 0.1, 40), 0.06
-# : Least reduction of the variance by a Stribeck curve; share of this gain that the whole interval
-# reaches; factor by : which a filtered force makes the velocity too high. Set on 32 axes and tried
-# on 22 others: of the 30 that show a : velocity the interval contains 29; the last has Dahl
-# friction, which has none.
+#: Least reduction of the variance by a Stribeck curve; share of this gain that the whole interval
+#: reaches; factor by which a filtered force makes the velocity too high. Set on 32 axes and tried
+#: on 22 others: of the 30 that show a velocity the interval contains 29; the last has Dahl
+#: friction, which has none.
 _SHOWN, _REACHED, _TOO_HIGH = 0.01, 0.75, 1.5
-# : Distance from a reversal, relative to the deflection at the largest friction force, from which
-# friction slides.
+#: Distance from a reversal, relative to the deflection at the largest friction force, from which
+#: friction slides.
 _SLIDES_AFTER = 6.0
-# : Least number of sliding samples for its fall, least number of slides between reversals for its
-# mean, and share of : Coulomb friction by which traces of the same friction may differ. The
-# difference was 4 % on 12 axes with six laws; on : 26 others no contradiction was found. Of 16 axes
-# whose friction grew by 30 % it was found on 13: the levels of the : others ended at speeds at
-# which stiction had not fallen.
+#: Least number of sliding samples for its fall, least number of slides between reversals for its
+#: mean, and share of Coulomb friction by which traces of the same friction may differ. The
+#: difference was 4 % on 12 axes with six laws; on 26 others no contradiction was found. Of 16 axes
+#: whose friction grew by 30 % it was found on 13: the levels of the others ended at speeds at which
+#: stiction had not fallen.
 _FEWEST_SAMPLES, _FEWEST_SLIDES, _SLIDE_ERROR = 300, 5, 0.05
 _HOLDS_BOTH = "The interval of the break-away force covers both. "
-# : Highest edge for the friction force, relative to the antiresonance of a load: below it motor and
-# load move as one. Of : 38 axes with a load the interval of the break-away force contained 34, 35
-# and 36 with 0.23, 0.35 and 0.45.
+#: Highest edge for the friction force, relative to the antiresonance of a load: below it motor and
+#: load move as one. Of 38 axes with a load the interval of the break-away force contained 34, 35
+#: and 36 with 0.23, 0.35 and 0.45.
 _RIGID = 0.45
 
 
@@ -139,9 +139,8 @@ class FrictionForce:
     # difference between the friction in motion and at rest, if there is one, and its meaning. `Fs`
     # then covers both.
     contradiction: str = ""
-    load: _CoupledLoad | None = (
-        None  # the load, if motor and load were identified separately in motion
-    )
+    # the load, if motor and load were identified separately in motion
+    load: _CoupledLoad | None = None
 
     @property
     def facts(self) -> list[Fact]:

@@ -38,14 +38,14 @@ from robust.lti.sampling import hold_correction
 
 #: Half-width of every interval, in standard deviations.
 SIGMAS = 3.0
-# : Error of a linear model relative to |G| that causes no refusal (calibration, finite steps of a
-# simulation). Without : noise and distortion the variances are at rounding, and every model misses
-# them.
+#: Error of a linear model relative to |G| that causes no refusal (calibration, finite steps of a
+#: simulation). Without noise and distortion the variances are at rounding, and every model misses
+#: them.
 _MODEL_ERROR = 0.01
 #: Probability that the misfit test refuses a level that the model explains.
 _FALSE_ALARM = 1e-3
-# : Number of rates b that are tried at a level. Twice as many move the bounds of k by less than 1 %
-# of the fitted : standard deviation (the six frictions of benchmarks/read_class.py).
+#: Number of rates b that are tried at a level. Twice as many move the bounds of k by less than 1 %
+#: of the fitted standard deviation (the six frictions of benchmarks/read_class.py).
 _N_RATES = 40
 #: Gauss-Newton steps for the delay.
 _DELAY_STEPS = 8
@@ -332,10 +332,10 @@ def _fit_one_more(
     return float(solution.found[-1]), float(np.sqrt(variance)), misfit
 
 
-# : Largest share of the friction stiffness that may be missing at the second lowest level, and that
-# the extrapolation to : rest may add to the lowest. Sliding friction loses at least the power 3/2
-# of its stiffness in amplitude, so two : levels that slide fail one of the two conditions, whatever
-# their ratio.
+#: Largest share of the friction stiffness that may be missing at the second lowest level, and that
+#: the extrapolation to rest may add to the lowest. Sliding friction loses at least the power 3/2 of
+#: its stiffness in amplitude, so two levels that slide fail one of the two conditions, whatever
+#: their ratio.
 _STIFFNESS_AGREEMENT = 0.2
 
 

@@ -63,30 +63,30 @@ from robust.friction.reading.load import linear_load, start_with_load
 from robust.friction.units import format_length
 from robust.pages.text import format_facts
 
-# : (share of the time steps, shrinkage by noise) of fits that should give the same numbers. Their
-# differences enter : every interval: 0.01 % of Fs and 0.04 % of the Coulomb friction on the linear
-# motor preset (medians of 25 runs).
+#: (share of the time steps, shrinkage by noise) of fits that should give the same numbers. Their
+#: differences enter every interval: 0.01 % of Fs and 0.04 % of the Coulomb friction on the linear
+#: motor preset (medians of 25 runs).
 _ALTERNATIVES = ((1 / 2, 8.0), (3 / 4, 1.0))
-# : `FORCE_ERROR` for two masses, whose load is simulated. Six runs of the belt were off by up to
-# 0.2 % of Fs and of the : friction at the load and by 0.1 % of K0 and the delay; two of 72 numbers,
-# dampings of one run, were outside their : intervals.
+#: `FORCE_ERROR` for two masses, whose load is simulated. Six runs of the belt were off by up to 0.2
+#: % of Fs and of the friction at the load and by 0.1 % of K0 and the delay; two of 72 numbers,
+#: dampings of one run, were outside their intervals.
 _LOAD_ERROR = 2e-3
-# : Share of the force or of Fs that may stay unexplained at a level beyond noise. The preset of one
-# mass leaves : 0.5 %, those of two masses 4 to 15 % around break-away, where Fs was up to 16 % off.
+#: Share of the force or of Fs that may stay unexplained at a level beyond noise. The preset of one
+#: mass leaves 0.5 %, those of two masses 4 to 15 % around break-away, where Fs was up to 16 % off.
 _MOST_UNEXPLAINED = 0.02
-# : Share of Fs that may break away in the outer part of the largest swing, and share of K0 that may
-# slip at the lowest : level.
+#: Share of Fs that may break away in the outer part of the largest swing, and share of K0 that may
+#: slip at the lowest level.
 _MOST_LATE, _MOST_EARLY = 0.1, 0.2
-# : Start of the outer part of the swing. An element that sticks throughout the swing is a spring: a
-# free axis has none, : and with a spring to ground it looks like a part of it. With a highest level
-# of 0.6 times the break-away force k was : 23, 25 and 48 % of K0 too high on three random machines
-# (benchmarks/read_machine.py): one element was not seen, the : others broke away up to 0.32, 0.41
-# and 0.24 of the swing. Of 26 sets with a highest level of 4 or 5.5 times, 25 stay : below 0.2.
+#: Start of the outer part of the swing. An element that sticks throughout the swing is a spring: a
+#: free axis has none, and with a spring to ground it looks like a part of it. With a highest level
+#: of 0.6 times the break-away force k was 23, 25 and 48 % of K0 too high on three random machines
+#: (benchmarks/read_machine.py): one element was not seen, the others broke away up to 0.32, 0.41
+#: and 0.24 of the swing. Of 26 sets with a highest level of 4 or 5.5 times, 25 stay below 0.2.
 _OUTER_OF_FREE, _OUTER_WITH_SPRING = 0.75, 0.2
 #: Standard deviations by which a lag must exceed the delay that contains it to count as a mode.
 _DISTINCT = 3.0
-# : Share of Fs that may lie at either motor or load, by the half-width of its interval, before they
-# are inseparable.
+#: Share of Fs that may lie at either motor or load, by the half-width of its interval, before they
+#: are inseparable.
 _MOST_SPLIT = 0.1
 #: Levels whose forces differ by less than this factor are one level.
 _SAME_LEVEL = 1.3
@@ -788,10 +788,10 @@ def _leave_open(
     return spread | {name: np.inf for name in names if spread.get(name)}
 
 
-# : Share of the force of a level that one step of the encoder may make on a line: around the
-# antiresonance of a load the : motion is small. This error repeats with the motion, so the scatter
-# over the periods does not show it. With all lines : the true machine left 2 to 29 % of the force
-# at the levels of two axes; without them one fit left 0.0 to 0.6 %.
+#: Share of the force of a level that one step of the encoder may make on a line: around the
+#: antiresonance of a load the motion is small. This error repeats with the motion, so the scatter
+#: over the periods does not show it. With all lines the true machine left 2 to 29 % of the force at
+#: the levels of two axes; without them one fit left 0.0 to 0.6 %.
 _MOST_OF_LINE = 0.02
 
 

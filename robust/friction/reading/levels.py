@@ -11,8 +11,8 @@ import numpy as np
 from robust.friction.units import position_unit_of
 
 FEWEST_LINES = 8
-# : Units of length, angle, force and torque that carry a prefix. The user answers for an unknown
-# unit.
+#: Units of length, angle, force and torque that carry a prefix. The user answers for an unknown
+#: unit.
 _SCALED_UNITS = {
     *("nm", "um", "µm", "μm", "mm", "cm", "km", "nrad", "urad", "µrad", "μrad", "mrad", "deg", "°"),
     *("mN", "kN", "MN", "mNm", "Nmm", "Ncm", "kNm"),

@@ -27,21 +27,21 @@ from robust.friction.reading.balance import (
     residual_of,
 )
 
-# : Grid: antiresonances in the band, relative dampings, delays (in steps of half a radian at the
-# highest line), and : Coulomb elements from a share of the swing to half of it. All are starts:
-# Gauss-Newton steps follow.
+#: Grid: antiresonances in the band, relative dampings, delays (in steps of half a radian at the
+#: highest line), and Coulomb elements from a share of the swing to half of it. All are starts:
+#: Gauss-Newton steps follow.
 _N_MODES, _DAMPINGS, _N_DELAYS, _COULOMB = 30, (0.02, 0.08), 8, (1 / 30, 1 / 2, 4)
 #: Stiffnesses of the friction of the load that are tried, relative to that of the coupling.
 _STIFFNESSES = np.geomspace(1e-3, 10, 60)
-# : Strengths that are tried on each mass, from twice the lowest force to the highest; number of
-# pairs that are kept.
+#: Strengths that are tried on each mass, from twice the lowest force to the highest; number of
+#: pairs that are kept.
 _N_STRENGTHS, _N_PAIRS = 6, 4
 #: Relative break-away displacements of the elements of a start; all have equal strength.
 _SPREAD = np.array([0.4, 1.0, 2.5])
-# : Excess of the stiction at each mass in a start, and Stribeck velocity over the rms velocity of
-# the highest level. : With too little stiction at the motor the joint preset ended with Fs 16 %
-# low; with a velocity of 0.1 it ended in a : minimum with three times the velocity of the axis. So
-# the largest stiction is also tried at a lower velocity, third.
+#: Excess of the stiction at each mass in a start, and Stribeck velocity over the rms velocity of
+#: the highest level. With too little stiction at the motor the joint preset ended with Fs 16 % low;
+#: with a velocity of 0.1 it ended in a minimum with three times the velocity of the axis. So the
+#: largest stiction is also tried at a lower velocity, third.
 _EXCESSES, _VELOCITIES, _LOW_VELOCITY = (0.05, 0.35), (0.1, 0.5), 0.02
 
 

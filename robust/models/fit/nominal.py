@@ -77,9 +77,8 @@ Given = TypeVar("Given")
 _MAX_POLES = 40
 _PADE_ORDER, _PADE_ORDER_PER_INPUT = 4, 2  # order for one delay, and for each of several inputs
 _MAX_DELAY_TRIALS, _N_ROUNDS = 41, 12
-_DELAY_TOLERANCE = (
-    1e-7  # in turns at the highest line: a smaller change of a delay ends the refinement
-)
+# in turns at the highest line: a smaller change of a delay ends the refinement
+_DELAY_TOLERANCE = 1e-7
 
 
 @value(copy=False)
@@ -398,9 +397,8 @@ def _delay_step(sought: _MatrixFitProblem, model: SharedPoles, tau: np.ndarray) 
     together.
     """
     points, G, metric = sought.without_delays(tau)
-    turned = (
-        1j * sought.omega[:, None, None] * G
-    )  # derivative of each column by its own delay, up to the sign
+    # derivative of each column by its own delay, up to the sign
+    turned = 1j * sought.omega[:, None, None] * G
     by_delay = np.array([np.where(np.arange(tau.size) == i, turned, 0.0) for i in range(tau.size)])
     by_model = response_derivatives(
         points, model, direct=sought.options["direct"], stable=sought.options["stable"]
@@ -417,8 +415,8 @@ def _delay_step(sought: _MatrixFitProblem, model: SharedPoles, tau: np.ndarray) 
 
 # ---- ``DesignWarning`` for a fit or a weight that is usable but suspicious.
 
-# : Cost over that of scatter alone, above which a fit to one record is suspicious. A fit with a
-# class error has a larger : cost: 16 for two poles of the rig, where the least cost is below 10.
+#: Cost over that of scatter alone, above which a fit to one record is suspicious. A fit with a
+#: class error has a larger cost: 16 for two poles of the rig, where the least cost is below 10.
 _COST_LIMIT = 20.0
 OUTSIDE_FACTOR = 1.5  # smallest factor outside the band at which a pole is reported
 # least scatter over |G| in the check; otherwise an exact record would make any model suspicious

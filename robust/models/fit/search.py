@@ -43,9 +43,9 @@ _LIKELY_COST = 0.05  # probability of a cost above which the search stops
 UNLIKELY_COST = (
     0.01  # probability of a cost below which scatter does not explain it: the class has an error
 )
-# : Starting sizes of the error of the class, over |G| in mid band: from the largest possible misfit
-# to one that has no : effect on any loop. On the machines of benchmarks.nominal three starts found
-# the same as seven.
+#: Starting sizes of the error of the class, over |G| in mid band: from the largest possible misfit
+#: to one that has no effect on any loop. On the machines of benchmarks.nominal three starts found
+#: the same as seven.
 START_SIZES = 1.0, 1e-2, 1e-4
 _ROUGH = 1e-3  # relative change of a cost, enough to compare starts
 # change of the log likelihood that ends the rounds of fit and size; their number

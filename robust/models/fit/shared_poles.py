@@ -43,9 +43,8 @@ _MIN_EIGENVALUE_RATIO = 1e-3  # least eigenvalue of a covariance over its larges
 class SharedPoles:
     """Poles with their residues as products."""
 
-    poles: (
-        np.ndarray
-    )  # (n,) complex poles in the upper half plane, each with its conjugate, and real ones
+    # (n,) complex poles in the upper half plane, each with its conjugate, and real ones
+    poles: np.ndarray
     # left, right: (n, n_y, rank) or (n, n_u, rank) complex residue r is left[r] right[r]^T; real
     # for a real pole
     left: np.ndarray

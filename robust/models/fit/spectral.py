@@ -30,13 +30,12 @@ if TYPE_CHECKING:
 _BAND_MARGIN = 3.0  # factor outside the band within which a pole may lie
 # least relative distance between poles, so that their fractions differ; closer ones are moved
 _POLE_SPACING = 0.1
-_ACTIVE_SHARE = (
-    0.5  # share of the largest gain at a line above which a matrix is a constraint of the fit
-)
+# share of the largest gain at a line above which a matrix is a constraint of the fit
+_ACTIVE_SHARE = 0.5
 _LIFT = 1e-9
-# : Steps of SCS where CLARABEL fails, as for matrices of rank one: the set is lifted over every
-# plant in any case. : With 300, 1000 and 3000 steps the weights of one such family came to 1.013,
-# 1.003 and 1.010 of the smallest.
+#: Steps of SCS where CLARABEL fails, as for matrices of rank one: the set is lifted over every
+#: plant in any case. With 300, 1000 and 3000 steps the weights of one such family came to 1.013,
+#: 1.003 and 1.010 of the smallest.
 _SPECTRUM_STEPS = 1000
 _RAISED = (
     1e-3,
@@ -208,9 +207,8 @@ def _fit_spectra(
     constraints, cost = [], 0
     for k in range(2 * x.size + 1):
         (L, L_j), (R, R_j) = (side.at(k) for side in sides)
-        line = (
-            0 if k == x.size else min(k, x.size - 1)
-        )  # zero takes the first line, infinity the last
+        # zero takes the first line, infinity the last
+        line = 0 if k == x.size else min(k, x.size - 1)
         if k < x.size:
             cost += cp.trace(L) / traces[0][k] + cp.trace(R) / traces[1][k]
         if k > x.size + 1:

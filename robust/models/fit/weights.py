@@ -448,14 +448,13 @@ MAX_CHOSEN_ORDER = 12
 STATE_PRICE_DB = 0.1  # least saving of mean excess by one state
 # pairs of states after the best that may save nothing: of two spikes, one alone lowers no level
 PATIENCE = 2
-_ROUGH_TOLERANCE = (
-    0.1  # log error of a first fit above which the radius is not a weight of its order
-)
+# log error of a first fit above which the radius is not a weight of its order
+_ROUGH_TOLERANCE = 0.1
 _MAX_EXACT_ORDER = 8
 _LARGEST_STEP = 0.12  # of ln(omega) between two points of a fit, as for an assumed radius
 _MOST_BETWEEN = 20  # points between two lines
-# : Least importance over the largest. For |T|, which falls by 40 dB a decade, a weight of order 4
-# lay 78 dB over the : radius without it.
+#: Least importance over the largest. For |T|, which falls by 40 dB a decade, a weight of order 4
+#: lay 78 dB over the radius without it.
 LEAST_IMPORTANCE = 0.1
 _MAX_MEAN_EXCESS_DB = 30.0
 _REFINEMENT = 10

@@ -14,8 +14,8 @@ import numpy as np
 from robust.models.fit.spectral import largest_gains
 from robust.proofs.search.programs import SOLVERS, solve_program
 
-# : Least eigenvalue of L and R over the mean one: the weights have an inverse, at the cost of a
-# thousandth of the trace.
+#: Least eigenvalue of L and R over the mean one: the weights have an inverse, at the cost of a
+#: thousandth of the trace.
 _EIGENVALUE_FLOOR = 1e-3
 
 

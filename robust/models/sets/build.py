@@ -301,8 +301,8 @@ def uncertainty(
     return attach_records(model, many, recorded)
 
 
-# : Exponent of |T_c| times the radius in the importance of a line; a large one lets the largest
-# value alone decide. On : 36 loops of the friction rig 1 to 4 give the same verdicts.
+#: Exponent of |T_c| times the radius in the importance of a line; a large one lets the largest
+#: value alone decide. On 36 loops of the friction rig 1 to 4 give the same verdicts.
 _NEAR_LARGEST = 4.0
 #: Remedy for each part of a radius.
 _CURES = {

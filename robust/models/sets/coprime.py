@@ -29,12 +29,10 @@ from robust.lti.norms import continuous_image, hinf_norm, stabilising_riccati, t
 from robust.lti.realisation import state_space
 from robust.lti.truncation import gramian_root
 
-_HIDDEN_MODE_RATIO = (
-    1e-14  # Hankel singular value over the largest one, below which a mode is removed
-)
-_FACTOR_TOLERANCE = (
-    1e-8  # largest chordal distance between the plant and the quotient of its factors
-)
+# Hankel singular value over the largest one, below which a mode is removed
+_HIDDEN_MODE_RATIO = 1e-14
+# largest chordal distance between the plant and the quotient of its factors
+_FACTOR_TOLERANCE = 1e-8
 
 
 def invertible_scaling(

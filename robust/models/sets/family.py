@@ -56,8 +56,8 @@ LIFT = 1 + 1e-6  # factor beyond the proved lift, for the rounding of lifted wei
 FAMILY_ORDER = 4  # default order of the weights
 TOLERANCE = 1e-3  # between both bounds of the size of Delta
 MAX_LIFT = 1.5  # above it no proper weight of the order covers the deviations
-# : Numbers of poles tried for a nominal; the first with a misfit below this share of the spread is
-# taken.
+#: Numbers of poles tried for a nominal; the first with a misfit below this share of the spread is
+#: taken.
 _NOMINAL_ORDERS, _MISFIT_SHARE = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16), 0.1
 _MIN_SPREAD = 1e-3  # least spread, over the largest entry on a line
 

@@ -86,9 +86,8 @@ class Form:
     phase_offset: Callable[[control.StateSpace, control.StateSpace, float], complex] = (
         lambda G, w, omega: 1.0
     )
-    depends_on_units: bool = (
-        False  # True if the set depends on the units of the plant, which is then scaled
-    )
+    # True if the set depends on the units of the plant, which is then scaled
+    depends_on_units: bool = False
 
     def unit_of(self, unit: str) -> str:
         """Return the unit of a radius in this form, from that of the plant; empty if dimensionless

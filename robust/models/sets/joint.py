@@ -37,9 +37,8 @@ from robust.models.sets.records import (
 
 N_DRAWS, N_NUMBERS = 1000, 1 << 18  # FRFs that are drawn, and numbers in all of them, at most
 _MIN_DRAWS = 400
-_MAX_FOLLOWED_SHARE = (
-    0.5  # mean |r|^2 over the variance below which a nominal follows the record itself
-)
+# mean |r|^2 over the variance below which a nominal follows the record itself
+_MAX_FOLLOWED_SHARE = 0.5
 
 
 def attach_records(

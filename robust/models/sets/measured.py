@@ -20,9 +20,8 @@ from robust.models.sets.records import Origin
 
 #: Any object with an FRF on its lines.
 FrfSource: TypeAlias = UncertaintyModel | Bla | control.FrequencyResponseData
-_RATE_RATIO = (
-    1.5  # largest rate of the record over that of the controller at which the holds may be the same
-)
+# largest rate of the record over that of the controller at which the holds may be the same
+_RATE_RATIO = 1.5
 
 
 def origin_of(model: FrfSource) -> Bla | Origin | control.FrequencyResponseData:

@@ -42,9 +42,9 @@ from robust.proofs.exact.matrices import identity
 from robust.proofs.exact.polynomials import Decision, proved, refuted, to_rational, undecided
 from robust.proofs.search.bands import TIME_CAP, GainBound, climb
 
-# : Rounding of stored numbers, relative to the terms whose sum is a response: where a plant almost
-# vanishes, at a zero : on the axis or at infinity, its Delta is the quotient of two roundings.
-# Systems in random coordinates have up to some : 1e-14.
+#: Rounding of stored numbers, relative to the terms whose sum is a response: where a plant almost
+#: vanishes, at a zero on the axis or at infinity, its Delta is the quotient of two roundings.
+#: Systems in random coordinates have up to some 1e-14.
 _ROUNDING = 1e-12
 _POLE_ROUNDING = 1e-13  # the same for a pole: some 500 roundings of doubles
 

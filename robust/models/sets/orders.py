@@ -45,8 +45,8 @@ _MIN_SEPARATION = (
 _OUTSIDE, UNDAMPED = "poles outside the band", "undamped poles above the band"
 _UNSURE = "insignificant poles"
 _LEAST_DAMPING = 1e-4  # damping of a pair above the band, below which it is undamped
-# : Largest |T_c| times radius that leaves a loop its margins: rs of a loop like T_c is half its
-# limit.
+#: Largest |T_c| times radius that leaves a loop its margins: rs of a loop like T_c is half its
+#: limit.
 _ENOUGH = 0.5
 NEAR_BEST = 1.1  # the smallest order within this factor of the best is taken
 #: Last line of a scan that is printed, by whether a crossover was named.

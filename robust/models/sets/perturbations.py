@@ -11,9 +11,8 @@ from robust.lti.connections import block_diagonal, in_series, inverse_system
 from robust.lti.realisation import from_roots
 from robust.models.sets.forms import FORMS
 
-_REAL_ANGLE = (
-    1e-7  # [rad] treated as real: an all-pass of that phase has a pole next to zero or infinity
-)
+# [rad] treated as real: an all-pass of that phase has a pole next to zero or infinity
+_REAL_ANGLE = 1e-7
 
 
 def perturbed_plant(

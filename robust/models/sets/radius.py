@@ -26,15 +26,14 @@ from robust.models.fit.weights import WeightOrderError, fit_weight
 from robust.models.sets.forms import INPUT, Form
 from robust.models.sets.records import PARTS
 
-# : Lines over which misfits and covariances are averaged, relative to |G|: a low-order weight does
-# not follow scatter.
+#: Lines over which misfits and covariances are averaged, relative to |G|: a low-order weight does
+#: not follow scatter.
 _WINDOW = 9
 _DECADES_ABOVE = 2.0
-_FLAT_RATIO = (
-    1.06  # largest over smallest radius up to which a weight for several channels is constant
-)
-# : Least over largest radius of given plants: a plant equal to the nominal on a line would leave a
-# zero.
+# largest over smallest radius up to which a weight for several channels is constant
+_FLAT_RATIO = 1.06
+#: Least over largest radius of given plants: a plant equal to the nominal on a line would leave a
+#: zero.
 MIN_RADIUS_RATIO = 1e-6
 
 

@@ -13,9 +13,9 @@ from nlfrf._base.values import value
 PARTS = ("noise", "odd", "even", "misfit", "level", "systematic")
 WINDOW = 13  # lines over which a level relative to |G| is averaged
 LEVEL_DOF = 14.0  # complex degrees of freedom of the average
-# : Divided by the number of lines: variance of the part of a realisation's log distortion power
-# that all lines share. : Measured: 1 for a saturation, 7 for the rig with friction, 16 for a cube,
-# 50 for a fifth power.
+#: Divided by the number of lines: variance of the part of a realisation's log distortion power that
+#: all lines share. Measured: 1 for a saturation, 7 for the rig with friction, 16 for a cube, 50 for
+#: a fifth power.
 FEW_LINES = 8.0
 _MAX_DOF = 1e6  # stands for infinity, which a file cannot hold
 

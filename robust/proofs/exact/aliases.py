@@ -381,9 +381,8 @@ def _bound_sizes(aliases: AliasBounds, t: Terms, *, low: arb, high: arb, others:
     G, G_inverse = aliases.G.bounds(low, high)
     w = aliases.w.upper(low, high)
     share = others.G * G_inverse / hold_low
-    factor = (
-        1 / (hold_low * (1 - share)) if share < 1 else arb.pos_inf()
-    )  # upper bound of |h_0 G|/|G_d|, over h_0
+    # upper bound of |h_0 G|/|G_d|, over h_0
+    factor = 1 / (hold_low * (1 - share)) if share < 1 else arb.pos_inf()
 
     def least(*bounds: arb) -> arb:
         finite = [upper_end(b) for b in bounds if b.is_finite()]

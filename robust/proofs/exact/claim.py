@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 STABILITY = "robust stability"
 PERFORMANCE = "robust performance"
 OPERATOR_PERFORMANCE = "robust performance with one scaling"
-# : The same for a set of continuous plants under a sampled controller, whose perturbations act at
-# every alias.
+#: The same for a set of continuous plants under a sampled controller, whose perturbations act at
+#: every alias.
 ALIASED = {
     name: f"{name}, every alias included" for name in (STABILITY, PERFORMANCE, OPERATOR_PERFORMANCE)
 }

@@ -141,8 +141,8 @@ def _lpv_from_plain(given: JsonObject) -> LpvMatrices:
     return LpvMatrices(**parts, dt=float(given["dt"]))
 
 
-# : Function that makes a part from plain data, by the type of its field. Any other type is made by
-# its constructor.
+#: Function that makes a part from plain data, by the type of its field. Any other type is made by
+#: its constructor.
 _MAKERS: Mapping[object, Callable[[tuple[object, ...], Json], object]] = {
     UnionType: _part_of_union,
     np.ndarray: lambda _, given: np.array(given, dtype=float),

@@ -15,9 +15,9 @@ from flint import arb
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import OPERATOR_PERFORMANCE, STABILITY
 
-# : A polynomial, a Taylor model or a ball: anything with sums and products with its own kind and
-# with a ball. The types : of python-flint do not express that. None stands for a weight that a loop
-# does not have, and is never used.
+#: A polynomial, a Taylor model or a ball: anything with sums and products with its own kind and
+#: with a ball. The types of python-flint do not express that. None stands for a weight that a loop
+#: does not have, and is never used.
 Quantity: TypeAlias = Any
 
 

@@ -20,9 +20,8 @@ from nlfrf._base.values import value
 from robust._base.states import Outcome
 from robust.proofs.exact.claim import Matrices
 
-# : A `fmpq_poly` or an `arb_poly`, and its coefficients `fmpq` or `arb`. Code for both makes
-# objects of the given kind, : `type(p)`, and a union type does not express that two objects are of
-# one kind.
+#: A `fmpq_poly` or an `arb_poly`, and its coefficients `fmpq` or `arb`. Code for both makes objects
+#: of the given kind, `type(p)`, and a union type does not express that two objects are of one kind.
 Polynomial: TypeAlias = Any
 Coefficient: TypeAlias = Any
 

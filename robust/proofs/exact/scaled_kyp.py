@@ -57,9 +57,8 @@ def require_blocks(system: Matrices, blocks: Sequence[Block], level: float) -> l
 class ScaledClaim:
     """A claim on a system, with the matrices that prove it."""
 
-    system: (
-        Matrices  # stable; its structured singular value stays below the level at every frequency
-    )
+    # stable; its structured singular value stays below the level at every frequency
+    system: Matrices
     # kinds as in `robust.mu`: "full" (any matrix), "repeated" (a number times the identity), "real"
     # (a real one)
     blocks: tuple[Block, ...]

@@ -241,9 +241,8 @@ def sampled_terms(axis: Axis, found: Squares, samples: int = 0) -> Callable[[arb
     """
     dt = arb(axis.dt)
     G_in_sine, K_in_sine, w_in_sine, P_in_sine, W_in_sine = map_parts(found, _part_in_sine)
-    w_known = (
-        found.w if axis.w_timed else w_in_sine
-    )  # a timed weight is made of polynomials in omega^2
+    # a timed weight is made of polynomials in omega^2
+    w_known = found.w if axis.w_timed else w_in_sine
     P_known = found.P if axis.P_timed else P_in_sine
     n = found.G[2] + found.K[2]
     even = _polynomial_in_sine(found.even, n)

@@ -32,12 +32,10 @@ _MAX_STATES = 60
 # number of states up to which SCS takes all its steps; larger systems get steps for about the same
 # time
 _WHOLE = 20
-_MIN_SCALING = (
-    1e-7  # least eigenvalue of a scaling with trace one a row, against solvers that return zero
-)
-_HOPELESS = (
-    -1e-3
-)  # a margin below which no other solver is tried: there is no scaling for all frequencies
+# least eigenvalue of a scaling with trace one a row, against solvers that return zero
+_MIN_SCALING = 1e-7
+# a margin below which no other solver is tried: there is no scaling for all frequencies
+_HOPELESS = -1e-3
 _MARGINS = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11)  # relative to the output energy, demanded of every state
 Block = tuple[int, int, str]
 

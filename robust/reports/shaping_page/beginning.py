@@ -27,8 +27,8 @@ _MOST_ROLL_OFF = (
     45.0  # phase lag of a first-order roll-off with its corner at the crossover [degrees]
 )
 _BELOW_NYQUIST = 0.9  # of the Nyquist frequency, for a corner
-# : Crossovers over the first one, tried in this order until a loop is robust and meets the demand.
-# If a crossover is : given, higher ones come before lower ones, at which the demand fails.
+#: Crossovers over the first one, tried in this order until a loop is robust and meets the demand.
+#: If a crossover is given, higher ones come before lower ones, at which the demand fails.
 _BELOW, _AROUND = 2.0 ** -np.arange(7), np.array([1, 2, 4, *2.0 ** -np.arange(1, 5)])
 
 

@@ -66,9 +66,8 @@ def _uncertain_poles(system: control.StateSpace) -> list[list[float]]:
 # start.
 
 _LARGEST_NUMBER = 1e300
-_UNFILTERED_SIZE = (
-    1e120  # stands for a sum over aliases without a bound; its square is still finite
-)
+# stands for a sum over aliases without a bound; its square is still finite
+_UNFILTERED_SIZE = 1e120
 #: Decades below and above the lines over which the winding is counted, and points in each.
 _DECADES_BELOW, _DECADES_ABOVE, _POINTS_PER_DECADE = 5, 3, 4
 #: Frequencies up to Nyquist, relative to it.

@@ -19,8 +19,8 @@ from robust.friction.proof.protocol import FrictionClass
 from robust.friction.proof.prove import prove_friction
 from robust.servo.gains.p_pi import cascade
 
-# : Factor on a gain or a time: large enough to matter, small enough to be tried on a machine in one
-# step.
+#: Factor on a gain or a time: large enough to matter, small enough to be tried on a machine in one
+#: step.
 _STEP = 1.5
 #: Remaining share of a compensated friction.
 _COMPENSATED = 0.3

@@ -19,9 +19,9 @@ from robust.analysis.report import RobustnessReport
 from robust.models.sets.model import UncertaintyModel
 from robust.servo.checking.findings import BaseMotion, Conditions, Doubt, DoubtKind, RecordedGains
 
-# : Number of lowest lines that decide whether friction holds an axis. It does if the mean cosine of
-# the phase of G on : them is above the second number: the cosine is 1 for a spring, 0 for a damper,
-# -1 for a mass.
+#: Number of lowest lines that decide whether friction holds an axis. It does if the mean cosine of
+#: the phase of G on them is above the second number: the cosine is 1 for a spring, 0 for a damper,
+#: -1 for a mass.
 _LOW_LINES, _HELD = 6, 0.5
 
 

@@ -41,8 +41,8 @@ from robust.servo.gains.p_pi import cascade
 
 #: Number of levels needed to read friction.
 _FEWEST_LEVELS = 3
-# : Presliding stiffness of the proof over the upper end of its interval, for elements that slip
-# below the lowest level : and do not show.
+#: Presliding stiffness of the proof over the upper end of its interval, for elements that slip
+#: below the lowest level and do not show.
 _K0_MARGIN = 1.25
 #: Error that the intervals do not contain.
 _FORCE_NOTE = (

@@ -24,13 +24,13 @@ from robust.models.fit.nominal import NominalFit
 from robust.models.sets.orders import NEAR_BEST, UNDAMPED, doubtful_roots, scan_orders
 from robust.servo.gains.p_pi import cascade
 
-# : Numbers of poles to try, two more than zeros: one mass, one mass with slipping friction, two
-# masses, ...
+#: Numbers of poles to try, two more than zeros: one mass, one mass with slipping friction, two
+#: masses, ...
 _ORDERS = range(2, 6)
 
 
-# : Unstable poles above this fraction of the band are fitted to an over-compensated delay; the
-# machine is not unstable.
+#: Unstable poles above this fraction of the band are fitted to an over-compensated delay; the
+#: machine is not unstable.
 _LEAD = 0.3
 
 
@@ -46,13 +46,13 @@ _DELAY_ERROR = 0.05
 _SURE = 3.32
 
 
-# : Largest rise of the phase of a machine over the band, in turns. An antiresonance gives half a
-# turn; a removed delay : that is too long gives any number.
+#: Largest rise of the phase of a machine over the band, in turns. An antiresonance gives half a
+#: turn; a removed delay that is too long gives any number.
 _MOST_RISE = 0.75
 
 
-# : Mean of unit phasors above which F lines agree on a lead; that of random phases is 0 +- 1/sqrt(2
-# F).
+#: Mean of unit phasors above which F lines agree on a lead; that of random phases is 0 +- 1/sqrt(2
+#: F).
 _AGREE = 0.5
 
 

@@ -28,29 +28,29 @@ Law: TypeAlias = (
 _LAWS = ("rigid", "Maxwell slip or GMS", "Dahl", "LuGre", "Leuven")
 #: Laws that need no shorter integration steps if the friction is stiff.
 _STIFF = ("rigid", "Maxwell slip or GMS")
-# : Number of runs; the laws take turns. On ten axes that hunt, rigid friction, Maxwell slip and
-# LuGre with the same : numbers hunted by the same amplitude to 8 %, Leuven by up to 19 % less and
-# in fewer runs : (benchmarks/bench_stranger.py).
+#: Number of runs; the laws take turns. On ten axes that hunt, rigid friction, Maxwell slip and
+#: LuGre with the same numbers hunted by the same amplitude to 8 %, Leuven by up to 19 % less and in
+#: fewer runs (benchmarks/bench_stranger.py).
 RUNS = 12
-# : Stribeck velocity [m/s] or [rad/s] if the records do not show it: the range that
-# Armstrong-Hélouvry reports.
+#: Stribeck velocity [m/s] or [rad/s] if the records do not show it: the range that
+#: Armstrong-Hélouvry reports.
 _STRIBECK_VELOCITY = (5e-4, 5e-2)
 #: Deflections at which the elements of Maxwell slip begin to slip, over their mean.
 _DEFLECTIONS = np.array([0.25, 0.5, 1.0, 2.0])
-# : Upper limit for the resonance of the mass on its friction, over the sampling frequency. A drive
-# cannot tell stiffer : friction from it, so it also bounds a stiffness that the encoder does not
-# resolve.
+#: Upper limit for the resonance of the mass on its friction, over the sampling frequency. A drive
+#: cannot tell stiffer friction from it, so it also bounds a stiffness that the encoder does not
+#: resolve.
 _STIFFEST = 0.25
-# : Number of moves of the set point; time of each move, and of the hold after them, in reset times
-# of the velocity loop; : share at the end of the hold that is evaluated.
+#: Number of moves of the set point; time of each move, and of the hold after them, in reset times
+#: of the velocity loop; share at the end of the hold that is evaluated.
 _MOVES, _MOVE, _HOLD, _LAST = 3, 15.0, 250.0, 0.25
-# : Peak-to-peak motion above which the axis hunts, over the position error whose force command is
-# Coulomb friction. At : that size the integral takes about 1/0.02 reset times to wind up.
+#: Peak-to-peak motion above which the axis hunts, over the position error whose force command is
+#: Coulomb friction. At that size the integral takes about 1/0.02 reset times to wind up.
 _SWINGS = 0.02
-# : Number of hunting runs from which the axis counts as hunting, a third of all: fewer runs have
-# several numbers at an : end of their intervals. Among 23 axes that hunt and 32 that rest
-# (benchmarks/bench_stranger.py), a limit of 2 runs : calls 23 and 10 of them hunting, 4 runs 23 and
-# 5, 6 runs 18 and 1.
+#: Number of hunting runs from which the axis counts as hunting, a third of all: fewer runs have
+#: several numbers at an end of their intervals. Among 23 axes that hunt and 32 that rest
+#: (benchmarks/bench_stranger.py), a limit of 2 runs calls 23 and 10 of them hunting, 4 runs 23 and
+#: 5, 6 runs 18 and 1.
 FEWEST = 4
 #: Changes of a drive to try against hunting, the mildest first: gain, and factor on it.
 _CHANGES = (

@@ -24,14 +24,14 @@ from nlfrf.rig import ServoAxis, run
 from nlfrf.signals import AxisExperiment, AxisLimits
 from robust.servo.experiment.loop import closed_loop_poles, crossover_frequency, drive_loop
 
-# : A drive with a rough machine; a drive with a measured FRF that replaces that of its machine; or
-# a record.
+#: A drive with a rough machine; a drive with a measured FRF that replaces that of its machine; or a
+#: record.
 Source = ServoAxis | Record | tuple[ServoAxis, Bla]
-# : Largest error of a double pole at one by rounding: the square root of the rounding of its
-# numbers.
+#: Largest error of a double pole at one by rounding: the square root of the rounding of its
+#: numbers.
 _ROUNDING_OF_POLES = 1e-6
-# : Factor by which the crossover lies outside the band if a warning is due: a model may still reach
-# a closer one.
+#: Factor by which the crossover lies outside the band if a warning is due: a model may still reach
+#: a closer one.
 _FAR = 2.0
 
 

@@ -28,16 +28,14 @@ _STEPS = 2.0  # least rms of a position, in steps of the encoder, for a level to
 _PLATEAU = 0.1
 # least stiffness over the plateau of a level that sticks; below, elements slip at the peaks
 _STICKS = 0.97
-_PLATEAU_SPAN = (
-    2.0  # least ratio of highest to lowest position of a plateau: two equal levels are no plateau
-)
+# least ratio of highest to lowest position of a plateau: two equal levels are no plateau
+_PLATEAU_SPAN = 2.0
 _SLIDES = 0.005  # largest remaining share of the fall of the stiffness at a level that slides
 # largest change of the stiffness between the two highest levels, over the plateau, if the axis
 # slides
 _SETTLED = 0.02
-_MIN_STIFFNESS_SHARE = (
-    0.5  # least share of k Y in the force on the lowest lines; below, the mass determines k
-)
+# least share of k Y in the force on the lowest lines; below, the mass determines k
+_MIN_STIFFNESS_SHARE = 0.5
 _RISES = 1.2  # stiffness over the median of the lower levels above which it rises with the level
 # least ratio of slow to fast changes between periods for a drift: a vibration has slow ones too
 _DRIFTS = 3.0

@@ -30,17 +30,17 @@ from robust.lti.realisation import multivariable
 from robust.lti.sampling import discretize
 from robust.servo.gains.p_pi import hold_mean, realise_section, velocity_section
 
-# : Largest error of a cascade over frequency, relative to K, that counts as zero. An exact cascade
-# has 1e-12.
+#: Largest error of a cascade over frequency, relative to K, that counts as zero. An exact cascade
+#: has 1e-12.
 _MISFIT = 1e-6
-# : Frequencies [rad/sample] at which K is compared. A zero below the slowest one counts as an
-# integrator.
+#: Frequencies [rad/sample] at which K is compared. A zero below the slowest one counts as an
+#: integrator.
 _SLOWEST, _FASTEST, _N_FREQUENCIES = 1e-6, 0.95 * np.pi, 200
-# : A zero, relative to the slowest frequency, below which it cancels the pole at zero: there is no
-# integral part.
+#: A zero, relative to the slowest frequency, below which it cancels the pole at zero: there is no
+#: integral part.
 _NO_INTEGRATOR = 1e-6
-# : A zero and the pole of the filter cancel below this distance, relative to the distance of the
-# pole from 1.
+#: A zero and the pole of the filter cancel below this distance, relative to the distance of the
+#: pole from 1.
 _CANCELS = 1e-6
 
 
@@ -192,9 +192,8 @@ def _read_pid(K: np.ndarray, p: np.ndarray, like: Drive) -> list[tuple[float, fl
         (abs(root), root) for root in ((n0 / big if big else 0.0), big / n2 if n2 else np.inf)
     )
     slow, fast = (root for _, root in roots)
-    pairs = (
-        [(slow, fast), (fast, slow)] if n0 else [(fast, 0.0)]
-    )  # of the position loop, of the velocity loop
+    # of the position loop, of the velocity loop
+    pairs = [(slow, fast), (fast, slow)] if n0 else [(fast, 0.0)]
     found, refusals = [], []
     for position, velocity in pairs:
         z, a = 1 / (1 - position) if np.isfinite(position) else 0.0, -velocity / (1 - velocity)

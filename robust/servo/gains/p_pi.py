@@ -97,9 +97,8 @@ def with_set_point(settings: Drive, *, output_unit: str = "") -> control.StateSp
         settings.load_scale.factor if settings.encoder == "both" else settings.position_scale.factor
     )
     n, held = settings.position_every, hold_mean(settings)
-    ahead = (
-        settings.velocity_feedforward * settings.fs / n
-    )  # differences over a period of the position loop
+    # differences over a period of the position loop
+    ahead = settings.velocity_feedforward * settings.fs / n
     difference = realise_fir(np.concatenate([[ahead], np.zeros(n - 1), [-ahead]]), settings.dt)
     velocity_set_point = in_parallel(
         times(settings.kv, held), in_series(difference, held, dt=settings.dt)

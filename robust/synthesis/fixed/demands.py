@@ -153,9 +153,8 @@ def limit_rows(
     """
     rows = []
     if np.any(at.radius > 0) or np.any(at.outside > 0):
-        direct = (
-            at.inverse > 0
-        )  # |w S| <= 1, because the disc of an inverse form grows without bound
+        # |w S| <= 1, because the disc of an inverse form grows without bound
+        direct = at.inverse > 0
         b, x = np.where(direct, 0.0, at.radius / _BACK_OFF), np.where(direct, at.G, at.centre)
         rows.append(demand_row("robust stability", at, a=at.inverse / _BACK_OFF, b=b, x=x))
     if M_S is not None:

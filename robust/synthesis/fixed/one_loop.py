@@ -63,18 +63,18 @@ from robust.synthesis.fixed.structures import (
 )
 from robust.synthesis.hinf.design import Design
 
-# : Repetitions of a design on lines of the loop found, the degradation there that causes one, and
-# the largest violation : of a demand with which it continues from its result.
+#: Repetitions of a design on lines of the loop found, the degradation there that causes one, and
+#: the largest violation of a demand with which it continues from its result.
 _LOOKS, _LOOKED, _NEARLY = 3, 1e-3, 1.1
-# : Starts that are refined if the controller has to be proved for friction: of 15 in example 19
-# five were proved, at a : lowered gain, and none of those with the most integral gain.
+#: Starts that are refined if the controller has to be proved for friction: of 15 in example 19 five
+#: were proved, at a lowered gain, and none of those with the most integral gain.
 _PROVED_STARTS = 6
 _N_FILTER_TIMES = 6  # time constants of a derivative filter that are tried for positive gains
 _N_REFINED = 8  # more of them, around the best
 #: Accepted violation of a demand, recomputed on those lines.
 _LIMIT_TOLERANCE = 1e-3
-# : Gains of a controller that are tried for a proof, in turn, and the final ratio of the bisection
-# from there.
+#: Gains of a controller that are tried for a proof, in turn, and the final ratio of the bisection
+#: from there.
 _PROOF_GAINS, _PROOF_GAIN_RATIO = tuple(0.5**n for n in range(10)), 1.03
 
 #: Subject of a proof: a class of friction with its machines, or one machine and a class.

@@ -30,14 +30,14 @@ from robust.models.sets.measured import (
 )
 from robust.models.sets.model import UncertaintyModel
 
-# : |w| above which an inverse form is not treated as a disc: towards one the disc becomes a half
-# plane.
+#: |w| above which an inverse form is not treated as a disc: towards one the disc becomes a half
+#: plane.
 _LARGEST_DISC = 0.98
-# : Factor above its features up to which a parametric plant is evaluated, for high-gain
-# controllers; and frequencies.
+#: Factor above its features up to which a parametric plant is evaluated, for high-gain controllers;
+#: and frequencies.
 _FAR, _N_FAR = 1e5, 31
-# : Points of the path between two lines, and maxima of |S| and |T| that become lines: at least this
-# share of the : largest.
+#: Points of the path between two lines, and maxima of |S| and |T| that become lines: at least this
+#: share of the largest.
 _PARTS, _NEAR_PEAK = 8, 0.7
 #: The last lines of an FRF are those above the last one divided by this.
 _LAST_LINES = 1.25

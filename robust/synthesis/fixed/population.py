@@ -28,8 +28,8 @@ _PRICES = (
 )  # price of the worst demand in factors of the goal, at the beginning and at the end
 _MET_FIRST = 1e4  # far above the logarithm of any goal
 
-# : (N, n) parameters -> the worst demand, which is compared first, and the goal, which is compared
-# last; both (N,).
+#: (N, n) parameters -> the worst demand, which is compared first, and the goal, which is compared
+#: last; both (N,).
 Merit = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 

@@ -18,8 +18,8 @@ from robust.lti.connections import in_series
 from robust.lti.lti import response
 from robust.lti.realisation import from_roots, order_roots
 
-# : The fastest pole of a free denominator over the highest frequency evaluated, and over 2/T if
-# sampled.
+#: The fastest pole of a free denominator over the highest frequency evaluated, and over 2/T if
+#: sampled.
 FASTEST, FASTEST_SAMPLED = 10.0, 5.0
 _LARGEST_ORDER = 12
 _CONJUGATE = 1e-9  # imaginary part over size up to which a computed root is real

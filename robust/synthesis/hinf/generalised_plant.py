@@ -24,8 +24,8 @@ from robust.lti.norms import (
 )
 from robust.lti.stability import eigenvalues_with_rounding
 
-# : Singular value over the largest one, below which a direction of the channels has no effect of
-# its own.
+#: Singular value over the largest one, below which a direction of the channels has no effect of its
+#: own.
 _RANK_TOLERANCE = 1e-10
 
 

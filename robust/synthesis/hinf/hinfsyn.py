@@ -219,12 +219,10 @@ _REGULARISATIONS = (
     # regularisation relative to the scaled plant if rank is lacking everywhere: a decade less for each
     # rung; least one
 )
-_KERNEL_TOLERANCE = (
-    1e-13  # rounding for rows of length one; gamma below it counts as a lower bound of zero
-)
-_ON_AXIS = (
-    1e-9  # distance of a pole from its frequency on the axis, for the scaled plant (mean pole one)
-)
+# rounding for rows of length one; gamma below it counts as a lower bound of zero
+_KERNEL_TOLERANCE = 1e-13
+# distance of a pole from its frequency on the axis, for the scaled plant (mean pole one)
+_ON_AXIS = 1e-9
 _ANY_POINT = 1.2345  # in scaled time: a generic point, where no plant has a zero except by chance
 _BEYOND_POLES = 1.5  # factor that keeps poles away from the crossing of a circle
 _COARSE_RUNGS = (1, 1), (0, 0)  # coarse circles, used if finer ones find nothing near the bound
@@ -240,8 +238,8 @@ _CHECKED_SHARES = (
     0.7,
     0.4,
 )  # of a level that fails: these must fail too, otherwise it is rounding
-# : Factors over the least level, dense at first: by rounding a loop may be unstable at one and
-# stable at the next.
+#: Factors over the least level, dense at first: by rounding a loop may be unstable at one and
+#: stable at the next.
 _SINGULAR_STEPS_UP = (1.0, 1.003, 1.006, 1.01, 1.02, 1.05, 1.1, 1.3, 2.0, 5.0, 20.0)
 
 

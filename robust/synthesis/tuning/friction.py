@@ -42,8 +42,8 @@ from robust.friction.reading.assumed_class import MachineWithFriction, machines_
 from robust.lti.lti import evaluate_transfer, response
 from robust.lti.sampling import hold_response
 
-# : Number of lines of the linear program, as in `prove_friction`; the lowest over the highest, and
-# over the slowest pole : or filter; the highest over Nyquist.
+#: Number of lines of the linear program, as in `prove_friction`; the lowest over the highest, and
+#: over the slowest pole or filter; the highest over Nyquist.
 _N_LINES, _LOWEST, _SLOWEST, _BELOW_NYQUIST = 450, 1e-5, 0.1, 0.999
 
 

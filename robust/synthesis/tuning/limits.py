@@ -30,8 +30,8 @@ from robust.synthesis.tuning.worst import (
     scaled_slopes,
 )
 
-# : A gain over frequency, as given or as stored: a number, a system, a function of omega (W,)
-# [rad/s].
+#: A gain over frequency, as given or as stored: a number, a system, a function of omega (W,)
+#: [rad/s].
 Magnitude: TypeAlias = "float | LinearSystem | Callable[[np.ndarray], ArrayLike]"
 Asked = TypeVar("Asked")
 

@@ -38,20 +38,20 @@ from robust.synthesis.tuning.plants import MeasuredPlant, ModelledPlant, is_boun
 from robust.synthesis.tuning.worst import Perturbation, Scalings
 
 _N_LINES, _N_PEAKS, _N_ROUNDS = 70, 6, 4
-# : Frequencies of the final evaluation for a limit that is not a norm, and around each lightly
-# damped pole.
+#: Frequencies of the final evaluation for a limit that is not a norm, and around each lightly
+#: damped pole.
 _N_DENSE, _N_AROUND, _N_BAND = 1500, 41, 300
 #: Least height of a local maximum over the highest one.
 _NEAR_PEAK_RATIO = 0.7
 #: Relative excess of the exact norm over a value, above which a frequency is added.
 _NORM_TOLERANCE = 1e-8
-# : Steps above a value at which the exact norm is tried, the first ones for a value close to a
-# singular value of D.
+#: Steps above a value at which the exact norm is tried, the first ones for a value close to a
+#: singular value of D.
 _DIFFERENCE_STEPS = (1e-3, 1e-5, 1e-7)
 _MAX_KEPT = 24
 AnyChannel = Channel | FrictionChannel
-# : For the scalings of a worst case: rounds that insert lines, and the relative level above the
-# best that causes one.
+#: For the scalings of a worst case: rounds that insert lines, and the relative level above the best
+#: that causes one.
 _N_SCALING_ROUNDS, _SCALING_TOLERANCE = 3, 1e-3
 #: Number of frequencies whose best scalings are computed together.
 _N_TOGETHER = 60
@@ -111,8 +111,8 @@ class ModelledLoop:
             channels,
             dt,
         )
-        # : Frequencies at which a limit exceeded its value on the grid, kept for the rest of the
-        # search, by limit.
+        #: Frequencies at which a limit exceeded its value on the grid, kept for the rest of the
+        #: search, by limit.
         self.added: dict[int, list[float]] = {channel.index: [] for channel in channels}
         #: Scalings of worst cases and multipliers of friction limits, by limit.
         self.scalings: dict[int, Scalings] = {}

@@ -21,20 +21,20 @@ from robust.synthesis.tuning.problem import HARD_LIMIT_MARGIN, Evaluation, Tunin
 
 #: Relative gain of a round below which the search ends.
 _ROUND_GAIN = 2e-5
-# : The same for points around a stalled design, which cost more: TMD of COMPleib goes from 2.561 to
-# 2.528.
+#: The same for points around a stalled design, which cost more: TMD of COMPleib goes from 2.561 to
+#: 2.528.
 _SAMPLED_GAIN = 2e-4
 _N_ROUNDS, _N_SQP, _N_BFGS = 20, 40, 200
 #: Weights of the hard limits; the next one is for limits that are still missed.
 _PENALTIES = (10.0, 100.0, 1000.0)
-# : Largest number of closer evaluations that restart the search, and the excess (log) that causes
-# one.
+#: Largest number of closer evaluations that restart the search, and the excess (log) that causes
+#: one.
 _N_LOOKS, _LOOK_TOLERANCE = 3, 2e-6
 #: Around a stalled design: distances in coordinates, and the largest number of points.
 _SAMPLING_RADII, _MAX_SAMPLES = (0.1, 0.03, 0.01, 3e-3, 1e-3, 1e-4), 20
-# : Largest number of rounds with new scalings, and the gain (log) that causes another. For a 2 by 2
-# plant with two PIDs : the rounds gained 0.75, 0.037, 0.013, 0.003 and 0.0007, and eight more
-# together 0.003.
+#: Largest number of rounds with new scalings, and the gain (log) that causes another. For a 2 by 2
+#: plant with two PIDs the rounds gained 0.75, 0.037, 0.013, 0.003 and 0.0007, and eight more
+#: together 0.003.
 _N_SCALINGS, _SCALED_GAIN = 6, 1e-3
 #: Level (log) relative to the start at and below which a limit counts as zero.
 _MIN_LOG_GAIN = float(np.log(1e-10))

@@ -338,9 +338,8 @@ def _perturbation_of_matrices(model: UncertaintyModel) -> Callable[[np.ndarray],
         model, "to tune a controller for its perturbations (dk_iteration takes every form)"
     )
     n_y, n_u, dt = model.n_outputs, model.n_inputs, timebase(model.nominal)
-    elements = (
-        model.form == ELEMENTS
-    )  # column after column of G, as in `UncertaintyModel.open_loop`
+    # column after column of G, as in `UncertaintyModel.open_loop`
+    elements = model.form == ELEMENTS
     reads = np.repeat(np.eye(n_u), n_y, axis=0) if elements else np.eye(n_u)
     acts = np.tile(np.eye(n_y), n_u) if elements else np.eye(len(model.left))
     left = _stacked(model.left or (control.StateSpace([], [], [], [[1.0]], dt),), dt)

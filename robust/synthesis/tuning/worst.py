@@ -28,8 +28,8 @@ from nlfrf._base.values import value
 from robust.mu.gain import gain_bound
 from robust.mu.scalings import conjugate_transpose, upper
 
-# : Distance 1 - |N11|^2 below which the worst case is continued by a tangent, so that a start
-# outside has a slope.
+#: Distance 1 - |N11|^2 below which the worst case is continued by a tangent, so that a start
+#: outside has a slope.
 _NEAR_ONE = 1e-6
 #: A second singular value within this ratio of the largest is a peak of its own.
 SECOND_VALUE_RATIO = 0.9

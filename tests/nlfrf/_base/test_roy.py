@@ -7,8 +7,8 @@ import pytest
 
 from nlfrf._base.numbers import roy_probability, roy_quantile
 
-# : 95 % quantiles of sigma_max^2 for (n_y, n_u, dof), computed independently by the lead of this
-# project's design paper.
+#: 95 % quantiles of sigma_max^2 for (n_y, n_u, dof), computed independently by the lead of this
+#: project's design paper.
 QUANTILES = {
     (1, 1, 6): 3.885294,
     (2, 1, 12): 6.145545,

@@ -10,8 +10,8 @@ import pytest
 import nlfrf
 from robust.reports.data import describe_directions
 
-# : Distillation column of Skogestad & Postlethwaite at steady state: gains, singular values,
-# relative gain.
+#: Distillation column of Skogestad & Postlethwaite at steady state: gains, singular values,
+#: relative gain.
 COLUMN = np.array([[87.8, -86.4], [108.2, -109.6]])
 BAND = {"fs": 256, "n_samples": 512, "f_min": 1, "f_max": 100}
 

@@ -175,9 +175,8 @@ def test_noise_of_the_input_counts_where_the_output_repeats_exactly():
     u = clean.u + sigma * np.random.default_rng(4).standard_normal(clean.u.shape)
     bla = identify(Record(u=u, y=clean.y, fs=FS, lines=clean.lines), transient="none")
     amplitude = np.abs(np.fft.rfft(clean.u[0, 0])[clean.lines.excited]) * 2 / N
-    expected = (
-        4 * (4 * sigma**2 / N) / 4 / 50 / amplitude**2
-    )  # |G|^2 of the variance at the input, P = 4, M = 50
+    # |G|^2 of the variance at the input, P = 4, M = 50
+    expected = 4 * (4 * sigma**2 / N) / 4 / 50 / amplitude**2
     n = 50 * 3 * amplitude.size  # complex degrees of freedom
     assert abs(np.mean(bla.var_noise / expected) - 1) < 4 / np.sqrt(n)
 
@@ -262,9 +261,8 @@ def test_the_systematic_part_of_a_cubic_is_told_within_its_order_of_magnitude():
         identify(Record(u=u[None, None], y=u[None, None] ** 3, fs=FS, lines=ms.lines)) for u in ms.u
     ]
     told = np.sqrt(np.mean([bla.systematic() ** 2 for bla in blas], axis=0))
-    true = (
-        3 * np.sum(ms.amplitude**2) / 2 - 0.75 * ms.amplitude**2
-    )  # the linear part of u^3 is nothing
+    # the linear part of u^3 is nothing
+    true = 3 * np.sum(ms.amplitude**2) / 2 - 0.75 * ms.amplitude**2
     wrong = 20 * np.log10(true / told)
     assert abs(np.mean(wrong) - (7.7 - 8)) < 0.5
     assert -2.0 - 0.8 < wrong.min() < wrong.max() < 1.0 + 0.8
@@ -345,9 +343,8 @@ def test_local_fits_read_white_noise_as_it_is(n_periods):
         transient="local",
     )
     amplitude = np.abs(bla.levels.excited[0]) / 2
-    at_least = (
-        4 * sigma**2 / N / n_periods / n / amplitude**2
-    )  # the transient that is taken off adds its own
+    # the transient that is taken off adds its own
+    at_least = 4 * sigma**2 / N / n_periods / n / amplitude**2
     added = np.mean(bla.var_noise / at_least)
     assert 0.97 < added < 1.7
     true = bla.var_total  # scatter of the same FRF over the realisations, with no distortion in it

@@ -10,8 +10,8 @@ from robust.margins import disk_margin, disk_margins
 from tests.support.printed import unwrapped
 
 L = control.tf([25], [1, 10, 10, 10])
-# : Two channels of a spinning body under a static controller (the example of python-control's
-# documentation).
+#: Two channels of a spinning body under a static controller (the example of python-control's
+#: documentation).
 SPINNING = control.ss([[0, 10], [-10, 0]], np.eye(2), [[1, 10], [-10, 1]], 0) * control.ss(
     [], [], [], [[1, -2], [0, 1]]
 )

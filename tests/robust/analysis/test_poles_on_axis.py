@@ -30,9 +30,8 @@ def closed(loop, omega):
     s = 1j * omega
     n, d, k, h = (np.polyval(p, s) for p in (n, d, k, h))
     all_ = d * h + n * k
-    both = (
-        np.hypot(np.abs(d), np.abs(n)) * np.hypot(np.abs(h), np.abs(k)) / np.abs(all_)
-    )  # |[K; 1] S [1, G]|
+    # |[K; 1] S [1, G]|
+    both = np.hypot(np.abs(d), np.abs(n)) * np.hypot(np.abs(h), np.abs(k)) / np.abs(all_)
     return {
         "NCF": both,
         "S": d * h / all_,

@@ -389,9 +389,8 @@ def test_the_friction_force_over_position_is_what_mass_and_damping_leave(hold):
     )
     machine = SimpleNamespace(mass=m, damping=c, delay=delay, load_mass=0.0)
     x, force = force_over_position(record, machine)
-    gain = (
-        np.cos(np.pi / 4 * np.minimum(omega / edge_of_level(record, machine), 2.0)) ** 2
-    )  # of the filter of both
+    # of the filter of both
+    gain = np.cos(np.pi / 4 * np.minimum(omega / edge_of_level(record, machine), 2.0)) ** 2
     assert np.allclose(x, np.fft.irfft(gain * np.fft.rfft(ms.u[0])), atol=1e-9 * np.ptp(x))
     assert np.allclose(force, k * x, atol=1e-6 * np.ptp(force))
 
@@ -557,9 +556,8 @@ def test_margins_and_step_are_those_of_the_axis(actual):
     found = check_drive([record], settings, actual=actual)
     crossover, phase = exact_margins(axis, settings)
     margins = found.report.classical
-    late = (
-        1.5 if actual else 0.05
-    )  # the samples of the current have no hold: half a period, 4.5 deg at 50 Hz
+    # the samples of the current have no hold: half a period, 4.5 deg at 50 Hz
+    late = 1.5 if actual else 0.05
     assert margins.crossover / 2 / np.pi == pytest.approx(crossover, rel=0.01)
     assert np.degrees(margins.phase_margin) == pytest.approx(phase, abs=2 * late)
     assert (found.linear_passed, found.unit) == (True, "N")

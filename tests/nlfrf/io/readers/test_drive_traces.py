@@ -15,8 +15,8 @@ import nlfrf
 from nlfrf.io.channels import read_channels
 from tests.support.printed import unwrapped
 
-# : pytcs's own exports (github CagtayFabry/pytcs, tests/data): beside this repository, or where the
-# variable says.
+#: pytcs's own exports (github CagtayFabry/pytcs, tests/data): beside this repository, or where the
+#: variable says.
 EXPORTS = Path(
     os.environ.get("PYTCS_DATA", Path(__file__).parents[5] / "shared" / "data" / "pytcs")
 )

@@ -131,9 +131,8 @@ def test_a_cost_with_estimated_variances_is_judged_by_their_scatter():
 
 def test_a_scan_names_poles_that_the_data_do_not_carry():
     rng = np.random.default_rng(4)
-    G = (
-        3600 / (S**2 + 4 * S + 3600) * np.exp(-S / 2000)
-    )  # half a sample of hold: a scan answers with a pole that it cannot place
+    # half a sample of hold: a scan answers with a pole that it cannot place
+    G = 3600 / (S**2 + 4 * S + 3600) * np.exp(-S / 2000)
     frd = control.FrequencyResponseData(G + noise(rng, 1e-3), OMEGA)
     scan = robust.models.scan_orders(frd, n_poles=(2, 3), delay=0.0, std=np.full(OMEGA.size, 1e-3))
     assert "3 poles" in unwrapped(scan).partition("insignificant poles: ")[0]

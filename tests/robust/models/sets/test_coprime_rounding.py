@@ -9,8 +9,8 @@ from robust.lti.lti import response
 from robust.models.sets.coprime import coprime_factors, factors_with_complement
 
 LINES = np.array([0.1, 1.0, 10.0])
-# : A pole of 1e-16 in place of zero, as python-control realises an integrator; states that rounding
-# couples.
+#: A pole of 1e-16 in place of zero, as python-control realises an integrator; states that rounding
+#: couples.
 ROUNDED = (
     control.ss([[-1, 0], [-1, 1.1e-16]], [[-1], [0]], [[-1, -2]], [[0]]),
     control.ss([[-0.5, -1, 0], [1, 0, 0], [0, 1, -1.3e-17]], [[1], [0], [0]], [[1, 1, 1]], [[0]]),

@@ -39,8 +39,8 @@ def phase_error(model, omega):
 
 
 OMEGA = 2 * np.pi * np.array([10.0, 60.0, 250.0])
-# : A hold that is not taken out is no rational function: a fit puts a pole beyond the band for it,
-# and misses.
+#: A hold that is not taken out is no rational function: a fit puts a pole beyond the band for it,
+#: and misses.
 SUSPICIOUS = ("ignore::robust.DesignWarning",)
 
 
@@ -89,9 +89,8 @@ def test_frf_checks_and_designs_see_the_hold_once():
         report = robust.check(bla, K)
         z = np.exp(1j * report.curves.omega / FS)
         S = 1 / (1 + K(z) * seen(z))
-        inside = (
-            report.curves.omega < 2 * np.pi * 100
-        )  # above, a band-limited record does not know what folds down
+        # above, a band-limited record does not know what folds down
+        inside = report.curves.omega < 2 * np.pi * 100
         assert np.abs(report.curves.S / S - 1)[inside].max() < (2e-3 if hold == "zoh" else 0.1)
         assert robust.design_frf(bla, "PI", M_S=2.0, dt=1 / FS).K.dt == 1 / FS
 

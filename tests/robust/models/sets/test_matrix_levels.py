@@ -87,9 +87,8 @@ def test_every_plant_that_one_level_allows_is_in_the_block_of_all(form):
             (omega.size, n, 2)
         )
         Delta = draws / np.linalg.norm(draws, 2, axis=(1, 2))[:, None, None]
-        block = (
-            radius[:n].T[:, :, None] * Delta * radius[n:].T[:, None]
-        )  # on the lines, before any weight
+        # on the lines, before any weight
+        block = radius[:n].T[:, :, None] * Delta * radius[n:].T[:, None]
         away = block if form == "additive" else G @ block
         assert np.max(both.normalized_distance(omega, (G + away)[None], G)) <= 1 + 1e-9
 

@@ -75,9 +75,8 @@ def test_every_motion_within_a_sample_is_covered_and_not_by_much():
         ]
         held = np.tensordot(start ** np.arange(len(coefficients)), coefficients, 1)
         moved = in_units(found, X.reshape(5, 5)[:4]) - held
-        operator = (
-            np.linalg.pinv(found.L) @ moved @ np.linalg.pinv(found.R)
-        )  # moved = L operator R + e
+        # moved = L operator R + e
+        operator = np.linalg.pinv(found.L) @ moved @ np.linalg.pinv(found.R)
         assert np.linalg.norm(moved - found.L @ operator @ found.R, 2) < found.eps + 1e-9
         sizes.append(np.linalg.norm(operator, 2))
     assert 0.5 < max(sizes) < 1

@@ -67,9 +67,8 @@ def test_fifty_designs_agree_with_check(seed, ask):
     K = shaped_controller(state, 1.0 if begin is None else begin, dt)
     report = robust.check(model, K, w_P=w_P, delay=delay, certify=False)
     loop = assemble_loop(model, K, w_P=w_P, delay=delay)
-    left_out = (
-        loop.aliases is not None and loop.aliases.inverse
-    )  # which the page says, and leaves to the check
+    # which the page says, and leaves to the check
+    left_out = loop.aliases is not None and loop.aliases.inverse
     assert left_out == ("aliases left to the check" in content["models"][0]["set"])
     curves = (replace(loop, continuous_plant=None) if left_out else loop).curves(
         report.curves.omega
