@@ -76,7 +76,9 @@ def try_family(rng: np.random.Generator) -> tuple[float, float] | None:
     members, nominal = draw_family(rng)
     form, weights = str(rng.choice(FORMS)), str(rng.choice(["diagonal", "diagonal", "full"]))
     try:
-        model = robust.uncertainty(members, nominal, form=form, weights=weights, perturbation="LTI")
+        model = robust.uncertainty_of_plants(
+            members, nominal, form=form, weights=weights, perturbation="LTI"
+        )
     except ValueError as error:
         print(f"refused, {form}, {weights}: {error}", flush=True)
         return None
@@ -104,7 +106,7 @@ def try_mixed(rng: np.random.Generator) -> tuple[float, float] | None:
     form = str(rng.choice(["multiplicative", "additive", "inverse-multiplicative"]))
     frf = control.frd(rng.uniform(0.8, 1.2) * lag(1j * w), w)
     try:
-        model = robust.uncertainty([frf, member], lag, form=form, perturbation="LTI")
+        model = robust.uncertainty_of_plants([frf, member], lag, form=form, perturbation="LTI")
     except ValueError as error:
         print(f"refused, {form}, damping {zeta:.2g}: {error}", flush=True)
         return None

@@ -59,6 +59,7 @@ FIRST = (
         "nlfrf.Multisine",
         "robust.fit_nominal",
         "robust.uncertainty",
+        "robust.uncertainty_of_plants",
         "robust.UncertaintyModel",
     ),
     *(

@@ -57,7 +57,7 @@ print(f"form and largest weight times T or S:\n{ranking}\n")
 
 # %%
 # The set. "LTI" is a claim: at every operating point the oven is one linear plant of the set.
-model = robust.uncertainty(plants, form=ranking.best, order=2, perturbation="LTI")
+model = robust.uncertainty_of_plants(plants, form=ranking.best, order=2, perturbation="LTI")
 print(model, model.origin.source, sep="\n")
 distances = [model.distance(plant).max() for plant in plants]
 print(

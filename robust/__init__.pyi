@@ -31,6 +31,7 @@ from .models.fit.weights import fit_weight as fit_weight
 from .models.fit.weights import performance_weight as performance_weight
 from .models.sets.build import uncertainty as uncertainty
 from .models.sets.model import UncertaintyModel as UncertaintyModel
+from .models.sets.plants import uncertainty_of_plants as uncertainty_of_plants
 from .models.validation import validate as validate
 from .proofs.search.bounded_real import certify_norm as certify_norm
 from .scheduling.prove import prove_schedule as prove_schedule

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 import warnings
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -290,12 +289,11 @@ def model(
     print(nominal)
     if words:
         print(words)
-    build: Callable[..., robust.UncertaintyModel] = robust.uncertainty
-    build = build if form is None else partial(build, form=form)
     with spinner("fitting the weight"):
-        result = build(
+        result = robust.uncertainty(
             blas,
             nominal,
+            form=form,
             order=order,
             confidence=confidence,
             simultaneous=simultaneous,

@@ -121,6 +121,7 @@ def things():
         "blocks": [(1, 1)],
         "N_ss": G,
         "systems": [G],
+        "plants": [robust.frd(bla)],
         "L": G,
         "P": G,
         "n_meas": 1,

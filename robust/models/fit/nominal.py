@@ -7,7 +7,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TypeAlias, TypeVar
+from typing import TypeAlias
 
 import control
 import numpy as np
@@ -67,9 +67,6 @@ from robust.models.fit.weights import MAX_CHOSEN_ORDER
 
 #: A BLA, several BLAs, or an FRF of another origin.
 Measurement: TypeAlias = "Bla | Sequence[Bla] | control.FrequencyResponseData"
-
-
-Given = TypeVar("Given")
 
 
 # ---- The nominal model of a measured matrix: the problem, its checks, the fit.
@@ -693,9 +690,8 @@ def fit_nominal(
         loop.
     std : (F,) ndarray, or (n_y, n_u, F), optional
         Standard deviation of each line of a FrequencyResponseData, sqrt(E|.|^2) as in
-        `nlfrf.bla_from_frf` (a Bla has its own); `uncertainty` of the same FRF around the fit uses
-        it. Without it, lines are weighted by 1/|G| and there is no expected cost; it is required
-        for several channels.
+        `nlfrf.bla_from_frf` (a Bla has its own). Without it, lines are weighted by 1/|G| and there
+        is no expected cost; it is required for several channels.
     rank : int
         Rank of the residues for several channels: 2 for the equal modes of a symmetric machine.
     omega_c : float, optional
@@ -850,18 +846,6 @@ def _bla_with_deviation(frf: control.FrequencyResponseData, std: np.ndarray | No
         inputs=tuple(frf.input_labels) if several else (),
         outputs=tuple(frf.output_labels) if several else (),
     )
-
-
-def bla_of_fit(bla: Given, nominal: object) -> Given | Bla:
-    """Return an FRF as a `Bla` with the standard deviation of its fit; anything else unchanged."""
-    if not (isinstance(bla, control.FrequencyResponseData) and isinstance(nominal, NominalFit)):
-        return bla
-    std, fitted = np.asarray(nominal.std), np.asarray(nominal.response + nominal.residual)
-    G = np.asarray(bla.frdata) if fitted.ndim == 3 else np.asarray(bla.frdata[0, 0])
-    same = fitted.shape == G.shape and np.allclose(nominal.omega, bla.omega, rtol=1e-9)
-    if not (same and np.isfinite(std).all() and np.allclose(fitted, G, rtol=1e-9, atol=0.0)):
-        return bla
-    return _bla_with_deviation(bla, std)
 
 
 def checked_orders(search: FitSearch, n_poles: int, n_zeros: int | None) -> tuple[int, int]:

@@ -2,7 +2,7 @@
 
 coprime          normalised coprime factors of a plant, and the plants with perturbed factors
 block_weights    the smallest W_l and W_r that cover several matrices, at each frequency, by a convex program
-build            `uncertainty`: the set around a nominal, from records or plants
+build            `uncertainty`: the set around a nominal, from records
 family           sets from families of plants with several channels, and `choose_form`
 forms            the forms of uncertainty, one row each: perturbed plant, sensitivity, discs of the loop
 interconnection  several uncertainties, joined by the names of their signals
@@ -12,6 +12,7 @@ membership       a plant in a set at every frequency: the decision, by exact pol
 model            `UncertaintyModel`: a nominal and the set around it, for any number of channels
 orders           the number of poles of a nominal: by the loop that its set allows, or by the data
 perturbations    Delta as a system, random or of a given value at a frequency, and the perturbed plant
+plants           `uncertainty_of_plants`: the set that contains given plants
 radius           the radius of a set about a nominal (a model or an FRF) on each line, and its parts
 records          the summary of a record in a set: its lines, FRF and scatter
 single_family    sets for one channel that contain given plants

@@ -1,4 +1,4 @@
-"""Sets of plants around a nominal, from records of any number of channels.
+"""The set of plants around a nominal, from one record or several, with any number of channels.
 
 radius = misfit of the nominal + sqrt(F_p (variance of G + variance of one realisation + even
 level)) on each line, then a stable minimum-phase weight over it (SP 7.4, 8.2.3). The misfit
@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
-from typing import Any, TypedDict
+from typing import TypedDict
 
 import control
 import numpy as np
@@ -26,7 +25,7 @@ from nlfrf._base.arguments import (
     require_real,
     short_form,
 )
-from robust._base.channels import is_single
+from nlfrf._base.values import value
 from robust._base.types import AnySystem, Weight
 from robust._base.warnings import DesignWarning
 from robust.lti.realisation import multivariable
@@ -34,7 +33,6 @@ from robust.models.fit.class_error import mean_size, smooth_size, target_loop
 from robust.models.fit.nominal import (
     NominalFit,
     bla_behind_hold,
-    bla_of_fit,
     checked_weight,
     matrices_given,
     require_same_channels,
@@ -44,16 +42,9 @@ from robust.models.fit.nominal import (
     with_delays,
 )
 from robust.models.fit.weights import larger_of_neighbours
-from robust.models.sets.family import DIAGONAL, FAMILY_ORDER, find_plants, is_full, make_family_set
 from robust.models.sets.forms import ADDITIVE, AUTO, DEFAULT_FORM, ELEMENTS, FORMS, RECORD_FORMS
 from robust.models.sets.joint import attach_records
-from robust.models.sets.model import (
-    UncertaintyModel,
-    count_channels,
-    format_channels,
-    own_weights_call,
-)
-from robust.models.sets.orders import scan_orders
+from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import (
     Extrapolation,
     RadiusSpec,
@@ -70,17 +61,14 @@ from robust.models.sets.radius import (
     sum_of_parts,
 )
 from robust.models.sets.records import Origin
-from robust.models.sets.single_family import make_set_of_plants
 
 
 @keep_warnings
 def uncertainty(
-    bla: Bla | AnySystem | Sequence[Bla | AnySystem],
-    nominal: NominalFit | AnySystem | float | None = None,
+    bla: Bla | Sequence[Bla],
+    nominal: NominalFit | AnySystem | float,
     *,
-    form: str = DEFAULT_FORM,
-    weights: str = DIAGONAL,
-    omega_B: float | None = None,
+    form: str | None = None,
     order: int | None = None,
     confidence: float = 0.95,
     simultaneous: bool = False,
@@ -101,34 +89,25 @@ def uncertainty(
     the variance of G that is counted here.
 
     Use this after `nlfrf.identify` and `fit_nominal`, before any design: controllers are designed
-    and checked for the set that it returns.
+    and checked for the set that it returns. For plants that a set has to hold, use
+    `uncertainty_of_plants`; for a radius of your own, `UncertaintyModel.from_radius`.
 
     Parameters
     ----------
     bla : nlfrf.Bla or list of them
         What was measured, with one or several channels; several levels, offsets or days make one
-        set, with the largest radius of all. An FRF from elsewhere is a Bla by `nlfrf.bla_from_frf`,
-        or by the `std` that `fit_nominal` was given with it. Or a list of plants (FRFs, systems)
-        that the set has to hold.
-    nominal : NominalFit, control system or control.FrequencyResponseData, optional
+        set, with the largest radius of all. `nlfrf.bla_from_frf` and `robust.io.bla_from_frd` make
+        a Bla of an FRF from elsewhere.
+    nominal : NominalFit, control system or control.FrequencyResponseData
         The model in the middle, continuous or discrete. An FRF gives a model that is known on its
-        lines only. For several channels it may be left out: plants get a fit of their mean
-        response, records the fit that `scan_orders` chooses.
-    form : str
-        "multiplicative", "additive", "inverse-multiplicative", "inverse-additive" or "coprime". For
-        records with several channels: "elements" (when not given), "additive" or "input", chosen
-        before you see a verdict; or "auto", the first two at a price of 10 %. For plants with
-        several channels also "output", "inverse-additive", "inverse-input" and "inverse-output";
-        when not given, the first form of `choose_form`.
-    weights : str
-        "diagonal": one weight a channel. "full", for plants with several channels: W_l and W_r are
-        matrices, and the set is smaller if deviations share a direction.
-    omega_B : float, optional
-        Bandwidth [rad/s] of the loop for which the form is chosen, for plants with several
-        channels; the middle of their band when not given.
+        lines only.
+    form : str, optional
+        "multiplicative" (when not given), "additive", "inverse-multiplicative", "inverse-additive"
+        or "coprime". For several channels: "elements" (when not given), "additive" or "input",
+        chosen before you see a verdict; or "auto", the first two at a price of 10 %.
     order : int, optional
         Order of each weight. When not given, it grows up to 12 as long as a state saves 0.1 dB of
-        the mean excess, and is 4 for plants with several channels.
+        the mean excess.
     confidence : float
         Probability per line (or for all lines together when `simultaneous`).
     simultaneous : bool
@@ -157,15 +136,7 @@ def uncertainty(
     ------
     ValueError
         A form or class that does not exist, an inverse form where the radius reaches |G|, an order
-        too low, plants that no set of the form holds.
-
-    Notes
-    -----
-    For plants with several channels the set has the least tr W_l W_l* + tr W_r* W_r at each
-    frequency, before the fit. So scale inputs and outputs first (SP 1.4). Every plant lies inside:
-    systems at all frequencies, zero and infinity included, which is proved by exact polynomials
-    (`UncertaintyModel.contains`); FRFs on their lines. If full weights of the order do not cover
-    the plants, the weights are diagonal, with a warning.
+        too low.
 
     References
     ----------
@@ -179,126 +150,91 @@ def uncertainty(
     >>> model = uncertainty(nlfrf.identify(record), control.tf([2.3], [1]), order=0, above="flat")
     >>> model.form, model.perturbation, bool(np.all(model.radius < 0.35))
     ('multiplicative', 'statistical', True)
-
-    A set by weights of your own is an `UncertaintyModel`, one by a radius of your own
-    `UncertaintyModel.from_radius`. A plant with two inputs and outputs, its inputs wrong by up to
-    20 %, all at once and with any coupling (for a perturbation of each input by itself:
-    `interconnection`):
-
-    >>> from robust import UncertaintyModel, check
-    >>> G = control.ss(-np.eye(2), np.eye(2), [[1.0, 0.3], [0.2, 1.0]], np.zeros((2, 2)))
-    >>> model = UncertaintyModel(
-    ...     G, form="input", left=(0.2, 0.2), right=(1, 1), omega=np.logspace(-2, 2), perturbation="LTI")
-    >>> K = control.ss(np.zeros((2, 2)), np.eye(2), 2 * np.eye(2), 2 * np.eye(2))    # 2 (1 + 1/s) in both loops
-    >>> report = check(model, K)
-    >>> report.verdict, round(report.margins.rs, 2)                                  # 5 would be 100 %
-    ('robust', 4.99)
     """
-    bla = bla_of_fit(bla, nominal)
-    require_same_units(bla)
-    rules = Extrapolation(below=checked_slope("below", below), above=checked_slope("above", above))
-    order = None if order is None else require_integer("order", order, least=0)
-    plants = find_plants(bla)
-    is_family = bool(plants) and count_channels(plants[0]) != (1, 1)
-    if plants and (simultaneous or systematic is not None or W1 is not None or W2 is not None):
-        raise ValueError(
-            "simultaneous, systematic, W1 and W2 must be left out with plants: they belong to a Bla"
-        )
-    if is_family:
-        return make_family_set(
-            plants,
-            nominal,
-            form=form,
-            weights=weights,
-            order=FAMILY_ORDER if order is None else order,
-            rules=rules,
-            perturbation=perturbation,
-            omega_B=omega_B,
-        )
-    if is_full(weights) or omega_B is not None:
-        raise ValueError(
-            "weights and omega_B must be left out, except for a family of plants with several"
-            " channels"
-        )
-    if plants:
-        if nominal is None:
-            raise ValueError("nominal must be given for plants with one channel: see fit_nominal")
-        return make_set_of_plants(
-            plants, nominal, form=form, order=order, rules=rules, perturbation=perturbation
-        )
-    recorded: list[Bla] = matrices_given(bla)
-    several = bool(recorded)
-    if nominal is None and not several:
-        raise ValueError(
-            "nominal must be given, except for plants or records with several channels: see"
-            " fit_nominal"
-        )
-    if nominal is None:
-        nominal = scan_orders(recorded).fit
-    given = nominal.G if isinstance(nominal, NominalFit) else nominal
-    if not several and count_channels(given) != (1, 1):
-        raise ValueError(
-            f"bla must be a measured Bla for a nominal of {format_channels(given)}, got"
-            f" {short_form(bla)}; for weights of your own use {own_weights_call(given, form)}"
-        )
-    if several and form == DEFAULT_FORM:
-        form = ELEMENTS
-    if several and form == AUTO:  # two tests share the probability of an error
-        in_form = partial(
-            uncertainty,
-            bla,
-            nominal,
-            order=order,
-            confidence=(1 + require_probability("confidence", confidence)) / 2,
-            simultaneous=simultaneous,
-            even=even,
-            systematic=systematic,
-            below=below,
-            above=above,
-            perturbation=perturbation,
-        )
-        return replace(in_form(form=ELEMENTS), alternative_form=in_form(form=ADDITIVE))
-    require_choice("form", form, (*RECORD_FORMS, AUTO) if several else tuple(FORMS))
-    spec = RadiusSpec(
-        p=require_probability("confidence", confidence),
-        simultaneous=bool(simultaneous),
-        even=even,
-        systematic=None if systematic is None else require_real("systematic", systematic),
-    )
-    omega_c = nominal.omega_c if isinstance(nominal, NominalFit) else float("nan")
-    if not several:
-        recorded = _single_records(bla)
-    nominal, delay = _nominal_of_records(nominal, recorded[0])
-    is_frf = isinstance(nominal, control.FrequencyResponseData)
-    many = (
-        recorded
-        if is_frf
-        else [bla_behind_hold(one, sampling_time_of(nominal)) for one in recorded]
-    )
-    made = (_block_set if several else _disc_set)(
-        many, nominal, form, rules, order, spec, (W1, W2), omega_c
-    )
-    made["origin"] = replace(
-        made["origin"],
-        source="; ".join(map(_describe_record, many)),
+    recorded = _require_records(bla)
+    single = recorded[0].is_single
+    if form is None:
+        form = DEFAULT_FORM if single else ELEMENTS
+    require_choice("form", form, tuple(FORMS) if single else (*RECORD_FORMS, AUTO))
+    centre, delay = _nominal_of_records(nominal, recorded[0])
+    request = _SetRequest(
+        nominal=centre,
         delay=delay,
-        omega_c=omega_c,
-        hold=many[0].hold if len({one.hold for one in many}) == 1 else "unknown",
-        fs=min(one.fs for one in many),
-        unit=many[0].unit,
-    )
-    model = UncertaintyModel(
-        nominal=nominal,
+        omega_c=nominal.omega_c if isinstance(nominal, NominalFit) else float("nan"),
         form=form,
+        order=None if order is None else require_integer("order", order, least=0),
+        rules=Extrapolation(
+            below=checked_slope("below", below), above=checked_slope("above", above)
+        ),
+        spec=RadiusSpec(
+            p=require_probability("confidence", confidence),
+            simultaneous=bool(simultaneous),
+            even=even,
+            systematic=None if systematic is None else require_real("systematic", systematic),
+        ),
         perturbation=perturbation,
+        scaling=(W1, W2),
+    )
+    if form != AUTO:
+        return _set_in_form(request, recorded)
+    # two tests share the probability of an error
+    spec = replace(request.spec, p=(1 + request.spec.p) / 2)
+    elements, additive = (
+        _set_in_form(replace(request, form=one, spec=spec), recorded)
+        for one in (ELEMENTS, ADDITIVE)
+    )
+    return replace(elements, alternative_form=additive)
+
+
+@value
+class _SetRequest:
+    """Nominal and assumptions of a set around records, the same in every form."""
+
+    nominal: control.StateSpace | control.FrequencyResponseData  # delays inside
+    delay: float  # the longest delay inside the nominal [s]
+    omega_c: float  # crossover that the nominal was fitted for [rad/s]; nan if none was named
+    form: str
+    order: int | None
+    rules: Extrapolation
+    spec: RadiusSpec
+    perturbation: str
+    scaling: Scaling
+
+    @property
+    def dt(self) -> float:
+        """Return the sampling time [s] of the nominal."""
+        return sampling_time_of(self.nominal)
+
+
+def _set_in_form(request: _SetRequest, recorded: list[Bla]) -> UncertaintyModel:
+    """Return the set in the form of the request, with its records."""
+    blas = recorded
+    if not isinstance(request.nominal, control.FrequencyResponseData):
+        # a model without a hold and a record behind one differ by the hold, which is no misfit
+        blas = [bla_behind_hold(bla, request.dt) for bla in recorded]
+    first = blas[0]
+    made, rules = _disc_set(request, blas) if first.is_single else _block_set(request, blas)
+    model = UncertaintyModel(
+        nominal=request.nominal,
+        form=request.form,
+        perturbation=request.perturbation,
         **made,
-        confidence=spec.p,
-        simultaneous=spec.simultaneous,
-        inputs=many[0].inputs,
-        outputs=many[0].outputs,
+        confidence=request.spec.p,
+        simultaneous=request.spec.simultaneous,
+        inputs=first.inputs,
+        outputs=first.outputs,
+        origin=Origin(
+            source="; ".join(map(_describe_record, blas)),
+            extrapolation=str(rules),
+            delay=request.delay,
+            omega_c=request.omega_c,
+            hold=first.hold if len({bla.hold for bla in blas}) == 1 else "unknown",
+            fs=min(bla.fs for bla in blas),
+            unit=first.unit,
+        ),
     )
     _warn_of_radius(model)
-    return attach_records(model, many, recorded)
+    return attach_records(model, blas, recorded)
 
 
 #: Exponent of |T_c| times the radius in the importance of a line; a large one lets the largest
@@ -338,7 +274,7 @@ def _warn_of_radius(model: UncertaintyModel) -> None:
 
 
 class _SetFields(TypedDict, total=False):
-    """Radius, weights and origin of a set, by the names of its fields."""
+    """Radius and weights of a set, by the names of its fields."""
 
     omega: np.ndarray
     radius: np.ndarray
@@ -347,86 +283,66 @@ class _SetFields(TypedDict, total=False):
     left: tuple[control.StateSpace, ...]
     right: tuple[control.StateSpace, ...]
     scaling: tuple[Weight | None, ...]
-    origin: Origin
 
 
-def _disc_set(
-    many: list[Bla],
-    nominal: control.StateSpace | control.FrequencyResponseData,
-    form: str,
-    rules: Extrapolation,
-    order: int | None,
-    spec: RadiusSpec,
-    scaling: Scaling,
-    omega_c: float,
-) -> _SetFields:
-    """Return radius, parts and weight of a set for one channel, in the unit of its form."""
-    row, dt = FORMS[form], sampling_time_of(nominal)
-    omega, parts, _ = disc_parts(many, [nominal] * len(many), spec)
+def _disc_set(request: _SetRequest, blas: list[Bla]) -> tuple[_SetFields, Extrapolation]:
+    """Return radius, parts and weight of a set for one channel, in the unit of its form, and the
+    rule outside the band.
+    """
+    row, nominal, dt = FORMS[request.form], request.nominal, request.dt
+    omega, parts, _ = disc_parts(blas, [nominal] * len(blas), request.spec)
     if dt:
         inside = omega * dt < np.pi * (1 - 1e-9)
         omega, parts = omega[inside], {name: part[inside] for name, part in parts.items()}
     absolute = sum_of_parts(parts)
-    W1, W2, rules = resolve_scaling(row, nominal, omega=omega, shaped_by=scaling, rules=rules)
+    W1, W2, rules = resolve_scaling(
+        row, nominal, omega=omega, shaped_by=request.scaling, rules=request.rules
+    )
     factor, *covered = radius_in_form(
         row, omega, absolute=absolute, nominal=nominal, shaped_by=(W1, W2), rules=rules, dt=dt
     )
     importance = np.ones(covered[0].size)
-    if not np.isnan(
-        omega_c
-    ):  # proportional to rs of the loop: an excess costs margin where rs is largest
+    if not np.isnan(request.omega_c):
+        # proportional to rs of the loop: an excess costs margin where rs is largest
         size = np.abs(nominal_response(nominal, omega))
-        in_loop = target_loop(omega, omega_c, smooth_size(omega, size)) / (size * factor)
+        in_loop = target_loop(omega, request.omega_c, smooth_size(omega, size)) / (size * factor)
         reached = np.interp(covered[0], omega, in_loop) * larger_of_neighbours(covered[1])
         importance = (reached / reached.max()) ** _NEAR_LARGEST
     importance = importance * (covered[0] <= omega[-1])  # an excess above the band costs nothing
-    weight = fit_extrapolated(covered, rules, order=order, dt=dt, importance=importance)
+    weight = fit_extrapolated(covered, rules, order=request.order, dt=dt, importance=importance)
     return {
-        "weight": checked_weight(weight, omega, absolute * factor, order=order),
+        "weight": checked_weight(weight, omega, absolute * factor, order=request.order),
         "omega": omega,
         "radius": absolute * factor,
         "budget": {name: part * factor for name, part in parts.items() if np.isfinite(part).any()},
         "scaling": _given_scaling(W1, W2),
-        "origin": Origin(extrapolation=str(rules)),
-    }
+    }, rules
 
 
-def _block_set(
-    frms: list[Bla],
-    nominal: control.StateSpace,
-    form: str,
-    rules: Extrapolation,
-    order: int | None,
-    spec: RadiusSpec,
-    scaling: Scaling,
-    omega_c: float,
-) -> _SetFields:
-    """Return radii and weights of a set for several channels; the assumption outside the band
+def _block_set(request: _SetRequest, blas: list[Bla]) -> tuple[_SetFields, Extrapolation]:
+    """Return radii and weights of a set for several channels, and the rule outside the band, which
     applies to W_l only.
     """
-    models, n = [nominal_response(nominal, frm.omega) for frm in frms], 0
-    if form == ELEMENTS:
-        omega, parts, radius = element_parts(frms, models, spec)
+    nominal, spec, rules = request.nominal, request.spec, request.rules
+    models, n = [nominal_response(nominal, bla.omega) for bla in blas], 0
+    if request.form == ELEMENTS:
+        omega, parts, radius = element_parts(blas, models, spec)
         budget = {name: part for name, part in parts.items() if np.isfinite(part).any()}
     else:
         if spec.systematic is not None:
             raise ValueError(
                 f'systematic must be left out unless form is "elements", got {spec.systematic:g}'
-                f" with {form}"
+                f" with {request.form}"
             )
-        omega, radius = block_radius(frms, models, spec=spec, form=form)
-        n, budget = nominal.noutputs if form == ADDITIVE else nominal.ninputs, {}
+        omega, radius = block_radius(blas, models, spec=spec, form=request.form)
+        n, budget = nominal.noutputs if request.form == ADDITIVE else nominal.ninputs, {}
     G = nominal_response(nominal, omega).reshape(nominal.noutputs, nominal.ninputs, -1)
-    importance = target_loop(omega, omega_c, mean_size(omega, G))
+    importance = target_loop(omega, request.omega_c, mean_size(omega, G))
+    # W_r of a block is flat outside the band: both sides rising would count the rise twice
     each = [rules] * (n or len(radius)) + [Extrapolation()] * (len(radius) - n if n else 0)
     weights = tuple(
         fit_covering_weight(
-            omega,
-            row,
-            order=order,
-            rules=rule,
-            dt=sampling_time_of(nominal),
-            importance=importance,
+            omega, row, order=request.order, rules=rule, dt=request.dt, importance=importance
         )
         for row, rule in zip(radius, each, strict=True)
     )
@@ -436,9 +352,8 @@ def _block_set(
         "budget": budget,
         "left": weights[:n],
         "right": weights[n:],
-        "scaling": _given_scaling(*scaling),
-        "origin": Origin(extrapolation=str(rules)),
-    }
+        "scaling": _given_scaling(*request.scaling),
+    }, rules
 
 
 def _given_scaling(*scaling: Weight | None) -> tuple[Weight | None, ...]:
@@ -446,16 +361,21 @@ def _given_scaling(*scaling: Weight | None) -> tuple[Weight | None, ...]:
     return scaling if any(W is not None for W in scaling) else ()
 
 
-def _single_records(bla: object) -> list[Bla]:
-    """Return the records with one channel that were given, one or a list."""
-    many: list[Any] = list(bla) if isinstance(bla, list | tuple) else [bla]
-    if not many or not all(map(is_single, many)):
+def _require_records(bla: Bla | Sequence[Bla]) -> list[Bla]:
+    """Return one Bla or several as a list, with the same channels and units."""
+    given = list(bla) if isinstance(bla, list | tuple) else [bla]
+    blas = [one for one in given if isinstance(one, Bla)]
+    if not blas or len(blas) < len(given):
         raise ValueError(
-            "bla must be an nlfrf.Bla, a list of them, or plants (FRFs or systems), got"
-            f" {short_form(bla)}; for a radius of your own use"
-            " UncertaintyModel.from_radius(nominal, omega, radius)"
+            f"bla must be an nlfrf.Bla or a list of them, got {short_form(bla)}; for an FRF use"
+            " nlfrf.bla_from_frf first, for plants uncertainty_of_plants(plants, nominal), for a"
+            " radius of your own UncertaintyModel.from_radius(nominal, omega, radius), for weights"
+            " of your own UncertaintyModel(...)"
         )
-    return many
+    require_same_units(blas)
+    if any(not one.is_single for one in blas):
+        matrices_given(blas)  # of the same channels
+    return blas
 
 
 def _nominal_of_records(
@@ -464,10 +384,10 @@ def _nominal_of_records(
     """Return the nominal with its delays inside, as the channels of the record need it, and the
     longest delay [s].
     """
-    if isinstance(nominal, NominalFit) and not bla.is_single:
-        require_same_channels(bla, nominal, "its nominal")
     if bla.is_single:
         return single_nominal(nominal)
+    if isinstance(nominal, NominalFit):
+        require_same_channels(bla, nominal, "its nominal")
     given, delay = with_delays(nominal)
     system = multivariable("nominal", given)
     if (system.noutputs, system.ninputs) != (bla.n_outputs, bla.n_inputs):

@@ -33,9 +33,9 @@ from robust.lti.realisation import frequency_response, multivariable
 from robust.models.fit.nominal import NominalFit, fit_nominal
 from robust.models.fit.spectral import fit_matrix_weights
 from robust.models.sets.block_weights import smallest_block_weights
-from robust.models.sets.forms import AUTO, BLOCK_FORMS, DEFAULT_FORM, ELEMENTS, MATRIX_FORMS
+from robust.models.sets.forms import AUTO, BLOCK_FORMS, ELEMENTS, MATRIX_FORMS
 from robust.models.sets.membership import require_equal_roots
-from robust.models.sets.model import UncertaintyModel, count_channels
+from robust.models.sets.model import UncertaintyModel, count_channels, format_channels
 from robust.models.sets.radius import MIN_RADIUS_RATIO, Extrapolation, fit_covering_weight
 from robust.pages.text import format_table
 
@@ -53,7 +53,7 @@ _MAX_RISE = 100.0  # far deviation over the largest on the lines, above which it
 MAX_ROUNDS = 3  # rounds that add the frequencies at which a member lies outside between the lines
 CLOSE_LIFT = 1.02  # a lift below this factor replaces further rounds
 LIFT = 1 + 1e-6  # factor beyond the proved lift, for the rounding of lifted weights
-FAMILY_ORDER = 4  # default order of the weights
+_FAMILY_ORDER = 4  # default order of the weights
 TOLERANCE = 1e-3  # between both bounds of the size of Delta
 MAX_LIFT = 1.5  # above it no proper weight of the order covers the deviations
 #: Numbers of poles tried for a nominal; the first with a misfit below this share of the spread is
@@ -198,7 +198,7 @@ def choose_form(
 
     The loop has a given bandwidth. The form that demands least comes first.
 
-    Use this before `uncertainty` if you do not know where the uncertainty of a plant with several
+    Use this before `uncertainty_of_plants` if you do not know where the uncertainty of a plant with several
     channels acts.
 
     Parameters
@@ -206,11 +206,11 @@ def choose_form(
     plants : list of control.StateSpace, TransferFunction or FrequencyResponseData
         The family, with several channels.
     nominal : NominalFit or control system, optional
-        Plant in the middle; found by default, as in `uncertainty`.
+        Plant in the middle; found by default, as in `uncertainty_of_plants`.
     omega_B : float
         Bandwidth of the loop [rad/s]: T = omega_B/(s + omega_B) in every channel.
     weights : str
-        "diagonal" or "full", as in `uncertainty`.
+        "diagonal" or "full", as in `uncertainty_of_plants`.
 
     Returns
     -------
@@ -235,7 +235,7 @@ def choose_form(
     >>> choose_form(plants, G, omega_B=1.0).best
     'output'
     """
-    family = _make_family(plants, nominal)
+    family = _make_family(require_plants(plants), nominal)
     return _rank_forms(family, require_positive("omega_B", omega_B), full=is_full(weights))
 
 
@@ -282,22 +282,19 @@ def is_full(weights: str) -> bool:
     return require_choice("weights", weights, _WEIGHTS) == _FULL
 
 
-def find_plants(given: object) -> list[AnySystem]:
-    """Return the plants (FRFs or systems) in the argument, with equal numbers of channels; none for
-    Blas.
-    """
-    many = list(given) if isinstance(given, list | tuple) else [given]
-    if not any(map(_is_plant, many)):
-        return []
-    is_matrix = any(_is_plant(one) and count_channels(one) != (1, 1) for one in many)
-    other = next(
-        (one for one in many if not _is_plant(one) or (count_channels(one) != (1, 1)) != is_matrix),
-        None,
-    )
-    if other is not None:
-        which = "with several channels " if is_matrix else ""
+def require_plants(plants: object) -> list[AnySystem]:
+    """Return the plants, FRFs or systems, as a list: all with one channel, or all with several."""
+    many = list(plants) if isinstance(plants, list | tuple) else []
+    other = next((one for one in many if not _is_plant(one)), None)
+    if not many or other is not None:
         raise ValueError(
-            f"bla must be all plants {which}(systems or FRFs), got {short_form(other)}"
+            "plants must be a list of systems or FRFs, got"
+            f" {short_form(plants if other is None else other)}"
+        )
+    if len({count_channels(one) == (1, 1) for one in many}) > 1:
+        raise ValueError(
+            "plants must all have one channel, or all several, got"
+            f" {', '.join(sorted({format_channels(one) for one in many}))}"
         )
     return many
 
@@ -308,21 +305,20 @@ def _is_plant(part: object) -> bool:
     )
 
 
-def _make_family(plants: object, nominal: NominalFit | AnySystem | None) -> _Family:
+def _make_family(plants: list[AnySystem], nominal: NominalFit | AnySystem | None) -> _Family:
     """Return the family on the lines of its FRFs, which must be the same, or else on lines about
     its poles.
     """
-    many = find_plants(plants)
-    if not many or count_channels(many[0]) == (1, 1):
+    shape = count_channels(plants[0])
+    if shape == (1, 1):
         raise ValueError(
             "plants must be systems or FRFs with several inputs and outputs, got"
             f" {short_form(plants)}"
         )
-    shape = count_channels(many[0])
-    frfs = [plant for plant in many if isinstance(plant, control.FrequencyResponseData)]
+    frfs = [plant for plant in plants if isinstance(plant, control.FrequencyResponseData)]
     systems = [
-        multivariable("bla", plant)
-        for plant in many
+        multivariable("plants", plant)
+        for plant in plants
         if not isinstance(plant, control.FrequencyResponseData)
     ]
     given = None if nominal is None else _nominal_system(nominal)
@@ -335,7 +331,7 @@ def _make_family(plants: object, nominal: NominalFit | AnySystem | None) -> _Fam
             for frf in frfs
         ):
             raise ValueError(
-                "bla must be FRFs on the same lines, got different lines: interpolate them first"
+                "plants must be FRFs on the same lines, got different lines: interpolate them first"
             )
     else:
         omega = _lines_of_systems(known)
@@ -371,7 +367,7 @@ def _members_on_lines(
     """Return (M, W, n_y, n_u) responses of the members."""
     return np.array(
         [
-            np.moveaxis(frequency_response("bla", plant, omega, clocks, shape)[1], 2, 0)
+            np.moveaxis(frequency_response("plants", plant, omega, clocks, shape)[1], 2, 0)
             for plant in many
         ]
     )
@@ -445,23 +441,23 @@ def _find_nominal(G_p: np.ndarray, omega: np.ndarray, dt: float) -> control.Stat
 
 
 def make_family_set(
-    plants: object,
+    plants: list[AnySystem],
     nominal: NominalFit | AnySystem | None,
     *,
-    form: str,
-    weights: str,
-    order: int,
+    form: str | None,
+    full: bool,
+    order: int | None,
     rules: Extrapolation,
     perturbation: str,
     omega_B: float | None,
 ) -> UncertaintyModel:
     """Return the set of a family, in the requested form or in the one with the smallest measure."""
-    family, full, chosen = _make_family(plants, nominal), is_full(weights), ""
+    family, chosen = _make_family(plants, nominal), ""
     if not np.any(
         np.abs(family.G_p - family.G).max(axis=(0, 2, 3)) > 1e-9 * np.abs(family.G).max(axis=(1, 2))
     ):
-        raise ValueError("bla must hold a plant other than the nominal, got none that differs")
-    if form in (AUTO, DEFAULT_FORM):
+        raise ValueError("plants must hold one other than the nominal, got none that differs")
+    if form is None or form == AUTO:
         bandwidth = (
             float(np.sqrt(family.omega[0] * family.omega[-1]))
             if omega_B is None
@@ -484,7 +480,7 @@ def make_family_set(
         _hold_family,
         family,
         form,
-        order=order,
+        order=_FAMILY_ORDER if order is None else order,
         rules=rules,
         perturbation=perturbation,
         chosen=chosen,

@@ -19,7 +19,7 @@ from robust.lti.lti import response
 from robust.lti.realisation import frequency_response, state_space
 from robust.models.fit.nominal import NominalFit, checked_weight, sampling_time_of, single_nominal
 from robust.models.sets.family import CLOSE_LIFT, LIFT, MAX_LIFT, MAX_ROUNDS, TOLERANCE
-from robust.models.sets.forms import FORMS, Form
+from robust.models.sets.forms import DEFAULT_FORM, FORMS, Form
 from robust.models.sets.membership import require_equal_roots
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import (
@@ -34,15 +34,18 @@ from robust.models.sets.records import Origin
 
 def make_set_of_plants(
     plants: Sequence[AnySystem],
-    nominal: NominalFit | AnySystem | float,
+    nominal: NominalFit | AnySystem | float | None,
     *,
-    form: str,
+    form: str | None,
     order: int | None,
     rules: Extrapolation,
     perturbation: str,
 ) -> UncertaintyModel:
     """Return a set for one channel around a nominal that contains every plant."""
-    row = FORMS[require_choice("form", form, tuple(FORMS))]
+    if nominal is None:
+        raise ValueError("nominal must be given for plants with one channel: see fit_nominal")
+    form = require_choice("form", DEFAULT_FORM if form is None else form, tuple(FORMS))
+    row = FORMS[form]
     if row.depends_on_units:
         raise ValueError(f"form must not depend on units with plants, got {form}")
     centre, delay = single_nominal(nominal)
@@ -53,7 +56,7 @@ def make_set_of_plants(
     systems = (
         []
         if is_frf
-        else [state_space("bla", plant) for plant in plants if isinstance(plant, kinds)]
+        else [state_space("plants", plant) for plant in plants if isinstance(plant, kinds)]
     )
     if systems:
         require_equal_roots(form, [centre, *systems], inverse=row.inverse)
@@ -74,7 +77,7 @@ def make_set_of_plants(
             covered = _cover_plant(covered, plant, centre, row, one.omega)
     if not lift < MAX_LIFT:
         raise ValueError(
-            f"bla must hold plants that a stable proper weight can cover, got one {lift:.3g} times"
+            f"plants must be ones that a stable proper weight can cover, got one {lift:.3g} times"
             f" as far from the nominal as the weight reaches, {form} form: give this plant as an"
             " FRF, or choose another form or order"
         )
@@ -101,19 +104,19 @@ def _radius_of_plants(
     lines = _lines_of_frfs(plants, nominal)
     each, differs = [], False
     for plant in plants:
-        omega, G = frequency_response("bla", plant, lines, (nominal, *plants))
+        omega, G = frequency_response("plants", plant, lines, (nominal, *plants))
         centre = nominal_response(nominal, omega)
         differs |= bool(np.any(np.abs(G - centre) > 1e-12 * np.abs(centre)))
         with np.errstate(divide="ignore", invalid="ignore"):
             away = np.abs(form.deviation(G, centre))
         if not np.isfinite(away).all():
             raise ValueError(
-                "bla must leave the radius finite, got a plant or nominal that vanishes:"
+                "plants must leave the radius finite, got a plant or nominal that vanishes:"
                 f" {form.name} form"
             )
         each.append(larger_neighbour(lines, omega, away))
     if not differs:
-        raise ValueError("bla must hold a plant other than the nominal, got none that differs")
+        raise ValueError("plants must hold one other than the nominal, got none that differs")
     radius = np.nanmax(each, axis=0)
     return lines, np.maximum(radius, MIN_RADIUS_RATIO * radius.max())
 
@@ -127,8 +130,8 @@ def _lines_of_frfs(
     ]
     if not known:
         raise ValueError(
-            "bla must contain an FRF, because plants and nominal are compared on its lines: "
-            "uncertainty([control.frd(plant, omega)], nominal). For a known weight use "
+            "plants must contain an FRF, because plants and nominal are compared on its lines: "
+            "uncertainty_of_plants([control.frd(plant, omega)], nominal). For a known weight use "
             "UncertaintyModel(nominal, weight, form, omega, radius)"
         )
     return np.unique(np.concatenate([np.asarray(plant.omega, dtype=float) for plant in known]))

@@ -9,7 +9,7 @@ import control
 import numpy as np
 import pytest
 
-from robust import UncertaintyModel, check, ncfsyn, sampled, uncertainty
+from robust import UncertaintyModel, check, ncfsyn, sampled, uncertainty_of_plants
 from robust.analysis.aliases import rs_breakdown
 from robust.analysis.loop import assemble_loop
 from robust.lti.lti import response
@@ -66,7 +66,7 @@ def test_a_plant_of_the_set_with_a_mode_above_nyquist_is_not_proved_stable():
     frf = control.FrequencyResponseData(
         np.polyval(true.num[0][0], 1j * omega) / np.polyval(true.den[0][0], 1j * omega), omega
     )
-    model = uncertainty([frf], G, perturbation="LTI", order=6)
+    model = uncertainty_of_plants([frf], G, perturbation="LTI", order=6)
     K = ncfsyn(sampled(G, 1 / 200), 0.8).K
     assert model.contains(true)
     assert np.abs(control.feedback(sampled(true, 1 / 200) * K, 1).poles()).max() > 1.01

@@ -81,16 +81,18 @@ def test_a_set_refuses_plants_of_another_clock():
 
 def test_a_set_of_plants_has_one_clock():
     with pytest.raises(
-        ValueError, match=r"bla must be continuous as the nominal, got one sampled at 0.3 s"
+        ValueError, match=r"plants must be continuous as the nominal, got one sampled at 0.3 s"
     ):
-        robust.uncertainty(
+        robust.uncertainty_of_plants(
             [robust.sampled(1.1 * LAG, 0.3), control.frd(1.1 * LAG, LINES)], LAG, order=2
         )
     with pytest.raises(
-        ValueError, match=r"bla must have the sampling time of the nominal, 0.01 s, got 0.02 s"
+        ValueError, match=r"plants must have the sampling time of the nominal, 0.01 s, got 0.02 s"
     ):
-        robust.uncertainty([control.frd(1.1 * FRF.frdata, OMEGA, dt=2 * DT)], FRF, order=2)
-    assert robust.uncertainty([1.1 * FRF], SAMPLED, order=1).radius.max() < 0.11
+        robust.uncertainty_of_plants(
+            [control.frd(1.1 * FRF.frdata, OMEGA, dt=2 * DT)], FRF, order=2
+        )
+    assert robust.uncertainty_of_plants([1.1 * FRF], SAMPLED, order=1).radius.max() < 0.11
 
 
 def test_a_sampled_frf_is_fitted_on_its_clock():

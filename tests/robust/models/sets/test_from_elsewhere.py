@@ -25,11 +25,11 @@ def measured(seed, share=0.01):
     )
 
 
-def test_the_std_given_to_the_fit_reaches_the_set():
+def test_the_std_of_an_frf_reaches_the_set():
     G, std = measured(1)
     frf = control.FrequencyResponseData(G, OMEGA)
     fit = robust.fit_nominal(frf, n_poles=2, n_zeros=0, std=std)
-    model = robust.uncertainty(frf, fit)
+    model = robust.uncertainty(robust.io.bla_from_frd(frf, std=std), fit)
     assert (model.confidence, model.perturbation) == (0.95, "statistical")
     direct = robust.uncertainty(nlfrf.bla_from_frf(F, G, std=std), fit)
     assert model.radius == pytest.approx(direct.radius, rel=1e-6)
@@ -41,14 +41,10 @@ def test_the_std_given_to_the_fit_reaches_the_set():
 def test_an_frf_without_a_deviation_claims_no_confidence():
     G, _ = measured(1)
     frf = control.FrequencyResponseData(G, OMEGA)
-    assert np.isnan(
-        robust.uncertainty(frf, robust.fit_nominal(frf, n_poles=2, n_zeros=0)).confidence
-    )
-    other, std = measured(2)
-    fit = robust.fit_nominal(
-        control.FrequencyResponseData(other, OMEGA), n_poles=2, n_zeros=0, std=std
-    )
-    assert np.isnan(robust.uncertainty(frf, fit).confidence)  # the std is of another FRF
+    fit = robust.fit_nominal(frf, n_poles=2, n_zeros=0)
+    assert np.isnan(robust.uncertainty_of_plants([frf], fit).confidence)
+    with pytest.raises(ValueError, match=r"for an FRF use nlfrf\.bla_from_frf first"):
+        robust.uncertainty(frf, fit)
 
 
 @pytest.mark.parametrize("n", [12, pytest.param(60, marks=pytest.mark.attack)])
@@ -89,7 +85,7 @@ def test_a_matrix_of_frfs_is_an_frm_by_its_std():
     deviation = np.broadcast_to(std, (2, 2, F.size))
     fit = robust.fit_nominal(frf, n_poles=4, std=deviation)
     assert (fit.inputs, fit.outputs) == (("fx", "fy"), ("x", "y"))
-    model = robust.uncertainty(frf, fit)
+    model = robust.uncertainty(robust.io.bla_from_frd(frf, std=deviation), fit)
     assert (model.is_single, model.n_inputs, model.confidence) == (False, 2, 0.95)
     assert fit.std == pytest.approx(deviation)
     with pytest.raises(

@@ -160,21 +160,18 @@ def stage_frm(noise=0.02, seed=1):
     return nlfrf.identify(nlfrf.Record(u=u, y=y, fs=100, lines=ms.lines), transient="none"), G
 
 
-def test_a_nominal_of_records_is_found_when_it_is_left_out():
-    """A scan of orders finds the four poles of the continuous plant near those of the stage."""
+def test_the_nominal_of_a_scan_of_orders_has_the_stage_around_it():
+    """The scan finds the four poles of the continuous plant near those of the stage."""
     frm, truth = stage_frm()
-    model = robust.uncertainty([frm], form="elements", order=2, above="flat")
+    nominal = robust.models.scan_orders([frm]).fit
+    model = robust.uncertainty([frm], nominal, order=2, above="flat")
+    assert model.form == "elements"
     away = model.normalized_distance(
         frm.omega,
         np.moveaxis(truth(np.exp(1j * frm.omega * 0.01)), 2, 0),
         np.moveaxis(model.at(frm.omega), 2, 0),
     )
     assert np.mean(away <= 1) > 0.9
-    with pytest.raises(
-        ValueError,
-        match="nominal must be given, except for plants or records with several channels",
-    ):
-        robust.uncertainty(frm.entry(0, 0))
 
 
 @pytest.mark.attack(every=3)

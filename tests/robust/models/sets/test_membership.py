@@ -116,7 +116,7 @@ def test_a_system_beside_an_frf_is_held_between_the_lines_too(form):
     omega = np.logspace(-1, 2, 30)
     resonant = LAG - control.tf([0.005 * 25], [1, 2e-2 * 5, 25])
     frf = control.frd(1.1 * LAG(1j * omega), omega)
-    model = robust.uncertainty([frf, resonant], LAG, form=form, perturbation="LTI")
+    model = robust.uncertainty_of_plants([frf, resonant], LAG, form=form, perturbation="LTI")
     assert "systems inside at all frequencies, FRFs on their lines" in model.origin.source
     assert model.contains(frf)
     assert model.contains(resonant)
@@ -125,7 +125,7 @@ def test_a_system_beside_an_frf_is_held_between_the_lines_too(form):
     with pytest.raises(
         ValueError, match="an inverse if the number of poles in the right half plane differs"
     ):
-        robust.uncertainty([frf, control.tf([1], [1, -1])], LAG, form="multiplicative")
+        robust.uncertainty_of_plants([frf, control.tf([1], [1, -1])], LAG, form="multiplicative")
 
 
 def test_systems_of_several_channels_beside_frfs_are_held_between_their_lines():
@@ -133,7 +133,7 @@ def test_systems_of_several_channels_beside_frfs_are_held_between_their_lines():
     G = pair(zeros_at(2.0, 0.05), LAG)
     frf = control.frd(pair(zeros_at(2.0, 0.05), LAG, (1.2, 1.1))(1j * omega), omega)
     moved = pair(zeros_at(2.01, 0.04), LAG)
-    model = robust.uncertainty([moved, frf], G, form="output", perturbation="LTI")
+    model = robust.uncertainty_of_plants([moved, frf], G, form="output", perturbation="LTI")
     assert "FRFs at their 25 lines and systems at all frequencies" in model.origin.source
     assert model.contains(moved)
     assert model.contains(frf)

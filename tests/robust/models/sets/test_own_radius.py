@@ -24,7 +24,7 @@ def plants(n=5):
 @pytest.mark.parametrize("form", UNSCALED)
 def test_the_set_holds_every_plant_of_a_list_and_touches_one(form):
     frfs = [control.frd(plant, OMEGA) for plant in plants()]
-    model = robust.uncertainty(frfs, NOMINAL, form=form, order=3)
+    model = robust.uncertainty_of_plants(frfs, NOMINAL, form=form, order=3)
     assert all(model.contains(frf) for frf in frfs)
     away = [
         np.abs(FORMS[form].deviation(np.squeeze(p(1j * OMEGA)), np.squeeze(NOMINAL(1j * OMEGA))))
@@ -38,7 +38,7 @@ def test_the_set_holds_every_plant_of_a_list_and_touches_one(form):
 
 def test_systems_are_taken_at_the_lines_of_the_frfs_beside_them():
     first, *rest = plants()
-    model = robust.uncertainty(
+    model = robust.uncertainty_of_plants(
         [control.frd(first, OMEGA), *rest], NOMINAL, perturbation="LTI", order=3
     )
     assert model.perturbation == "LTI"
@@ -49,7 +49,9 @@ def test_systems_are_taken_at_the_lines_of_the_frfs_beside_them():
 def test_frfs_on_other_lines_count_where_they_are():
     low, high = OMEGA[:40], OMEGA[20:]
     one, other = plants(2)
-    model = robust.uncertainty([control.frd(one, low), control.frd(other, high)], NOMINAL, order=3)
+    model = robust.uncertainty_of_plants(
+        [control.frd(one, low), control.frd(other, high)], NOMINAL, order=3
+    )
     assert model.omega == pytest.approx(OMEGA)
     assert model.contains(control.frd(one, low))
     assert model.contains(control.frd(other, high))
@@ -90,19 +92,34 @@ def test_what_is_no_radius_is_refused(radius, options, expected):
 
 
 @pytest.mark.parametrize(
-    ("bla", "options", "expected"),
+    ("given", "options", "expected"),
     [
-        ([control.frd(plants()[0], OMEGA)], {"simultaneous": True}, "left out with plants"),
         ([control.frd(plants()[0], OMEGA)], {"form": "coprime"}, "must not depend on units"),
+        (
+            [control.frd(plants()[0], OMEGA)],
+            {"weights": "full"},
+            "weights and omega_B must be left",
+        ),
+        ([control.frd(plants()[0], OMEGA)], {"nominal": None}, "nominal must be given"),
         (plants(), {}, "must contain an FRF, .*UncertaintyModel\\(nominal, weight"),
         ([control.frd(NOMINAL, OMEGA)], {}, "none that differs"),
-        ([control.frd(NOMINAL, OMEGA), 3.0], {}, "all plants"),
-        ((OMEGA, OMEGA), {}, "UncertaintyModel.from_radius"),
-        ([], {}, "an nlfrf.Bla, a list of them, or plants"),
-        ("bla.npz", {}, "an nlfrf.Bla, a list of them, or plants"),
+        ([control.frd(NOMINAL, OMEGA), 3.0], {}, "a list of systems or FRFs, got 3.0"),
+        (control.frd(NOMINAL, OMEGA), {}, "plants must be a list of systems or FRFs"),
+        ([], {}, "plants must be a list of systems or FRFs"),
     ],
 )
-def test_what_is_neither_record_nor_plant_is_refused(bla, options, expected):
+def test_what_is_no_list_of_plants_is_refused(given, options, expected):
     with pytest.raises(ValueError, match=expected) as refused:
-        robust.uncertainty(bla, NOMINAL, **options)
+        robust.uncertainty_of_plants(given, **({"nominal": NOMINAL} | options))
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("given", [(OMEGA, OMEGA), [], "bla.npz", control.frd(NOMINAL, OMEGA)])
+def test_a_refusal_of_what_is_no_record_names_the_other_ways_to_a_set(given):
+    with pytest.raises(
+        ValueError,
+        match=r"an nlfrf\.Bla or a list of them, got .*bla_from_frf.*uncertainty_of_plants\(plants"
+        r".*UncertaintyModel\.from_radius",
+    ) as refused:
+        robust.uncertainty(given, NOMINAL)
     assert "\n" not in str(refused.value)

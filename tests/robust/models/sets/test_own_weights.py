@@ -31,11 +31,8 @@ def test_the_call_that_a_refusal_names_makes_the_set(form):
     model = eval(call, {"UncertaintyModel": UncertaintyModel, "G": G, "w": 0.2, "omega": OMEGA})
     assert model.form == form
     np.testing.assert_array_equal(model.radius[:, 0], [w.D[0, 0] for w in model.weights])
-    with pytest.raises(
-        ValueError, match="bla must be a measured Bla for a nominal of 2 outputs by 2 inputs"
-    ) as stop:
+    with pytest.raises(ValueError, match=r"bla must be an nlfrf\.Bla .*UncertaintyModel\(\.\.\.\)"):
         robust.uncertainty([0.2, 0.2], G, form=form)
-    assert str(stop.value).endswith(call)
 
 
 def test_a_plant_that_is_not_square_is_sent_to_the_additive_form():
