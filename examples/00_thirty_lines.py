@@ -27,8 +27,9 @@ args = parser.parse_args()
 out = args.out
 out.mkdir(parents=True, exist_ok=True)
 
-# %% One special-odd multisine record of a mass on a spring with friction: force [N] in, position
-# [m] out, 4 s a period.
+# %%
+# One special-odd multisine record of a mass on a spring with friction: force [N] in, position [m]
+# out, 4 s a period.
 record = nlfrf.load_record(args.record)
 bla = nlfrf.identify(record)
 print(
@@ -41,7 +42,8 @@ print(
 model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=3))
 G, W = model.nominal, model.weight
 
-# %% Loop shaping: an integrator that rolls off at 20 Hz, below the resonance at 60 Hz; a gain for a
+# %%
+# Loop shaping: an integrator that rolls off at 20 Hz, below the resonance at 60 Hz; a gain for a
 # crossover at 4 Hz.
 s, omega_c = control.tf("s"), 2 * np.pi * 4
 shape = 1 / s / (s / (2 * np.pi * 20) + 1) ** 2
@@ -51,7 +53,8 @@ S, T = control.feedback(1, L), control.feedback(L, 1)
 gain_margin, phase_margin, *_ = control.margin(L)
 print(f"nominal margins: a factor of {gain_margin:.2f}, {phase_margin:.0f} deg")
 
-# %% Robust stability of the set is ``|W T| < 1`` at every frequency: a matrix inequality for cvxpy,
+# %%
+# Robust stability of the set is ``|W T| < 1`` at every frequency: a matrix inequality for cvxpy,
 # then checked exactly.
 certificate = robust.certify_norm(W * T, 1.0, solver="CLARABEL")
 print(f"|W T| < 1 at every frequency: {certificate.outcome} ({certificate.method} lemma)")

@@ -38,7 +38,8 @@ parser.add_argument("--out", type=Path, default=Path("demo"))
 args = parser.parse_args()
 args.out.mkdir(parents=True, exist_ok=True)
 
-# %% One record: a special-odd multisine through the machine, two periods of it, and a little sensor
+# %%
+# One record: a special-odd multisine through the machine, two periods of it, and a little sensor
 # noise.
 if args.file:
     record = nlfrf.load_record(
@@ -68,7 +69,8 @@ bla = nlfrf.identify(record)
 nlfrf.save(bla, args.out / "bla.npz")
 print(bla)
 
-# %% A nominal plant with the fewest poles whose misfit is within the scatter of the lines, and the
+# %%
+# A nominal plant with the fewest poles whose misfit is within the scatter of the lines, and the
 # uncertainty that covers the bound.
 orders = range(1, 6) if args.poles is None else [args.poles]
 scan = robust.models.scan_orders(bla, n_poles=orders)

@@ -27,8 +27,9 @@ BAND = (1.0, 150.0)
 LIMIT = 1.0
 rig = nlfrf.paper_rig()
 
-# %% Resolution. f0 = fs / N, and a period takes 1 / f0. A special-odd grid excites two lines of
-# eight, so the lines of the FRF lie about 4 f0 apart: several of them should fall on a resonance,
+# %%
+# Resolution. f0 = fs / N, and a period takes 1 / f0. A special-odd grid excites two lines of eight,
+# so the lines of the FRF lie about 4 f0 apart: several of them should fall on a resonance,
 # otherwise its shape is unknown.
 print("resolution   period   lines in the band   lines on the resonance (59 +- 2 Hz)")
 for n_samples in (1024, 2048, 4096, 8192):
@@ -36,8 +37,9 @@ for n_samples in (1024, 2048, 4096, 8192):
     near = np.count_nonzero(np.abs(ms.f - 59) <= 2)
     print(f"{ms.f0:7.2f} Hz {1 / ms.f0:7.2f} s {ms.f.size:12d} {near:20d}")
 
-# %% Level. The distortion depends on it, so measure at the level at which the machine will work.
-# The peak determines the actuator: with random phases it is 3 to 4 times the rms.
+# %%
+# Level. The distortion depends on it, so measure at the level at which the machine will work. The
+# peak determines the actuator: with random phases it is 3 to 4 times the rms.
 N = 8192
 band = dict(fs=FS, n_samples=N, f_min=BAND[0], f_max=BAND[1])
 ms = nlfrf.multisine("special-odd", **band, rms=0.25, rng=2)
@@ -46,7 +48,8 @@ print(
     f" {ms.crest_factor[0]:.2f}"
 )
 
-# %% Crest factor. If the actuator is the limit, take the best of some random draws. They are still
+# %%
+# Crest factor. If the actuator is the limit, take the best of some random draws. They are still
 # random, so the bound holds, except for laws as steep as a fifth power. (With target= the phases
 # are optimised and no longer random: only for nearly linear plants, and with a warning.)
 drawn = nlfrf.reduce_crest(ms, rng=1)
@@ -54,9 +57,10 @@ for name, signal in (("as drawn", ms), ("best of some draws", drawn)):
     crest = signal.crest_factor[0]
     print(f"{name}: crest factor {crest:.2f}, so up to {LIMIT / crest:.2f} N rms under {LIMIT:g} N")
 
-# %% Time. Transients decay in the first periods, and two more periods separate noise from
-# distortion. The distortion of one realisation does not average away, so further periods help only
-# against noise.
+# %%
+# Time. Transients decay in the first periods, and two more periods separate noise from distortion.
+# The distortion of one realisation does not average away, so further periods help only against
+# noise.
 noise = 2e-6  # of the position sensor [m]
 rng = np.random.default_rng(2)
 print("\nperiods kept   time      bound   noise   distortion     (medians, relative to |G|)")

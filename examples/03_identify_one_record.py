@@ -49,7 +49,8 @@ for f in (5, 30, 59, 100, 140):
     bound, noise_k, distortion = (f"{100 * number / size:8.2f} %" for number in said)
     print(f"{bla.f[k]:10.2f} {size:11.3g} {bound} {noise_k} {distortion}")
 
-# %% Two bounds, two questions. "bla": where is the best linear approximation? "realization": where
+# %%
+# Two bounds, two questions. "bla": where is the best linear approximation? "realization": where
 # will the FRF of the next record of this machine be? A controller needs the second.
 new = nlfrf.simulate(nlfrf.paper_rig(), replace(ms, phase=ms.phase[:, ::-1]), n_periods=2)
 G_new = nlfrf.identify(new).G
@@ -59,15 +60,16 @@ print(
     " (95 % promised)"
 )
 
-# %% A second opinion from the same record: the roughness of the FRF. If the two differ, one
-# assumption fails.
+# %%
+# A second opinion from the same record: the roughness of the FRF. If the two differ, one assumption
+# fails.
 opinion = nlfrf.second_opinion(record)
 print(opinion)
 
-# %% The picture. Top: black is the BLA, green its bound. If green is near black, the FRF is
-# unknown. Orange dots are odd detection lines, blue dots even ones. The even ones are at the grey
-# noise, so the friction is symmetric. Below: the same in the unit of the output, as an analyser
-# shows it.
+# %%
+# The picture. Top: black is the BLA, green its bound. If green is near black, the FRF is unknown.
+# Orange dots are odd detection lines, blue dots even ones. The even ones are at the grey noise, so
+# the friction is symmetric. Below: the same in the unit of the output, as an analyser shows it.
 figure, axes = plt.subplots(2, 2, figsize=(15, 9), layout="constrained")
 plot_bla(bla, ax=axes[0, 0])
 plot_levels(bla, ax=axes[1, 0])

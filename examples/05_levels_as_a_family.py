@@ -22,7 +22,8 @@ parser.add_argument("--out", type=Path, default=Path("demo/05"), help="folder fo
 out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
 
-# %% The same multisine at three levels, 20 dB apart: from creep under the friction to sliding. Four
+# %%
+# The same multisine at three levels, 20 dB apart: from creep under the friction to sliding. Four
 # realisations each.
 rig = nlfrf.paper_rig()
 ms = nlfrf.multisine(fs=4096, n_samples=8192, f_min=1, f_max=140, n_realizations=4, rng=1)
@@ -59,7 +60,8 @@ for name, blas in cases.items():
         f" {share}"
     )
 
-# %% If the radius is above one, the set contains plants of either sign, and no controller can have
+# %%
+# If the radius is above one, the set contains plants of either sign, and no controller can have
 # gain there. So a family costs bandwidth. Find the fastest loop that the check accepts for each
 # set, first on a grid.
 CROSSOVERS = (1.0, 8.0, 64.0)

@@ -29,28 +29,32 @@ first, second = (
     nlfrf.identify(replace(both, u=both.u[m : m + 1], y=both.y[m : m + 1])) for m in (0, 1)
 )
 
-# %% How many poles? The fewest that allow a crossover of 20 Hz: the size of T_c times the radius
-# stays below one half.
+# %%
+# How many poles? The fewest that allow a crossover of 20 Hz: the size of T_c times the radius stays
+# below one half.
 scan = robust.models.scan_orders(first, n_poles=range(1, 6), omega_c=2 * np.pi * 20)
 print(scan)
 nominal = scan.fit
 print(nominal)
 
-# %% The set: on every line a disc about the model that contains the FRF of a new realisation with
-# 95 %. The shares of its radius show which part to reduce.
+# %%
+# The set: on every line a disc about the model that contains the FRF of a new realisation with 95
+# %. The shares of its radius show which part to reduce.
 model = robust.uncertainty(first, nominal, order=4)
 print(model)
 for name, part in model.budget.items():
     print(f"  {name:10s} {100 * np.mean(part / model.radius):5.1f} % of the radius on average")
 
-# %% Which order of the weight? More order, less excess over the radius; but the controller check
-# gets more states.
+# %%
+# Which order of the weight? More order, less excess over the radius; but the controller check gets
+# more states.
 print("\norder of the weight   mean excess   largest excess")
 for order in (0, 1, 2, 4):
     fit = robust.fit_weight(model.omega, model.radius, order=order)
     print(f"{order:12d} {fit.mean_excess_db:18.2f} dB {fit.max_excess_db:13.2f} dB")
 
-# %% Which form? A relative radius for a plant that keeps its shape, an additive one near zeros, an
+# %%
+# Which form? A relative radius for a plant that keeps its shape, an additive one near zeros, an
 # inverse one where poles move. The form that needs the smaller radius at the peak of its own
 # sensitivity leaves more room.
 print("\nform                     radius at 10 Hz    at 59 Hz")
@@ -68,8 +72,9 @@ for form in ("multiplicative", "additive", "inverse-multiplicative"):
 seen = robust.validate(model, second)
 print(f"\n{seen}")
 
-# %% Weights by formula: the demand on the loop, and an uncertainty that was not measured, a delay
-# of up to a millisecond.
+# %%
+# Weights by formula: the demand on the loop, and an uncertainty that was not measured, a delay of
+# up to a millisecond.
 w_P = robust.performance_weight(2 * np.pi * 2, M_S=2, A=1e-2)
 w_delay = robust.models.delay_weight(1e-3)
 for name, weight in (("|S| allowed", w_P), ("delay, as a radius", w_delay)):

@@ -21,7 +21,8 @@ parser.add_argument("--out", type=Path, default=Path("demo/07"), help="folder fo
 out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
 
-# %% The set of plants: the friction rig at two levels, between which its resonance moves, and the
+# %%
+# The set of plants: the friction rig at two levels, between which its resonance moves, and the
 # demand. Four realisations for each level: with fewer, some records allow no integral action at the
 # lowest lines.
 levels, band = (0.25, 0.5), dict(fs=2048, n_samples=8192, f_min=0.25, f_max=150)  # N rms
@@ -79,7 +80,8 @@ for ax, (what, K) in zip(axes.flat[:4], steps.items(), strict=True):
 # A line may stay beyond a bound: the bounds hold for any phase of L, the check uses the actual
 # phase.
 
-# %% The controller runs sampled: each element takes dt and is exact at its own frequency. The check
+# %%
+# The controller runs sampled: each element takes dt and is exact at its own frequency. The check
 # adds hold and delay.
 dt = 1e-3
 K = robust.shaping.pid(0.0, hz * 8, dt=dt) * robust.shaping.notch(

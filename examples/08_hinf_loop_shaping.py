@@ -29,8 +29,9 @@ model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=3), order=4)
 dt, delay = 1e-3, 5e-4
 plant = robust.sampled(model.nominal, dt, delay)
 
-# %% How fast? With gamma_min under 4 the shape is possible; 1/gamma is the coprime margin of the
-# loop. max rs is the robust-stability measure with the measured set.
+# %%
+# How fast? With gamma_min under 4 the shape is possible; 1/gamma is the coprime margin of the loop.
+# max rs is the robust-stability measure with the measured set.
 print("crossover   gamma_min   margin   max rs")
 designs = {}
 for crossover in (5.0, 10.0, 20.0, 40.0):
@@ -40,9 +41,10 @@ for crossover in (5.0, 10.0, 20.0, 40.0):
     print(f"{crossover:6.0f} Hz {design.gamma_min:11.2f} {1 / design.gamma:8.2f} {rs:8.2f}")
     designs[crossover] = design
 
-# %% The nu-gap is the distance of two plants for a controller: a loop with a larger margin is
-# stable with both. Friction makes the rig softer at a higher level. With the same shaping this is a
-# small gap, but a large change of the FRF.
+# %%
+# The nu-gap is the distance of two plants for a controller: a loop with a larger margin is stable
+# with both. Friction makes the rig softer at a higher level. With the same shaping this is a small
+# gap, but a large change of the FRF.
 louder = nlfrf.multisine(fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.5, rng=2)
 bla_loud = nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), louder, n_periods=2))
 other = robust.sampled(robust.fit_nominal(bla_loud, n_poles=3).G, dt, delay)
@@ -53,8 +55,9 @@ print(
     f" {gap:.2f} apart"
 )
 
-# %% Mixed sensitivity for the same plant: demands on S and K S, and on T from the measured set.
-# Under 1 all are met.
+# %%
+# Mixed sensitivity for the same plant: demands on S and K S, and on T from the measured set. Under
+# 1 all are met.
 stiffness = 1 / abs(bla.G[0])
 w_P = robust.performance_weight(2 * np.pi * 5, M_S=2.5, A=1e-2)
 mixed = robust.mixsyn(model, w_P, w_u=1 / (20 * stiffness), dt=dt, delay=delay)

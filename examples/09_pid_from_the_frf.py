@@ -23,13 +23,15 @@ parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--out", type=Path, default=Path("demo/09"), help="folder for the pictures")
 (out := parser.parse_args().out).mkdir(parents=True, exist_ok=True)
 
-# %% One record of the friction rig, two periods of a special-odd multisine at the level the machine
+# %%
+# One record of the friction rig, two periods of a special-odd multisine at the level the machine
 # will work at.
 ms = nlfrf.multisine(fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.25, rng=2)
 bla = nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2))
 print(bla)
 
-# %% The controller runs at 1 kHz with half a millisecond of computation: hold and delay are in the
+# %%
+# The controller runs at 1 kHz with half a millisecond of computation: hold and delay are in the
 # plant of the design. The sensitivity may peak at 1.6 for any plant in the discs. Does more
 # structure give more integral action?
 designs = {}

@@ -30,7 +30,8 @@ ms = nlfrf.multisine(fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.25, rng=
 bla = nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2))
 model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=3), order=4)
 
-# %% Loop shaping at 1 kHz with a millisecond of computation; the integrator from which it started;
+# %%
+# Loop shaping at 1 kHz with a millisecond of computation; the integrator from which it started;
 # twice this integrator.
 dt, delay = 1e-3, 1e-3
 plant = robust.sampled(model.nominal, dt, delay)
@@ -85,7 +86,8 @@ plot_nyquist(reports["integrator"], ax=axes[1, 0])
 plot_family(robust.analysis.sample_loops(model, K_shaped, 30, delay=delay, rng=1), ax=axes[1, 1])
 figure.savefig(out / "check.png", dpi=90)
 
-# %% "Statistically" is a restriction: a distortion bound is no stability proof for the nonlinear
+# %%
+# "Statistically" is a restriction: a distortion bound is no stability proof for the nonlinear
 # machine. If you know more (a sector, levels that contain every motion), claim it by
 # perturbation="operator".
 print(f"wrote {out}/check.png")

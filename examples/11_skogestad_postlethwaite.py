@@ -29,7 +29,8 @@ def compare(what, book, here):
     print(f"{what:57s} book {book:>13}  here {here}")
 
 
-# %% Section 7.5.2, the uncertain plant with a zero in the right half plane: a model, a weight that
+# %%
+# Section 7.5.2, the uncertain plant with a zero in the right half plane: a model, a weight that
 # covers a very different plant, and a PI controller by Ziegler and Nichols.
 s = control.tf("s")
 G = 3 * (-2 * s + 1) / ((5 * s + 1) * (10 * s + 1))
@@ -73,8 +74,9 @@ compare(
     "Example 9.3: largest coprime uncertainty, 1/gamma_min", "0.43", f"{1 / design.gamma_min:.3f}"
 )
 
-# %% Example 2.17: the H-infinity norm of [w_P S; w_u K S] for the same plant, by a controller of
-# order two from the FRF, compared with the book's smallest one over all orders.
+# %%
+# Example 2.17: the H-infinity norm of [w_P S; w_u K S] for the same plant, by a controller of order
+# two from the FRF, compared with the book's smallest one over all orders.
 w_P = robust.performance_weight(10, M_S=1.5, A=1e-4)
 fixed = robust.design_frf(
     control.frequency_response(G_d, 10 * omega), 2, w_P=w_P, w_u=1.0, n_iterations=20
@@ -94,8 +96,9 @@ compare(
     " ".join(f"{m:.3f}" for m in sizes),
 )
 
-# %% Section 8.11.3: the distillation column with an inverse-based controller. Nominal performance
-# and robust stability hold, but with 20 % of gain error in each input performance is lost.
+# %%
+# Section 8.11.3: the distillation column with an inverse-based controller. Nominal performance and
+# robust stability hold, but with 20 % of gain error in each input performance is lost.
 w = np.geomspace(1e-3, 1e2, 300)
 G_0 = np.array([[87.8, -86.4], [108.2, -109.6]])[:, :, None]
 lag, S, T = 75j * w + 1, 1j * w / (1j * w + 0.7), 0.7 / (1j * w + 0.7)  # G = G_0/lag, G K = 0.7/s

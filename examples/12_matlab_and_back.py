@@ -60,8 +60,9 @@ weight = robust.load(out / "plant.json").weight
 same = all(np.array_equal(getattr(weight, m), getattr(model.weight, m)) for m in "ABCD")
 print(f"plant.json: weight equal to the bit: {same}")
 
-# %% The colleague's turn. In Octave, without any toolbox: the response of the nominal from its A,
-# B, C, D on the lines of the file, and an integrating controller of their own.
+# %%
+# The colleague's turn. In Octave, without any toolbox: the response of the nominal from its A, B,
+# C, D on the lines of the file, and an integrating controller of their own.
 script = """
 data = load('plant.mat'); m = data.content; n = m.nominal;
 G = arrayfun(@(w) n.C * ((1i * w * eye(rows(n.A)) - n.A) \\ n.B) + n.D, m.freq);

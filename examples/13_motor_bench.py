@@ -50,8 +50,9 @@ print(
     f" {record.lines.excited.size} lines"
 )
 
-# %% The BLA. identify warns that odd-odd detection lines read too low, and uses the roughness of
-# the FRF instead.
+# %%
+# The BLA. identify warns that odd-odd detection lines read too low, and uses the roughness of the
+# FRF instead.
 with warnings.catch_warnings(record=True) as said:
     warnings.simplefilter("always")
     bla = nlfrf.identify(record)
@@ -62,7 +63,8 @@ with warnings.catch_warnings():
     warnings.simplefilter("ignore")
     print(nlfrf.second_opinion(record))
 
-# %% A model: the angle integrates twice, the coupling adds a resonance and an anti-resonance,
+# %%
+# A model: the angle integrates twice, the coupling adds a resonance and an anti-resonance,
 # electronics a delay.
 scan = robust.models.scan_orders(bla, n_poles=(2, 4, 6), relative_degree=1, delay="estimate")
 print(scan)
@@ -71,8 +73,9 @@ print(nominal)
 model = robust.uncertainty(bla, nominal, order=6)
 print(model)
 
-# %% A position controller at 2.5 kHz with one sample of computation, by loop shaping, faster until
-# the check refuses.
+# %%
+# A position controller at 2.5 kHz with one sample of computation, by loop shaping, faster until the
+# check refuses.
 dt = 1 / record.fs
 plant = robust.sampled(model.nominal, dt, dt)
 accepted = None

@@ -35,14 +35,9 @@ import robust
 LEVELS = {"one level": (0.5,), "three levels": (0.25, 0.5, 2.0)}  # rms of the force [N]
 BAND = {"fs": 4096, "n_samples": 16384, "f_min": 1.25, "f_max": 250}
 KICKS = {"gentle": 0.5, "hard": 2.0, "very hard": 20.0}  # rms of the burst [N]
-MACHINE, CLASS = (
-    robust.friction_plant(1.0, 80e3, 0.4),
-    robust.friction.MaxwellSlip(64e3),
-)  # it slides; friction
-# sample time of the controller, how long the burst and the silence last [s]
-T = 1e-3
-BURST = 0.3
-QUIET = 1.2
+MACHINE = robust.friction_plant(1.0, 80e3, 0.4)  # it slides
+CLASS = robust.friction.MaxwellSlip(64e3)
+T, BURST, QUIET = 1e-3, 0.3, 1.2  # sample time, length of the burst and of the silence [s]
 OUTCOMES = {
     "settled": "#009E73",
     "stable": "#0072B2",
@@ -52,18 +47,14 @@ OUTCOMES = {
 
 
 def verdicts(model, K):
-    """Return both verdicts of a controller as text, max rs, and the kick of a sure run-away
-    [m/s].
-    """
+    """Return both verdicts as text, max rs, and the kick [m/s] of a proved divergence."""
     report, proof = robust.check(model, K), robust.prove_friction(MACHINE, K, CLASS, Fs=1.0)
     rs = np.nan_to_num(1 / report.margins.rs, nan=150).clip(0.3, 150)
     return f"{report.verdict:22}{proof.verdict:10}", rs, proof.kick_sure
 
 
 def played(name, crossovers, gains, pool):
-    """Return rows of one model: name, verdicts, burst, outcome, max rs, share of motion left, kick
-    of a run-away.
-    """
+    """Return rows: name, verdicts, burst, outcome, max rs, share of motion left, kick [m/s]."""
     designs = [nlfrf.multisine("special-odd", **BAND, rms=rms, rng=1) for rms in LEVELS[name]]
     family = [
         nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2, n_discard=2))
@@ -85,15 +76,8 @@ def played(name, crossovers, gains, pool):
     run = partial(nlfrf.rig.run_loops, rig, quiet, limited, executor=pool)
     for kick, rms in KICKS.items():
         for (words, rs, sure), r in zip(said, run(disturbance=rms * force), strict=True):
-            yield (
-                name,
-                words,
-                kick,
-                r.outcome(BURST),
-                rs,
-                np.clip(r.residual(BURST), 1e-8, 1e3),
-                sure,
-            )
+            left = np.clip(r.residual(BURST), 1e-8, 1e3)
+            yield name, words, kick, r.outcome(BURST), rs, left, sure
 
 
 if __name__ == "__main__":  # other processes read this file as well, up to here
@@ -148,12 +132,8 @@ if __name__ == "__main__":  # other processes read this file as well, up to here
             [r[4:6] for r in results if r[0] == name and " proved" in r[1]], (-1, 2)
         )
         ax.plot(*proved.T, "ko", mfc="none", ms=11, label="proved for a class of friction")
-        ax.set(
-            xscale="log",
-            yscale="log",
-            xlim=(0.3, 200),
-            ylabel="motion left, over motion in the burst (1e-8: less)",
-        )
+        ax.set(xscale="log", yscale="log", xlim=(0.3, 200))
+        ax.set_ylabel("motion left, over motion in the burst (1e-8: less)")
         ax.set_title(f"Identified at {name}, {' and '.join(map(str, LEVELS[name]))} N rms")
     axes[-1].set_xlabel("max rs of the check (at 150: the nominal loop is unstable)")
     figure.legend(

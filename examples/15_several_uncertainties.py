@@ -63,7 +63,8 @@ print(
     f" {rest.max():.2f}"
 )
 
-# %% The machine with its perturbations pulled out, joined by the names of the signals. An integral
+# %%
+# The machine with its perturbations pulled out, joined by the names of the signals. An integral
 # controller.
 state = [[0, 1], [-k / m, -c / m]]
 into = [[0, 0, 0], [1 / m, 1 / m, 1 / m]]

@@ -45,8 +45,9 @@ noise = np.random.default_rng(2).standard_normal(record.y.shape)
 record = replace(record, y=record.y + 1e-3 * record.y.std() * noise)
 frm = nlfrf.identify(record)
 
-# %% A nominal with four states, and the set around it with one disc for each entry, chosen before
-# the verdict.
+# %%
+# A nominal with four states, and the set around it with one disc for each entry, chosen before the
+# verdict.
 fit = robust.fit_nominal(frm, n_poles=4, dt=1 / FS)
 model = robust.uncertainty(frm, fit, form="elements", order=4)
 print(f"{frm}\n\n{fit}\n{model}\n")
@@ -77,9 +78,9 @@ print(
     f" {radii[1]:.5f}"
 )
 
-# %% On the machine, with its friction and actuators of 40 N: a step of 100 um along x, then a kick
-# of both axes. Again with an additional delay of half a millisecond, which the model does not
-# contain.
+# %%
+# On the machine, with its friction and actuators of 40 N: a step of 100 um along x, then a kick of
+# both axes. Again with an additional delay of half a millisecond, which the model does not contain.
 t = np.arange(1024) / FS
 goal, kick = np.outer([100e-6, 0], t >= 0.1), np.outer([3, 4], (t >= 1.2) & (t < 1.22))
 moves = {}

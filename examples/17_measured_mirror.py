@@ -40,7 +40,8 @@ if not folder.is_dir():
     sys.exit()
 out.mkdir(parents=True, exist_ok=True)
 
-# %% The records, (samples, channels, experiments, periods), to (channels, experiments, periods,
+# %%
+# The records, (samples, channels, experiments, periods), to (channels, experiments, periods,
 # samples).
 FS = 6400.0
 u, y = (np.load(folder / f"{name}_300mV_train.npy").transpose(1, 2, 3, 0) for name in "uy")
@@ -55,7 +56,8 @@ def matrix(experiments, first, last):
     )
 
 
-# %% The matrix and its bound from one set, and the share of the other, independent set inside the
+# %%
+# The matrix and its bound from one set, and the share of the other, independent set inside the
 # bound.
 with warnings.catch_warnings(record=True) as said:
     warnings.simplefilter("always")
@@ -84,8 +86,9 @@ model = robust.uncertainty(first, fit, form="additive", order=4)
 print(f"\n{fit}\n{model}\n{robust.validate(model, second)}\n")
 
 
-# %% Three integrators behind the inverse of the static matrix, rolled off before the modes at 636
-# Hz and above.
+# %%
+# Three integrators behind the inverse of the static matrix, rolled off before the modes at 636 Hz
+# and above.
 def controller(crossover):
     integrator = control.ss(control.tf([2 * np.pi * crossover / FS, 0], [1, -1], 1 / FS))
     lag = control.ss(robust.lti.discretize(control.tf([1], [1 / (2 * np.pi * 150), 1]), 1 / FS))

@@ -36,7 +36,8 @@ for level, model in zip(levels, models, strict=True):
         f" {model.radius.max():.2f}"
     )
 
-# %% The fixed parts, joined by signal names; the velocity is the difference of positions, as in the
+# %%
+# The fixed parts, joined by signal names; the velocity is the difference of positions, as in the
 # drive.
 T, delay = 1e-3, 0.5e-3
 velocity = control.tf([1 / T, -1 / T], [1, 0], T, inputs="y", outputs="v")

@@ -26,7 +26,8 @@ parser.add_argument(
 out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
 
-# %% Given: mass and force constant from the data sheet, and soft gains with which the axis stands
+# %%
+# Given: mass and force constant from the data sheet, and soft gains with which the axis stands
 # still.
 machine = nlfrf.servo_axis("linear motor")
 machine = replace(machine, drive=replace(machine.drive, kv=20, kp=40, tn=0.05))
@@ -52,8 +53,9 @@ ramp = design_ramp(rough, nlfrf.multisine(**period, f_min=4, f_max=100, rng=1), 
 levels = find_levels(play(ramp, "ramp"), ramp)
 print(levels)
 
-# %% The experiments. At rest: two levels that stick, one that bends, one that slides. In motion:
-# one at 0.1 m/s, where friction slides all the time.
+# %%
+# The experiments. At rest: two levels that stick, one that bends, one that slides. In motion: one
+# at 0.1 m/s, where friction slides all the time.
 sticks, bends, slides = levels.records
 wanted = (
     (sticks, levels.rms[0]),
@@ -83,8 +85,9 @@ records, names, conditions = servo.read_experiments(
 before = servo.check(records, proposed, names=names, conditions=conditions)
 print(f"\n--- the gains of the autotuner ---\n{before}")
 
-# %% Gains with more margin: ``|S|`` below 1.8 on the FRF in motion, the reset time chosen, then
-# read back as gains.
+# %%
+# Gains with more margin: ``|S|`` below 1.8 on the FRF in motion, the reset time chosen, then read
+# back as gains.
 PI = robust.shaping.pid(1.0, 1 / 0.03, dt=1 / 4000)
 design = robust.design_frf(
     nlfrf.identify(records[-1]), "PD", M_S=1.8, fixed=PI, dt=1 / 4000, filter_time=0.14e-3
@@ -99,9 +102,10 @@ print(f"\n--- gains with more margin ---\n{after}")
 # For the drive or a PLC: the same cascade as a function block.
 (out / "FB_Axis.st").write_text(servo.structured_text(better, name="FB_Axis"))
 
-# %% A year later the friction has doubled. In motion the machine still fits the model. The levels
-# at rest show the change: the proof still holds if K0 and stiction are below its assumptions, but
-# the bound grows.
+# %%
+# A year later the friction has doubled. In motion the machine still fits the model. The levels at
+# rest show the change: the proof still holds if K0 and stiction are below its assumptions, but the
+# bound grows.
 law = machine.motor_friction
 worn = replace(
     machine, motor_friction=replace(law, strength=tuple(2 * force for force in law.strength))
@@ -119,7 +123,8 @@ print(
 )
 print(f"{bound:.3g} um off with the force read before, {bound * grown:.3g} um with that read later")
 
-# %% The picture: the levels of the pre-test, and a step of the position set point with both sets of
+# %%
+# The picture: the levels of the pre-test, and a step of the position set point with both sets of
 # gains.
 figure, (left, right) = plt.subplots(1, 2, figsize=(12, 4.5), layout="constrained")
 left.loglog(1e6 * levels.position_rms, levels.stiffness / 1e6, "o-")

@@ -27,7 +27,8 @@ out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
 
 
-# %% The file, as a colleague sends it: A, B, C, D of the eight plants stacked along the third axis.
+# %%
+# The file, as a colleague sends it: A, B, C, D of the eight plants stacked along the third axis.
 # Time in seconds, temperatures as a fraction of the range, inputs as a fraction of full power.
 def oven(load, fan, heater):
     """Return the oven with a heat capacity, a heat loss and a second heater that are so many times
@@ -44,7 +45,8 @@ A, B, C, D = (
 )
 savemat(out / "oven.mat", {"A": A, "B": B, "C": C, "D": D})
 
-# %% Load the file. No nominal is given, so the mean response of the eight is fitted. Each form of
+# %%
+# Load the file. No nominal is given, so the mean response of the eight is fitted. Each form of
 # uncertainty has a weight at every frequency; what counts is this weight times T or S of the wanted
 # loop, here with 8 mrad/s.
 content = loadmat(out / "oven.mat")
@@ -73,8 +75,9 @@ w_u = 0.2 * control.tf([60, 0.1], [6, 10])
 design = robust.dk_iteration(model, w_P=w_P, w_u=w_u, n_rounds=4, order=2)
 print(f"\n{design}")
 
-# %% The verdict, and the proofs: saved, and verified from the files alone by code that is
-# independent of the search.
+# %%
+# The verdict, and the proofs: saved, and verified from the files alone by code that is independent
+# of the search.
 report = robust.check(model, design.K, w_P=w_P)
 print(f"\n{report}")
 robust.save(model, out / "model.json")
@@ -87,7 +90,8 @@ found = robust.io.verify_certificate(
 )
 print(f"\n{found}\nverified: {found.verified}")
 
-# %% The eight loops: a step of zone 1, and its effect on zone 2. The proof covers all plants of the
+# %%
+# The eight loops: a step of zone 1, and its effect on zone 2. The proof covers all plants of the
 # family, and more.
 t = np.linspace(0, 3600, 600)
 figure, axes = plt.subplots(1, 3, figsize=(15, 4.2), layout="constrained")

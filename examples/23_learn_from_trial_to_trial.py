@@ -34,8 +34,9 @@ warnings.simplefilter(
     "ignore", robust.DesignWarning
 )  # two poles miss some of the axis: the misfit is in the radius
 
-# %% Fixed before any filter: ten trials of a move of 1 mm and of 100 mm in 0.3 s, and the band of
-# the error that counts.
+# %%
+# Fixed before any filter: ten trials of a move of 1 mm and of 100 mm in 0.3 s, and the band of the
+# error that counts.
 TRIALS, BAND = 10, 40.0  # Hz
 
 
@@ -65,7 +66,8 @@ def learn(learning, trial, n):
     return np.array(errors)
 
 
-# %% The rig: a record at a level that slides, a set, a PID from the FRF, and the filter. The move
+# %%
+# The rig: a record at a level that slides, a set, a PID from the FRF, and the filter. The move
 # slides too.
 rig, T, n = nlfrf.paper_rig(), 1e-3, 1000
 ms = nlfrf.multisine("special-odd", fs=4096, n_samples=8192, f_min=2, f_max=250, rms=8.0, rng=1)
@@ -77,8 +79,9 @@ print(f"--- friction rig ---\n{on_rig}")
 r = move(1e-3, n, T)
 rig_errors = learn(on_rig, lambda u: nlfrf.rig.run(rig, r, K, disturbance=u).e, n)
 
-# %% The axis: set points that the drive plays in motion, its trace, a set, and the drive itself as
-# the controller.
+# %%
+# The axis: set points that the drive plays in motion, its trace, a set, and the drive itself as the
+# controller.
 axis, limits = nlfrf.servo_axis("linear motor"), AxisLimits(force=1000, velocity=0.5, travel=0.6)
 rough = nlfrf.rig.ServoAxis(motor_inertia=12, drive=replace(axis.drive, kv=20, kp=40, tn=0.05))
 ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=400, rng=3)

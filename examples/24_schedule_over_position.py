@@ -33,7 +33,8 @@ warnings.simplefilter(
     "ignore", robust.DesignWarning
 )  # one start, and no weight in the tuning: the proof has it
 
-# %% The machine: a motor and a carriage on a belt whose stiffness goes with the position, on a weak
+# %%
+# The machine: a motor and a carriage on a belt whose stiffness goes with the position, on a weak
 # spring to ground.
 T, POSITIONS, SPEED = 1e-3, np.array([-0.25, -0.08, 0.08, 0.25]), 1.0  # s, m, m/s
 
@@ -45,7 +46,8 @@ def machine(p):
     return control.ss(A, [[0], [0], [1 / 4], [0]], [[0, 1, 0, 0]], 0)
 
 
-# %% A record at each position: a multisine as force, held over each sample, two periods in steady
+# %%
+# A record at each position: a multisine as force, held over each sample, two periods in steady
 # state with noise.
 ms = nlfrf.multisine(
     "random-odd", fs=1 / T, n_samples=4000, f_min=0.5, f_max=100, rms=20.0, n_realizations=2, rng=1
@@ -63,7 +65,8 @@ plant = interpolate(
 )
 print(plant)
 
-# %% A PID with a notch at each position, one sample of computation delay. The notch begins at the
+# %%
+# A PID with a notch at each position, one sample of computation delay. The notch begins at the
 # resonance there.
 junctions = [
     control.summing_junction(["u", "d"], "force"),
@@ -101,7 +104,8 @@ def tune(p):
 
 K = LpvModel.from_points([tune(p) for p in POSITIONS], at=POSITIONS, over="position", unit="m")
 
-# %% The proof: every motion up to 1 m/s, every plant of the set, the position moving within each
+# %%
+# The proof: every motion up to 1 m/s, every plant of the set, the position moving within each
 # sample too.
 proof = robust.prove_schedule(plant, K, rate=SPEED, delay=T)
 print(proof)
@@ -109,7 +113,8 @@ if proof.holds:
     robust.save(proof, out / "schedule.json")
     print(robust.io.verify_certificate(out / "schedule.json"))
 
-# %% Played: the true machine goes to and fro at 1 m/s while its error decays from a push, with the
+# %%
+# Played: the true machine goes to and fro at 1 m/s while its error decays from a push, with the
 # controller of the schedule, and with the one of the middle alone.
 
 

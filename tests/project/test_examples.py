@@ -218,7 +218,7 @@ PRINTED = {
 def test_examples_are_short_and_have_a_title():
     for name in names():
         lines = (EXAMPLES / f"{name}.py").read_text().splitlines()
-        assert len([line for line in lines if line != "# %%"]) <= 104, name
+        assert sum(any(c.isalpha() for c in line) for line in lines if line != "# %%") <= 115, name
         title, text = title_and_text(name)
         assert 10 < len(title) < 94, name
         assert text, name
