@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class DesignWarning(UserWarning):
-    """A result that is usable but suspicious: the model or the design limits what it means.
+    """Warning about a result that can be used, but that the model or the design makes doubtful.
 
     Examples
     --------

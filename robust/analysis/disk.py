@@ -43,25 +43,26 @@ from robust.proofs.search.stability import decide_stability
 
 @value
 class DiskMargin:
-    """The largest disk of gains and phases around one for which a loop stays stable.
+    """Disk margin: the largest disk of complex factors around one for which a loop stays stable.
 
     Fields
     ------
     alpha : float
         Size of the disk; nan if the loop is not stable, with the cause in `reason`.
     omega : float
-        Frequency that limits the margin [rad/s].
+        Frequency at which the margin is smallest [rad/s].
     skew : float
-        Shape of the disk: 0 for the same gain up and down, 1 for the distance of L from -1 (1/max
-        |S|), -1 for 1/max |T|.
+        Shape of the disk. 0: the same range for an increase and a decrease of the gain. 1: alpha is
+        the distance of L from -1, which is 1/max |S|. -1: alpha is 1/max |T|.
     gain_margin : tuple of float
-        Each channel may be multiplied by any gain between these two.
+        Smallest and largest gain by which each channel may be multiplied.
     phase_margin : float
-        Each channel may be turned by any phase up to this [rad]; inf if any phase is allowed.
+        Largest phase [rad] by which each channel may be shifted; inf if any phase is allowed.
     reason : str
         Reason why there is no margin; else empty.
     channels : tuple of int
-        The channels that change, from 0, while the others stay as they are; empty: all.
+        Channels that change, counted from 0, while the other channels stay closed; empty for all
+        channels.
 
     References
     ----------
@@ -96,16 +97,16 @@ class DiskMargin:
 
 @value
 class LoopMargins:
-    """Disk margins of a loop with several channels: one at a time, and all at once.
+    """Disk margins of a loop with several channels, for one channel at a time and for all at once.
 
     Fields
     ------
     inputs, outputs : tuple of DiskMargin
-        For each input and each output of the plant alone; the other channels stay closed.
+        Margin of each single input and output of the plant; the other channels stay closed.
     all_inputs, all_outputs : DiskMargin
-        For all inputs at once, for all outputs at once.
+        Margin if all inputs change at once, and if all outputs change at once.
     everywhere : DiskMargin
-        For all inputs and outputs at once.
+        Margin if all inputs and outputs change at once.
     input_names, output_names : tuple of str
         Names of the channels.
 
@@ -136,8 +137,8 @@ class LoopMargins:
         return self.everywhere.reason
 
     def least(self) -> str:
-        """Describe the smallest margin of a single channel, then those of all inputs, all outputs,
-        and both.
+        """Describe the smallest margin of a channel, and those of all inputs, all outputs, and
+        both.
         """
         alone = (*self.inputs, *self.outputs)
         k = int(np.argmin([margin.alpha for margin in alone]))
@@ -192,37 +193,36 @@ def _format_margins(margin: DiskMargin) -> str:
 def disk_margin(
     L: AnySystem, *, skew: float = 0.0, n_unstable: int = 0, channels: Sequence[int] | None = None
 ) -> DiskMargin:
-    """Compute the disk margin of a loop closed by unit negative feedback; for several channels by
-    mu.
+    """Compute the disk margin of a loop L with unit negative feedback.
 
-    Use this instead of gain and phase margin: it covers changes of gain and phase at the same time.
-    `disk_margins` gives it for each input and output of a plant.
+    Use this instead of gain and phase margin, because it covers changes of gain and phase at the
+    same time. `disk_margins` computes it for each input and output of a plant.
 
     Parameters
     ----------
     L : control.StateSpace, TransferFunction or FrequencyResponseData
-        Loop broken at the plant's input (K G) or output (G K), as many inputs as outputs. For an
-        FRF the margin holds on its lines only, and stability follows from the winding number of
-        det(I + L) around zero.
+        Loop gain, broken at the plant input (K G) or output (G K), with as many inputs as outputs.
+        For an FRF the margin holds on its lines only, and stability is decided from the winding
+        number of det(I + L) around zero.
     skew : float
         Shape of the disk, see `DiskMargin`.
     n_unstable : int
         Number of unstable poles of L, for an FRF.
     channels : sequence of int, optional
-        The channels that change, counted from 0; the others stay closed as they are. Default: all.
+        Channels that change, counted from 0, while the other channels stay closed. Default: all.
 
     Returns
     -------
     DiskMargin
-        alpha = 1/max mu(S + (skew - 1)/2 I) over frequency, one complex block per channel. At the
-        frequencies of the grid it is never larger than the true margin, and equal to it for up to
-        three channels.
+        alpha is 1/max mu(S + (skew - 1)/2 I) over frequency, with one complex block for each
+        channel. On the frequency grid alpha is never larger than the true margin, and equal to it
+        for up to three channels.
 
     Raises
     ------
     ValueError
-        An L that is not square, channels that it does not have, a loop without a solution, an FRF
-        that is not finite.
+        An L that is not square, a channel that does not exist, an algebraic loop without a solution
+        (I + D singular), or an FRF that is not finite.
 
     References
     ----------
@@ -251,17 +251,17 @@ def disk_margin(
 def disk_margins(
     G: AnySystem | UncertaintyModel, K: Controller, *, skew: float = 0.0, n_unstable: int = 0
 ) -> LoopMargins:
-    """Compute disk margins of the loop u = K (r - y) at every plant input and output, one at a time
-    and all at once.
+    """Compute the disk margins of the loop u = K (r - y) at the plant inputs and outputs.
 
-    Use this for a loop with several channels: a large margin in each channel alone does not imply
-    one for all at once.
+    Use this for a loop with several channels. It gives the margin of each channel alone, and the
+    margin of all channels at once, which may be small although each channel alone has a large
+    margin.
 
     Parameters
     ----------
     G : control.StateSpace, TransferFunction, FrequencyResponseData or UncertaintyModel
-        Plant with one or several inputs and outputs; for a set its nominal. For an FRF the margins
-        hold on its lines only.
+        Plant with one or several inputs and outputs. The margins of an UncertaintyModel are those
+        of its nominal. For an FRF the margins hold on its lines only.
     K : control.StateSpace, TransferFunction, float or (n_u, n_y) ndarray
         Controller, negative feedback, on the same time base.
     skew : float
@@ -272,13 +272,13 @@ def disk_margins(
     Returns
     -------
     LoopMargins
-        A loop that is not stable is a result, with the cause in `reason`.
+        An unstable loop is a result, not an error: `reason` states the cause.
 
     Raises
     ------
     ValueError
-        A K that does not fit G, sampling times that differ, a loop without a solution, an FRF that
-        is not finite.
+        A K that does not fit G, sampling times that differ, an algebraic loop without a solution,
+        or an FRF that is not finite.
 
     References
     ----------
@@ -287,7 +287,8 @@ def disk_margins(
 
     Examples
     --------
-    A spinning body: each loop alone allows any gain, both at once a tenth up or down.
+    A spinning body: each loop alone allows any gain, but both gains at once may change by a tenth
+    only.
 
     >>> G = control.ss([[0, 10], [-10, 0]], np.eye(2), [[1, 10], [-10, 1]], np.zeros((2, 2)))
     >>> margins = disk_margins(G, np.eye(2))

@@ -20,14 +20,13 @@ from robust.models.sets.model import UncertaintyModel
 
 
 def nu_gap(G1: Controller | UncertaintyModel, G2: Controller | UncertaintyModel) -> float:
-    """Compute Vinnicombe's nu-gap between two plants, from 0 (equal) to 1 (too far apart for any
-    guarantee).
+    """Compute Vinnicombe's nu-gap between two plants, from 0 (equal plants) to 1 (no guarantee).
 
-    Use this to judge whether one controller suits two plants. A controller whose coprime margin
-    (`ncf_margin`) exceeds the gap stabilises both; its margin with the other plant is at least
-    sin(arcsin(margin) - arcsin(gap)). Two plants may differ much in open loop and still have a
-    small gap. Shape both with the same weights first: the gap depends on the units of input and
-    output.
+    Use this to judge whether one controller suits two plants. If the coprime factor margin of a
+    controller with one plant (`ncf_margin`) exceeds the gap, the controller stabilises both plants.
+    Its margin with the other plant is at least sin(arcsin(margin) - arcsin(gap)). Two plants may
+    differ much in open loop and still have a small gap. The gap depends on the units of input and
+    output, so shape both plants with the same weights first.
 
     Parameters
     ----------
@@ -89,16 +88,17 @@ def nu_gap(G1: Controller | UncertaintyModel, G2: Controller | UncertaintyModel)
 
 
 def ncf_margin(G: Controller | UncertaintyModel, K: Controller) -> float:
-    """Compute the coprime margin of a loop: the nu-gap by which the plant may change at least; 0 if
-    unstable.
+    """Compute the normalised coprime factor margin of a loop; 0 if the loop is unstable.
 
-    Use this as one number for the robustness of a loop, mostly after `ncfsyn`, which maximises it
-    for a shaped plant.
+    Use this as one number for the robustness of a loop, for instance after `ncfsyn`, which
+    maximises this margin for a shaped plant. The loop stays stable with every plant whose nu-gap
+    (`nu_gap`) to G is smaller than the margin.
 
     Parameters
     ----------
     G : control.StateSpace, TransferFunction, UncertaintyModel
-        Plant with one or several inputs and outputs, shaped by its weights if there are any.
+        Plant with one or several inputs and outputs. A set of the coprime form is taken with its
+        shaping weights.
     K : control.StateSpace, TransferFunction, float or (n_u, n_y) ndarray
         Controller, negative feedback, on the same time base.
 
@@ -110,7 +110,8 @@ def ncf_margin(G: Controller | UncertaintyModel, K: Controller) -> float:
     Raises
     ------
     ValueError
-        Sampling times that differ, a K of another shape, a loop without a solution.
+        Sampling times that differ, a K whose shape does not fit G, or an algebraic loop without a
+        solution.
 
     References
     ----------

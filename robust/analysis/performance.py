@@ -42,8 +42,7 @@ _REAL_TOLERANCE = 1e-6
 
 @value
 class ClassicalMargins:
-    """Crossover, phase margin, gain margin and bandwidth of a loop gain; meaningful for a stable
-    loop only.
+    """Crossover, phase margin, gain margin and bandwidth of a loop; valid for a stable loop only.
 
     Fields
     ------
@@ -96,7 +95,7 @@ class ClassicalMargins:
 
     @property
     def facts(self) -> tuple[Fact, ...]:
-        """Crossover, margins and bandwidth, each with its meaning."""
+        """Crossover, margins and bandwidth as lines of a report."""
         high, low = (
             20 * np.log10(gain or np.nan) for gain in (self.gain_margin, self.gain_reduction)
         )
@@ -133,24 +132,23 @@ class ClassicalMargins:
 def classical_margins(
     omega: np.ndarray | AnySystem, L: np.ndarray | None = None
 ) -> ClassicalMargins:
-    """Return the classical margins of a loop gain, from a system or from its values on a dense
-    grid.
+    """Return gain margin, phase margin and bandwidth of a loop, from L as a system or as values.
 
-    Use this for a quick comparison with other tools. A report by `check` contains these margins too
-    (`classical`).
+    Use this for a quick comparison with other tools. The report of `check` contains these margins,
+    too (`RobustnessReport.classical`).
 
     Parameters
     ----------
     omega : (W,) ndarray, or control system
-        Frequencies [rad/s], increasing; or the loop gain L = G K as a system, for which the
-        frequencies are chosen.
+        Frequencies [rad/s], increasing and dense; or the loop gain L = G K as a system, for which
+        the frequencies are chosen automatically.
     L : (W,) complex ndarray, optional
         Loop gain at these frequencies; values that are not finite are ignored.
 
     Returns
     -------
     ClassicalMargins
-        By linear interpolation of log |L| and phase over log frequency.
+        The margins, computed by linear interpolation of log |L| and phase over log frequency.
 
     Raises
     ------
@@ -249,21 +247,23 @@ def _zero_crossings(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 @value
 class LoopGains:
-    """Singular values of the transfer functions of a nominal loop, largest first: gains in its
-    directions.
+    """Singular values of the transfer functions of a nominal loop over frequency, largest first.
 
     Fields
     ------
     omega : (W,) ndarray
         Frequencies [rad/s].
     L, S, T : (n_y, W) ndarray
-        Of L = G K at the outputs, of the sensitivity S = (I + L)^-1 and of T = I - S.
+        Singular values of L = G K at the plant outputs, of the sensitivity S = (I + L)^-1 and of T
+        = I - S.
     K_S : (n, W) ndarray
-        Of K S, from the reference to the inputs of the plant; n is the smaller number of channels.
+        Singular values of K S, from the reference to the plant inputs; n is the smaller of n_y and
+        n_u.
     stable : bool
-        Whether the loop is stable; the gains of an unstable loop have no meaning as amplifications.
+        Whether the loop is stable. For an unstable loop the singular values are no amplifications
+        of signals.
     band : (2,) ndarray or None
-        Lowest and highest measured frequency [rad/s], if given.
+        Lowest and highest of the measured frequencies [rad/s], if any were given.
 
     References
     ----------
@@ -287,7 +287,7 @@ class LoopGains:
 
 
 def loop_gains(G: Controller, K: Controller, *, omega: np.ndarray | None = None) -> LoopGains:
-    """Return singular values of the nominal loop u = K (r - y) over frequency.
+    """Return the singular values of L, S, T and K S of the loop u = K (r - y) over frequency.
 
     Use this for a loop with several channels, where the gain depends on the direction of the
     signal.
@@ -304,12 +304,13 @@ def loop_gains(G: Controller, K: Controller, *, omega: np.ndarray | None = None)
     Returns
     -------
     LoopGains
-        On a grid around every pole of the loop, up to Nyquist for a sampled loop.
+        The singular values on a frequency grid that is dense around every pole of the loop. For a
+        sampled loop the grid ends at the Nyquist frequency.
 
     Raises
     ------
     ValueError
-        A K that does not fit G: its channels, its sampling time.
+        A K whose channels or sampling time do not fit G.
 
     References
     ----------

@@ -40,13 +40,12 @@ _ROUNDING = 0.01
 
 @value
 class RobustnessReport(Findings):
-    """Verdict on one controller and one model, with its margins and proofs, for any number of
-    channels.
+    """Verdict on one controller and one model, with margins and proofs, for any number of channels.
 
-    `check` and `check_structure` return this report; `print(report)` shows it on one screen. One
-    channel with one uncertainty is judged by closed forms and exact arithmetic. Several channels,
-    and the several uncertainties of an `UncertainSystem`, are judged by the structured singular
-    value (mu). "One channel" and "mu" below name these two.
+    `check` and `check_structure` return this report; `print(report)` shows it on one screen. A
+    plant with one channel and one uncertainty is judged by closed formulas and exact arithmetic. A
+    plant with several channels, or an `UncertainSystem` with several uncertainties, is judged by
+    the structured singular value (mu).
 
     Fields
     ------
@@ -55,45 +54,50 @@ class RobustnessReport(Findings):
     nominally_stable : bool
         True only if the nominal loop is shown to be stable.
     curves : ReportCurves
-        Over frequency: `omega`, `rs`, `np_`, `rp`; for one channel also `S`, `T`, `G`, `K`, `L`,
-        `radius`.
+        Over frequency: `omega` [rad/s], and the measures of robust stability (`rs`), nominal
+        performance (`np_`) and robust performance (`rp`). For one channel also `S`, `T`, `G`, `K`,
+        `L`, `radius`.
     margins : Margins
-        `rs`, `rp`, `disk`, `S_worst`, each with its frequency (`omega_rs` and so on).
+        Largest `rs` and `rp`, disk margin `disk`, and largest |S| over the set `S_worst`, each with
+        its frequency (`omega_rs` and so on).
     proofs : Proofs
         `robustly_stable`, `robust_performance`, and their `certificates`.
     form : str
-        Form of the uncertainty. For several channels: the form with the strongest result. Empty for
+        Form of the uncertainty. For several channels, the form for which more was proved. Empty for
         an `UncertainSystem`.
     reason, advice : str
-        Reason of the verdict; what limits the margin, with what to measure or change next.
+        Reason of the verdict; cause of the smallest margin, and what to measure or change next.
     proved, not_proved : str
-        One sentence each.
+        One sentence on what was proved, and one on what was not.
     context : str
         The loop in one line.
     folding : str
-        For continuous plants under a sampled controller: the parts of the largest rs, at its
-        frequency and at the aliases.
+        For a continuous plant with a sampled controller: contributions to the largest rs, from its
+        own frequency and from the aliases of this frequency.
     given : Given
-        Input of the check: class and form of the set, demand, delay, measured band and unit.
+        Input of the check: class of perturbations and form of the set, demand, delay, measured band
+        and unit.
     channels : LoopMargins or None
         For several channels: disk margins of the nominal loop, one channel at a time and all at
         once.
     level : LoopLevel or None
-        Level at which the loop moves the machine, if `signals` were given and the nominal loop is
-        stable.
+        Predicted rms of plant input and output in the loop, if `signals` were given and the nominal
+        loop is stable.
     encoder_noise : float
-        Rms of u over the step of an encoder that rounds y [unit of u over y], for the nominal loop
-        and a y that moves over many steps: white noise of rms step / sqrt(12) through K S. nan for
-        a continuous loop and for several channels.
+        Rms of u caused by an encoder that rounds y, divided by the step of the encoder [unit of u
+        over y]. The rounding error is taken as white noise of rms step / sqrt(12) through K S of
+        the nominal loop, which holds for a y that moves over many steps. nan for a continuous loop
+        and for several channels.
     peak : float
-        Limit of |S| over the set, above which thin margins are reported: the peak that the demand
-        allows, 2 without a demand.
+        Limit of |S| over the set; above this limit the report warns of thin margins. It is the peak
+        that the demand allows, and 2 without a demand.
     confidence : tuple of str
-        Probability that the set contains one line, and all lines, of another realisation; empty if
-        none is claimed.
+        Probability that the set contains the FRF of another realisation (random draw of the phases
+        of the excitation), on one line and on all lines together; empty if no probability is
+        claimed.
     warnings : tuple of str
-        Warnings about the records, the model and the loop; verdict and probability are subject to
-        them.
+        Warnings about the records, the model and the loop, which limit the verdict and the
+        probability.
 
     References
     ----------
@@ -130,7 +134,9 @@ class RobustnessReport(Findings):
 
     @property
     def discs(self) -> tuple[np.ndarray, np.ndarray]:
-        """(W,) centre and (W,) radius of the disc that L fills over the set."""
+        """(W,) centre and (W,) radius of the disc of all L = G_p K at each frequency, G_p in the
+        set.
+        """
         curves, shaping = self.curves, 1.0 if self.curves.shaping is None else self.curves.shaping
         centre, radius = loop_discs(self.form, curves.radius, G=curves.G, K=curves.K, W=shaping)
         if (
@@ -149,8 +155,8 @@ class RobustnessReport(Findings):
 
     @property
     def better_gain(self) -> str:
-        """Direction of the gain, "higher" or "lower", that lowers max |S| over the set; empty if
-        neither does.
+        """The loop gain that lowers max |S| over the set: "higher", "lower", or empty if neither
+        does.
         """
         if self.curves.G is None or self.curves.K is None:
             return ""
@@ -165,8 +171,8 @@ class RobustnessReport(Findings):
 
     @property
     def thin_margins(self) -> str:
-        """Reason why a loop that is stable with the whole set is close to instability; empty if |S|
-        stays small.
+        """Where and why a robustly stable loop has thin margins; empty if |S| over the set stays
+        below `peak`.
         """
         if not (self.proofs.robustly_stable and self.margins.S_worst > self.peak * (1 + _ROUNDING)):
             return ""
@@ -188,8 +194,8 @@ class RobustnessReport(Findings):
 
     @property
     def performance(self) -> Demand | None:
-        """State of the demand over the whole set; None without a demand, and for an unstable
-        nominal loop.
+        """Whether every plant of the set meets the demand; None without a demand or with an
+        unstable nominal loop.
         """
         if not (self.nominally_stable and np.isfinite(self.margins.rp)):
             return None
@@ -201,9 +207,7 @@ class RobustnessReport(Findings):
 
     @property
     def missed_performance(self) -> str:
-        """Addition to the verdict if the loop is robustly stable and misses the demand; else
-        empty.
-        """
+        """Text after the verdict for a robustly stable loop that misses the demand; else empty."""
         missed = self.verdict.is_robust and self.performance not in (None, Demand.MET)
         return f", performance {self.performance}" if missed else ""
 
@@ -222,8 +226,8 @@ class RobustnessReport(Findings):
 
     @property
     def conditions(self) -> tuple[str, ...]:
-        """Conditions of the verdict, one a line: the confidence of the set, or a missing class of
-        perturbation.
+        """Conditions of the verdict, one a line: the confidence of the set, or the hint that the
+        set has none.
         """
         if self.verdict is Verdict.STATISTICALLY_ROBUST and not self.confidence:
             return (CLAIM_HINT,)

@@ -59,26 +59,26 @@ class WorstCase:
     omega : (W,) ndarray
         Frequencies [rad/s].
     gain : (W,) ndarray
-        Largest |S_p| over the set (|w_P S_p| with w_P); inf if a plant of the set has a pole on the
-        stability boundary. For several channels an upper bound of the largest singular value, by
-        the structured singular value.
+        Largest |S_p| over the set (|w_P S_p| with w_P); inf if the loop with a plant of the set has
+        a pole on the stability boundary. For several channels: upper bound of the largest singular
+        value, computed by mu.
     omega_worst : float
-        Frequency of the largest gain, or at which a perturbation destabilises the loop [rad/s].
+        Frequency [rad/s] of the largest gain, or at which a perturbation destabilises the loop.
     plant : control.StateSpace
-        A plant of the set that attains it there. It is continuous for a continuous nominal, also
-        under a sampled K; each alias with more than 0.3 % of the sum then has its own phase (in an
-        inverse form only the frequency itself). For several channels the worst plant found, which
-        may stay below the bound; sampled under a sampled K.
+        A plant of the set that attains the largest gain at omega_worst. For a continuous nominal it
+        is continuous, also if K is sampled. For several channels it is the worst plant found, whose
+        gain may be lower than the bound; it is sampled if K is sampled.
     delta : complex, or (drives, reads) complex ndarray
-        The perturbation there. Its modulus (largest singular value) is below one if a smaller one
-        destabilises.
+        The perturbation of this plant at omega_worst. Its modulus (largest singular value) is below
+        one if a perturbation below one destabilises the loop.
     achieved : float
-        |S_p| (|w_P S_p|; its largest singular value) of the loop with that plant at omega_worst, recomputed.
+        |S_p| (or |w_P S_p|, or its largest singular value) of the loop with `plant` at omega_worst,
+        recomputed.
     stable : bool
-        Whether the loop with that plant is stable.
+        Whether the loop with `plant` is stable.
     n_lines : int
-        0 if the largest value of `gain` is proved to be the largest at all frequencies, within 0.1
-        %; else the number of frequencies checked.
+        0 if the largest value of `gain` is proved, within 0.1 %, to be the largest at all
+        frequencies; otherwise the number of frequencies checked.
 
     References
     ----------
@@ -119,10 +119,10 @@ class WorstCase:
 def worst_case(
     model: UncertaintyModel, K: Controller, w_P: Weight | None = None, *, delay: float = 0.0
 ) -> WorstCase:
-    """Find the plant of the set with the largest sensitivity.
+    """Find the plant of a set with the largest sensitivity.
 
-    Use this to simulate the worst machine that a verdict covers: `plant` is a system, as the
-    nominal is.
+    Use this to simulate the worst machine that a verdict covers; the field `plant` contains it as a
+    system.
 
     Parameters
     ----------
@@ -133,8 +133,8 @@ def worst_case(
     w_P : control.StateSpace or TransferFunction, optional
         Performance weight on S. Default: 1.
     delay : float
-        Computation delay [s]. For several channels it must be in the nominal, unless only K is
-        sampled.
+        Computation delay [s]. For several channels it must be 0, with the delay in the nominal,
+        unless the nominal is continuous and K is sampled.
 
     Returns
     -------

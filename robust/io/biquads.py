@@ -15,26 +15,27 @@ _RESPONSE_TOLERANCE, _SLOW_RESPONSE_TOLERANCE = 1e-6, 1e-3
 
 
 def controller_sections(K: LinearSystem) -> np.ndarray | tuple[np.ndarray, ...]:
-    """Return a discrete controller as second-order sections, the form in which it runs on a target.
+    """Return a discrete controller as second-order sections (biquads) in series.
 
     Use this to run a controller in code of your own; `export_c` writes the code.
 
     Parameters
     ----------
     K : control.StateSpace or TransferFunction
-        Discrete controller; for several channels without coupling, one loop for each.
+        Discrete controller. For several channels it must be diagonal, one controller for each loop.
 
     Returns
     -------
     (n, 6) ndarray, or a tuple of them, one a loop, for several channels
-        Rows b0 b1 b2 1 a1 a2, run one after the other: y = b0 u + b1 u[k-1] + ... - a1 y[k-1] - a2
-        y[k-2].
+        One row b0 b1 b2 1 a1 a2 for each section: y[k] = b0 u[k] + b1 u[k-1] + b2 u[k-2] - a1
+        y[k-1] - a2 y[k-2]. The output of each section is the input of the next one.
 
     Raises
     ------
     ValueError
-        A continuous controller, one with coupled channels, or one whose sections do not reproduce
-        its response to 1e-6 (to 1e-3 below 0.01 rad per sample, where coefficients lose digits).
+        A continuous controller, a controller with coupled channels, or a controller whose sections
+        do not reproduce its response to 1e-6 (to 1e-3 below 0.01 rad per sample, where rounded
+        coefficients are less accurate).
 
     Examples
     --------

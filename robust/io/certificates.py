@@ -145,33 +145,35 @@ def verify_certificate(
     K: Controller | None = None,
     time_cap: float = 60.0,
 ) -> Verification:
-    """Prove the claim of a certificate file again, with outward rounding, and compare it with your
-    model and K.
+    """Prove the claim of a certificate file again, with outward rounding.
 
-    Use this for a certificate from someone else, or from another version.
+    Use this for a certificate from someone else, or from another version. With `model` and `K` the
+    claim is also compared with your plant and your controller.
 
     Parameters
     ----------
     path : path
         A certificate written by `robust.save`, `robust check` or `robust prove`.
     model : UncertaintyModel or FrictionPlant, optional
-        Expected subject of the certificate: nominal, weight, form and class are compared number by
-        number; for a machine with friction its linear part. For several channels the loop of model
-        and K is compared, to 1e-6.
+        Plant that the certificate should be for. Nominal, weight, form and class are compared
+        number by number; for a machine with friction the linear plant is compared. For several
+        channels the loop of model and K is compared, to 1e-6.
     K : control.StateSpace, TransferFunction or float, optional
-        The controller that runs, compared in the same way.
+        Controller that you use, compared in the same way.
     time_cap : float
-        Seconds after which the remaining claims count as not verified.
+        Computing time [s] after which the remaining claims count as not verified.
 
     Returns
     -------
     Verification
-        Not verified is a result, not an error: each claim with its reason.
+        The verified claims, and those that are not verified, with reasons. A claim that is not
+        verified is a result, not an error.
 
     Raises
     ------
     ValueError
-        A file that is not a certificate, or one whose digest does not fit: it was changed.
+        A file that is not a certificate, or a file that was changed after it was written (its
+        digest does not fit).
     FileNotFoundError
         No such file.
 

@@ -24,22 +24,24 @@ def bla_from_frd(
     input_units: Sequence[str] = (),
     output_units: Sequence[str] = (),
 ) -> nlfrf.Bla:
-    """Make a `Bla` from an FRF of python-control, for a set of plants with a stated probability.
+    """Make a `Bla` from an FRF of python-control and its standard deviation or coherence.
+
+    Use this to get an uncertainty set with a stated probability from an FRF of another program.
 
     Parameters
     ----------
     frf : control.FrequencyResponseData
         The FRF, with one channel or several; the names of its signals are kept if they were given.
     std, coherence : float, or (F,) or (n_y, n_u, F) ndarray, optional
-        Standard deviation in the unit of the FRF, or coherence over `n_averages`, as in
+        Standard deviation in the unit of the FRF, or coherence of `n_averages` averages, as in
         `nlfrf.bla_from_frf`.
     n_averages : float, optional
-        Independent averages.
+        Number of independent averages behind the coherence.
     hold : str
-        Input between the samples: "zoh", with the sampling time of the FRF, "band-limited" or
-        "unknown".
+        Behaviour of the input between the samples: "zoh" (zero-order hold with the sampling time of
+        the FRF), "band-limited" or "unknown".
     input_units, output_units : sequence of str
-        Units of the channels; python-control has none.
+        Units of the channels, which an FRF of python-control does not contain.
 
     Returns
     -------

@@ -37,23 +37,22 @@ from robust.proofs.search.certificate import GENERALISED_KYP, SCALED_KYP
 def export_matlab(
     content: UncertaintyModel | RobustnessReport | ChannelsClaim | Controller, path: PathLike
 ) -> None:
-    """Write a model, a controller or a proof for MATLAB: a ``.mat`` of plain structs and a ``.m``
-    file that loads it.
+    """Write a model, a controller or a proof for MATLAB: a ``.mat`` and a ``.m`` that loads it.
 
     Use this to continue in MATLAB, or to check a proof there.
 
-    The loader makes `ss`, `frd` and, for a model, the uncertain plant with `ultidyn` (Robust
-    Control Toolbox). For a proof it assembles the inequality and returns the largest eigenvalue,
-    which has to be negative. The warnings are in the struct, as `warnings`, and at the end of the
-    loader.
+    The ``.mat`` contains plain structs. The loader makes `ss` and `frd` objects and, for a model,
+    the uncertain plant with `ultidyn` (Robust Control Toolbox). For a proof the loader assembles
+    the linear matrix inequality and returns its largest eigenvalue, which has to be negative.
+    Warnings are in the field `warnings` of the struct and at the end of the loader.
 
     Parameters
     ----------
     content : UncertaintyModel, RobustnessReport or a controller
-        Content to write; for a report the proofs by "scaled KYP" and "generalised KYP", with their
-        loop: P and the scalings, for each interval also Q.
+        Content to write. Of a report, the proofs by "scaled KYP" and "generalised KYP" are written
+        with their loop: P and the scalings, and Q for each frequency interval.
     path : path
-        The ``.mat`` file; the loader is ``load_<name>.m`` beside it.
+        The ``.mat`` file; the loader is ``load_<name>.m`` in the same folder.
 
     Raises
     ------
@@ -66,8 +65,8 @@ def export_matlab(
     Warns
     -----
     DataWarning
-        A sampled controller whose second-order sections are off by more than 0.1 %: the file has A,
-        B, C and D only.
+        The second-order sections of a sampled controller deviate by more than 0.1 %; the file then
+        contains A, B, C and D only.
 
     Examples
     --------

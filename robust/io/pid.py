@@ -25,17 +25,17 @@ _ROUNDING_TOLERANCE = 64 * np.finfo(float).eps  # share of its terms below which
 
 @value
 class PidGains:
-    """Kp + Ki/s + Kd s/(Tf s + 1), also in the ideal form and as a difference equation.
+    """Gains of the PID controller Kp + Ki/s + Kd s/(Tf s + 1), also in other forms.
 
     Fields
     ------
     kp, ki, kd : float
-        Gains of the parallel form: unit of u per unit of y, the same per second, the same times
-        seconds.
+        Gains of the parallel form, in the unit of u over y; kp without a further factor, ki per
+        second, kd times seconds.
     filter_time : float
         Tf, time constant of the derivative filter [s]; zero without a derivative.
     dt : float
-        Sampling time of the difference equation [s]; 0 without one.
+        Sampling time of the difference equation [s]; 0 if there is none.
     unit : str
         Unit of kp, if known.
 
@@ -71,11 +71,10 @@ class PidGains:
 
     @property
     def has_ideal_form(self) -> bool:
-        """Return True if blocks take Kp (1 + 1/(Ti s) + Td s/(Tf s + 1)): times at least as long as
-        a sample.
+        """Return True if a PLC block accepts the ideal form: its times are at least one sample.
 
-        They are positive if all gains have the sign of kp. The manual of CONT_C requires TI and TD
-        of at least a cycle.
+        Ti and Td are positive only if all gains have the sign of kp. The manual of the block CONT_C
+        requires TI and TD of at least one cycle.
         """
         return self.kp != 0 and not self._unusable_times
 
@@ -96,11 +95,12 @@ class PidGains:
         return ""
 
     def plc_parameters(self) -> list[str]:
-        """Return the parameters of the ideal form in Siemens and TwinCAT blocks, one line each;
-        empty without one.
+        """Return the parameters of Siemens and TwinCAT blocks, one line a block; [] without ideal
+        form.
 
-        A time of zero switches its part off in each of them. The blocks have their own sampling:
-        the loop is the checked one if their cycle is short compared with every time.
+        In each block a time of zero switches that part of the PID off. The blocks discretise the
+        PID themselves. The loop is therefore the one that was checked only if their cycle is short
+        compared with Ti, Td and Tf.
 
         References
         ----------
@@ -133,12 +133,11 @@ class PidGains:
         ]
 
     def difference_equation(self) -> list[str]:
-        """Return lines that give u[k] from the error e[k] = r[k] - y[k], to be run in this order in
-        each sample.
+        """Return the statements, in order, that compute u[k] from the error e[k] = r[k] - y[k].
 
-        The rule is trapezoidal (Tustin), which gives the transfer function of the sampled
-        controller exactly. Each part has a state of its own, so that rounded coefficients cost no
-        integral action, and i can be held at a limit of u.
+        The trapezoidal rule (Tustin) gives exactly the transfer function of the sampled controller.
+        The integral i and the derivative are separate states. So rounded coefficients do not
+        destroy the integral action, and i can be held while u is at its limit.
         """
         if not self.dt:
             raise ValueError(
@@ -201,33 +200,32 @@ class PidGains:
 def pid_gains(
     K: Controller, *, dt: float | None = None, unit: str = ""
 ) -> PidGains | tuple[PidGains, ...]:
-    """Return the gains of a controller that is a PID, or a part of one, in the form of a drive or a
-    PLC.
+    """Return the gains of a PID, PI, PD, P or I controller, to enter in a drive or a PLC.
 
-    Use this to enter a designed controller by hand.
+    Use this to enter a designed controller by hand; `print` shows all forms.
 
     Parameters
     ----------
     K : control.StateSpace, TransferFunction or float
-        Controller; for several channels without coupling, one loop for each. The gains of a sampled
-        one are those of the trapezoidal rule (Tustin), which is exact for it.
+        Controller. For several channels it must be diagonal, one PID for each loop. The gains of a
+        sampled controller are those of a PID discretised by the trapezoidal rule (Tustin), which
+        reproduces the controller exactly.
     dt : float, optional
         Sampling time [s] of the difference equation of a continuous K.
     unit : str
-        Unit of y over u, as in `UncertaintyModel.origin`: that of Kp is the inverse.
+        Unit of the plant, y over u, as in `UncertaintyModel.origin`. The unit of Kp is its inverse.
 
     Returns
     -------
     PidGains, or a tuple of them, one a loop, for several channels
-        Printed, it shows the parallel form, the ideal form, and the difference equation. A gain
-        below about 1e-14 of the terms to which it is added (for Kp: Ki dt/2, Kd/Tf and Kd/dt) is
-        already lost to rounding in K, and is returned as zero.
+        A gain is returned as zero if it is below about 1e-14 of the terms to which it is added (for
+        Kp: Ki dt/2, Kd/Tf and Kd/dt), because rounding in K has already destroyed it.
 
     Raises
     ------
     ValueError
-        A controller that is not a PID: more than one integrator and one stable real pole. One with
-        coupled channels.
+        A controller with more poles than one integrator and one stable real pole, or with coupled
+        channels.
 
     References
     ----------

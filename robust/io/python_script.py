@@ -18,10 +18,11 @@ from robust.models.sets.model import UncertaintyModel, require_parametric
 
 
 def export_python(model: UncertaintyModel, path: PathLike) -> None:
-    """Write a model as a script for a colleague who has python-control and not this package.
+    """Write a model as a Python script that needs python-control and not this package.
 
-    The script has nominal and weights. It makes a plant of the set for any perturbation, draws
-    plants at random, and tries a controller on them. A trial is not a proof: `robust.check` proves.
+    The script contains the nominal and the weights. It computes the plant of the set for any
+    perturbation, draws plants at random, and tries a controller on them. Such a trial is not a
+    proof; `robust.check` gives proofs.
 
     Parameters
     ----------

@@ -62,29 +62,32 @@ class Statement(NamedTuple):
 
 @value
 class RoundedController:
-    """A controller in the arithmetic of its target, with the effect of rounding.
+    """A controller in the floating-point arithmetic of its target, with bounds on the effect of
+    rounding.
 
     Fields
     ------
     K : control.StateSpace
-        The controller with the rounded coefficients, for `check`; its matrices are rounded once
-        more, to float64.
+        The controller with the rounded coefficients, for `check`. Its matrices are computed from
+        these coefficients and rounded to float64.
     dtype : str
         "float32" or "float64".
     before, after : tuple of Statement
-        Statements from e to the output before its limit, v, and those after v is limited to u.
+        Statements of the code: from the error e to the unlimited output v, and those after v has
+        been limited to u.
     limit : (2,) ndarray
         Smallest and largest u; infinite without a limit.
     coefficient_error : float
-        Largest |dK|/|K| by rounded coefficients.
+        Largest relative error |dK|/|K| over frequency caused by rounded coefficients.
     gain : float
-        l1 norm from e to u, without the part split off: the largest |u| for |e| of at most one.
+        l1 norm from e to u, which is the largest |u| for |e| <= 1. A pole that the code treats
+        separately is not counted: an integrator, and with a limit also the slowest real lag.
     rounding : float
-        Bound of the rounding of all operations at u, over the largest |e|: sum of l1 norms from
-        each operation to u. Infinite if a pole that is not split off lies on or outside the unit
-        circle.
+        Bound on the error of u by rounding in all operations, divided by the largest |e|. It is the
+        sum of the l1 norms from each operation to u. Infinite if another pole than these lies on or
+        outside the unit circle.
     facts : tuple of str
-        These numbers, with their conditions.
+        These numbers with their conditions, as text.
 
     References
     ----------
@@ -112,7 +115,7 @@ class RoundedController:
 
     @property
     def states(self) -> list[str]:
-        """Return the names of the states, zero at the start."""
+        """Return the names of the states; all states are zero at the start."""
         sections = [row.target for row in self.before if row.target[0] == "s"]
         return [*sections, "integral", "carry"] if self.after else sections
 

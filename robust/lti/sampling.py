@@ -23,13 +23,12 @@ _SAMPLING_TOLERANCE = 1e-6  # relative difference up to which two sampling times
 
 
 def sampled(system: LinearSystem, dt: float, delay: float = 0.0) -> control.StateSpace:
-    """Return a continuous plant with zero-order hold, computation delay and sampler as a discrete
-    system, exactly.
+    """Return the exact discrete model of a continuous plant with zero-order hold, delay and
+    sampler.
 
-    Use this before a design or a check of a sampled controller. The delay [s] need not be a whole
-    number of samples. With delay = d dt + rest, the plant input changes inside the sampling
-    interval from u[k-d-1] to u[k-d] (Åström & Wittenmark, *Computer-Controlled Systems*, 3rd ed.,
-    2.3).
+    Use this before the design of a sampled controller. The delay need not be a whole number of
+    samples: with delay = d dt + rest, the plant input changes from u[k-d-1] to u[k-d] inside the
+    sampling interval.
 
     Parameters
     ----------
@@ -48,7 +47,7 @@ def sampled(system: LinearSystem, dt: float, delay: float = 0.0) -> control.Stat
     Raises
     ------
     ValueError
-        A system that is sampled already, a sampling time that is not positive, or a negative delay.
+        A discrete system, a sampling time that is not positive, or a negative delay.
 
     References
     ----------
@@ -206,8 +205,7 @@ def _roots_match(some: np.ndarray, other: np.ndarray) -> bool:
 
 
 def discretize(K: LinearSystem, dt: float, *, prewarp: float = 0.0) -> control.StateSpace:
-    """Return a discrete form of a continuous controller by the bilinear map (Tustin), exact at one
-    frequency.
+    """Discretise a continuous controller by the bilinear map (Tustin), with prewarping.
 
     Parameters
     ----------
@@ -216,19 +214,19 @@ def discretize(K: LinearSystem, dt: float, *, prewarp: float = 0.0) -> control.S
     dt : float
         Sampling time [s].
     prewarp : float
-        Frequency [rad/s] at which the response is exact; 0 makes it exact at zero frequency.
+        Frequency [rad/s] at which the discrete controller has the response of the continuous one; 0
+        for zero frequency.
 
     Returns
     -------
     control.StateSpace
-        Discrete controller. Check it with `check`, which adds hold and delay. A design on `sampled`
-        is better.
+        Discrete controller. Give it to `check`, which adds hold and delay. It is better to design
+        the controller for the discrete plant of `sampled` from the start.
 
     Raises
     ------
     ValueError
-        A controller that is discrete already, a prewarp frequency beyond Nyquist, or a pole at
-        2/dt.
+        A discrete controller, a prewarp frequency above the Nyquist frequency, or a pole at 2/dt.
 
     References
     ----------

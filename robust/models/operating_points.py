@@ -54,39 +54,43 @@ def interpolate(
     over: str = "operating point",
     unit: str = "",
 ) -> LpvModel:
-    """Make one model of a plant from its BLAs at several operating points: a polynomial plant with
-    one weight.
+    """Fit one parameter-dependent model with one weight to BLAs at several operating points.
 
-    A nominal is fitted at each point, its poles are paired by frequency, and their coefficients are
-    polynomials of the operating point. The weight is above the local bounds of all points, each
-    around the interpolated model, so that it contains the error of the interpolation there. In
-    between, each inner point is left out in turn: the largest error of the model from the others is
-    `held_out`, in units of the weight. It should be below one.
+    A nominal is fitted at each operating point. Its poles are paired by frequency, and the
+    coefficients of the pairs are interpolated by polynomials of the operating point. The weight
+    covers the local bounds at all points around the interpolated model, so that it contains the
+    interpolation error at these points.
+
+    The error between the points is tested by leaving out each inner point in turn. `held_out` is
+    the largest error at a left-out point of the model from the other points, divided by the weight.
+    It should be below one.
 
     Parameters
     ----------
     blas : list of nlfrf.Bla
-        One at each operating point, with one input and one output, all of the same lines.
+        One BLA for each operating point, with one input and one output. All BLAs have the same
+        lines.
     at : (N,) array_like
-        Operating points, increasing. Never levels of excitation: a BLA at a level is an average.
+        Operating points, increasing. Do not give levels of excitation: a BLA at one level is an
+        average over the motion.
     n_poles : int
-        Poles at each point.
+        Number of poles at each point.
     degree : int
         Degree of the polynomials, at most N - 1.
     dt : float
-        Sampling time of the controller that the weight is for [s]; 0 for a continuous one. The
-        plant is continuous.
+        Sampling time [s] of the controller for which the weight is made; 0 for a continuous
+        controller. The plant is continuous in both cases.
     delay : float
-        Known delay of the plant in the records [s], which is not in the model: give it to
+        Known delay [s] of the plant in the records. The model does not contain it, so give it to
         `prove_schedule`.
     form : str
         Form of the set, as in `LpvModel`.
     order : int, optional
         Order of the weight.
     confidence : float
-        Probability per line of the local bounds.
+        Probability of the local bounds on each line.
     below, above : "flat" or float
-        Radius outside the measured band, as in `uncertainty`.
+        Assumption about the radius outside the measured band, as in `uncertainty`.
     over, unit : str
         Name and unit of the operating point.
 
@@ -97,14 +101,14 @@ def interpolate(
     Warns
     -----
     DesignWarning
-        A left-out point outside the weight; what the fits warn of.
+        A left-out point outside the weight; warnings of the fits.
 
     Raises
     ------
     ValueError
-        One operating point, points that do not increase, another number of BLAs, lines that differ,
-        modes that come too close to be told apart, an interpolated plant that is unstable where the
-        fits are not.
+        Only one operating point, points that do not increase, a number of BLAs that differs from
+        the number of points, lines that differ, modes too close to be distinguished, or an
+        interpolated plant that is unstable where the fits are stable.
 
     References
     ----------

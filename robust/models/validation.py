@@ -53,42 +53,42 @@ _LINE_TOLERANCE = 1e-6  # relative distance to a line of the FRF that a model is
 
 @value
 class Validation:
-    """Comparison of a second record with a model, or with a first record; for any number of
-    channels.
+    """Result of `validate`: comparison of a second record with a model or with a first record.
 
     Fields
     ------
     n_outside : int
-        Number of lines on which the record differs from the one behind the model by more than both
-        scatter, at the confidence of the model (95 % against a record); for several channels the
-        lines whose whole matrix differs.
+        Number of lines on which both records differ by more than their scatter explains, at the
+        confidence of the model (95 % without a model). For several channels the whole matrix of a
+        line is compared.
     n_expected : float
-        Expected number of such lines without a change.
+        Expected number of such lines if the machine has not changed.
     p_value : float
-        Probability that two records of one machine differ as much along a change of gain, delay and
-        frequency together, which all entries share. It is uniform without a change if the
-        distortion is white over the lines; 1 for the record behind the model itself, nan for fewer
-        than eight lines.
+        p-value of the test for a change of gain, delay and frequency together (one change for all
+        entries): probability that two records of an unchanged machine differ at least as much. It
+        is uniformly distributed for an unchanged machine, if the distortion is white over the
+        lines. 1 for the record of the model itself, nan for fewer than eight lines.
     omega_outside : (n_outside,) ndarray
         Frequencies of these lines [rad/s].
     n_lines : int
-        Lines of the record; those outside the band of the model are left out. Records with
-        different lines are compared on fewer, and `n_expected` refers to those.
+        Number of lines of the record inside the band of the model. Two records with different lines
+        are compared on fewer lines, to which `n_expected` refers.
     omega, distance : (n_lines,) ndarray
-        The lines [rad/s], and the distance of each from the nominal, in units of the weight; nan
-        against a record.
+        Frequencies of the lines [rad/s], and the distance of the second FRF from the nominal on
+        each, divided by the weight; nan without a model.
     gain, frequency : float
-        The change with the best fit, relative: a resonance that rose by 1 % has a frequency of
-        0.01.
+        Estimated relative change of the gain and of the frequencies. For example, `frequency` is
+        0.01 if the resonance has risen by 1 %.
     delay : float
-        The change of the delay with the best fit [s].
+        Estimated change of the delay [s].
     level, p_level : float
-        Rms of the remaining difference over the scatter expected from both records, and the
-        probability of as much or more without a change.
+        Rms of the difference that remains after this change, divided by the scatter expected from
+        both records; and its p-value, the probability of at least this ratio for an unchanged
+        machine.
     entries_outside : (n_y, n_u) int ndarray or None
-        `n_outside` for each entry, with several channels; `n_expected` holds for each.
+        `n_outside` of each entry, for several channels; `n_expected` refers to each entry.
     p_values : (n_y, n_u) ndarray or None
-        `p_value` of each entry by itself.
+        `p_value` of each entry alone, for several channels.
     inputs, outputs : tuple of str
         Names of the channels.
     warnings : tuple of str
@@ -145,7 +145,7 @@ class Validation:
 
     @property
     def n_outside_set(self) -> int:
-        """Return the number of lines of the record outside the set itself: beyond the weight."""
+        """Number of lines on which the second FRF is outside the set of the model."""
         return int(np.sum(self.distance > 1))
 
     def __str__(self) -> str:
@@ -197,8 +197,8 @@ class Validation:
 
     @property
     def conclusion(self) -> str:
-        """Return the conclusion: a change of shape or scatter, and the membership of all lines in
-        the set.
+        """Conclusion: whether the machine or its scatter changed, and whether the set contains all
+        lines.
         """
         seen = {
             "the FRF has another shape": self.p_value,
@@ -216,22 +216,24 @@ class Validation:
 def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
     """Compare a second record (another day, another level, closed loop) with a model.
 
-    Use this to decide if an old model still holds for a machine, or if the set holds at another
-    level.
+    Use this to decide whether an old model is still valid for a machine, or whether the set is
+    valid at another level.
 
-    The record is compared line by line with the record behind the model; if their lines differ, on
-    the lines of the one with fewer, with the other one interpolated. Among several levels the most
-    similar record is taken. A model without a record is taken as exact. The p-values are valid if
-    the distortion is white over the lines. It is for the rig with friction; a static cubic shifts
-    all lines of one realisation together, which looks like a small change of gain (see the guide on
-    bounds).
+    The second record is compared line by line with the record behind the model. If their lines
+    differ, the lines of the record with fewer lines are used, and the other record is interpolated.
+    Of a model from several levels, the most similar record is used. A model without a record is
+    compared as if it were exact.
+
+    The p-values are valid if the distortion is white over the lines, as with friction. A static
+    cubic nonlinearity shifts all lines of one realisation together, which looks like a small change
+    of gain (see the guide on bounds).
 
     Parameters
     ----------
     model : UncertaintyModel or nlfrf.Bla
-        The model, or the first record alone.
+        The model; or the first record, without a model.
     bla : nlfrf.Bla
-        The later record; lines outside the band of the model are left out.
+        The second record. Its lines outside the band of the model are left out.
 
     Returns
     -------
@@ -240,8 +242,8 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
     Raises
     ------
     ValueError
-        No line inside the band of the model, lines between those of an FRF that the model is made
-        around, a model without a confidence, a record with other inputs and outputs.
+        No line inside the band of the model, a nominal that is an FRF with other lines, a model
+        without a confidence, or a record with other inputs and outputs.
 
     References
     ----------
@@ -249,7 +251,7 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
 
     Examples
     --------
-    A plant that appears 30 % stiffer with the same multisine.
+    A plant whose stiffness has risen by 30 %, measured with the same multisine.
 
     >>> import control, nlfrf, robust
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1, n_realizations=2)

@@ -41,28 +41,29 @@ _EXACT_INTERVALS = 60  # largest number of intervals for a proof over the ration
 
 @value(copy=False)
 class StructuredBounds:
-    """Both bounds, with the perturbation that attains the lower one.
+    """Lower and upper bound of mu or of the worst gain, with a perturbation that attains the lower
+    bound.
 
     Fields
     ------
     omega : (W,) ndarray or None
-        Frequencies [rad/s]; None for an array without them. For a system without `omega=` they
-        include the peak found.
+        Frequencies [rad/s]; None for an array without frequencies. For a system without `omega=`
+        they are chosen automatically and contain the peak.
     lower, upper : (W,) ndarray
-        The structured singular value, or the worst gain over the set, lies between them. With
-        `certificates` the largest `upper`, at the peak, is proved to hold at every frequency.
+        Bounds of the structured singular value, or of the worst gain over the set. With
+        `certificates` the largest value of `upper` is proved to be a bound at every frequency.
     delta : (n_in, n_out, W) ndarray
-        For mu: the smallest perturbation found with det(I - N delta) = 0, of size 1/lower; nan if
-        none was found. For a gain: the perturbation of size at most one with the gain `lower`; for
-        a lower bound of inf it makes the loop singular.
+        For mu: the smallest perturbation found with det(I - N delta) = 0; its size is 1/lower; nan
+        if none was found. For a gain: a perturbation of size at most one with which the gain is
+        `lower`. If `lower` is inf, this perturbation makes the loop singular.
     quantity : str
         "mu" or "worst gain".
     certificates : tuple of Certificate
-        The proof, one for every part of the box of real parameters: mu stays below one with the
-        outputs of all blocks (for a gain: of the performance) divided by the largest `upper`. Empty
-        if there is no proof.
+        The proof, one certificate for every part of the box of real parameters. It proves mu < 1
+        after the outputs of all blocks (for a gain: of the performance) are divided by the largest
+        `upper`. Empty if there is no proof.
     reason : str
-        Reason why a system has no proof, or why the bounds are more than 5 % apart.
+        Reason why there is no proof for a system, or why the bounds are more than 5 % apart.
 
     References
     ----------
@@ -102,27 +103,28 @@ def bounds(
 ) -> StructuredBounds:
     """Bound the structured singular value of a system from both sides.
 
-    Use this for the size of the smallest structured perturbation that makes a loop unstable. For a
-    bound of a gain over a set of perturbations use `worst_gain`.
+    Use this for the size of the smallest structured perturbation that makes a loop unstable, which
+    is 1/mu. For the largest gain over a set of perturbations use `worst_gain`.
 
     Parameters
     ----------
     N : control.StateSpace, TransferFunction, FrequencyResponseData or (n_out, n_in, W) ndarray
-        System that the perturbation closes; one matrix may be (n_out, n_in).
+        System to which the perturbation is connected; a single matrix may be (n_out, n_in).
     blocks : list
-        As for `upper`: (rows, cols) as N is cut, (n, n, "repeated") or (n, n, "real").
+        Blocks of the perturbation as for `upper`: (rows, cols), (n, n, "repeated") or (n, n,
+        "real").
     omega : (W,) array_like, optional
-        Frequencies [rad/s] at which the system is evaluated, and no others. A frequency response
-        has its own by default; for an array they are labels.
+        Frequencies [rad/s]; the system is then evaluated at these frequencies only. By default
+        those of an FRF, and automatic ones for a system. For an array they are labels.
     rng : Generator, int or None
         For the random starts of the lower bound.
 
     Returns
     -------
     StructuredBounds
-        upper : as from `upper`. lower, delta : as from `lower`. For a system without `omega=` the
-        largest values hold for all frequencies: the upper one is proved, the lower one is that of a
-        perturbation that takes a pole to the stability boundary.
+        The bounds of `robust.mu.upper` and `robust.mu.lower`. For a system without `omega=` the
+        largest values refer to all frequencies. The largest upper bound is then proved, and the
+        largest lower bound belongs to a perturbation that moves a pole to the stability boundary.
 
     Raises
     ------
@@ -142,7 +144,7 @@ def bounds(
     >>> abs(np.linalg.det(np.eye(2) - N(1j) @ found.delta[:, :, 1])).round(9).item()
     0.0
 
-    A real parameter, in s^2 + (1 + 1.2 d) s + 1, matters at one frequency:
+    A real parameter d in s^2 + (1 + 1.2 d) s + 1, which can destabilise at one frequency only:
 
     >>> N = control.ss([[0, 1], [-1, -1]], [[0], [-1.2]], [[0, 1]], [[0]])
     >>> print(bounds(N, [(1, 1, "real")]))
@@ -165,13 +167,13 @@ def bounds(
 def worst_gain(
     N: AnySystem | np.ndarray, blocks: Blocks, omega: ArrayLike | None = None, *, rng: Seed = 0
 ) -> StructuredBounds:
-    """Bound the worst gain over a set of perturbations from both sides, with a worst case.
+    """Bound the worst gain over a set of perturbations from both sides, with a worst perturbation.
 
     Parameters
     ----------
     N : control.StateSpace, TransferFunction, FrequencyResponseData or (n_out, n_in, W) ndarray
-        Its first outputs and inputs belong to the perturbations, the others are the performance;
-        otherwise as for `bounds`.
+        System whose first outputs and inputs are connected to the perturbations; the others are the
+        performance channel.
     blocks : list
         The perturbations, of size at most one, as for `upper`.
     omega : (W,) array_like, optional
@@ -182,8 +184,9 @@ def worst_gain(
     Returns
     -------
     StructuredBounds
-        upper : skewed mu, by scalings. lower : the gain with `delta`, of size at most one. Both are
-        inf if a perturbation of the set makes the loop singular.
+        `upper` is skewed mu, from scalings. `lower` is the gain with the perturbation `delta`,
+        whose size is at most one. Both are inf if a perturbation of the set makes the loop
+        singular.
 
     Raises
     ------
@@ -196,7 +199,8 @@ def worst_gain(
 
     Examples
     --------
-    S of L = 1 with 50 % uncertain gain: at worst 1/(1 + 0.5), with the smallest gain.
+    The sensitivity of L = 1 with a gain that is uncertain by 50 %. The worst case is 1/(1 + 0.5),
+    with the smallest gain.
 
     >>> N = np.array([[-0.5 * 0.5, 0.5], [-0.5 * 0.5, 0.5]])
     >>> found = worst_gain(N, [(1, 1)])

@@ -42,31 +42,32 @@ def certify(
 ) -> Certificate:
     """Prove that the structured singular value of a system stays below a level at every frequency.
 
-    Use this for robust stability (level one) of a loop whose perturbation has several blocks.
+    Use this for robust stability of a loop whose perturbation has several blocks; the level is then
+    one.
 
     Parameters
     ----------
     N_ss : control.StateSpace
-        Stable system that the perturbation closes; continuous or discrete.
+        Stable system to which the perturbation is connected; continuous or discrete.
     blocks : list
         As for `upper`.
     level : float
-        If mu < level everywhere, the loop is stable for every stable linear perturbation of the
-        structure with a gain of at most 1/level (with a block for performance: and its gain stays
-        below the level).
+        Level to prove. If mu < level at all frequencies, the loop is stable for every stable linear
+        perturbation with this structure and a gain of at most 1/level. If one block is a
+        performance block, the performance gain is then also below the level.
     solver : str, optional
-        "CLARABEL" or "SCS" of cvxpy, for one scaling at all frequencies; by default CLARABEL, then
-        SCS, after a scaling without a solver.
+        "CLARABEL" or "SCS", the solver of cvxpy that searches one scaling for all frequencies. By
+        default a scaling without a solver is tried first, then CLARABEL, then SCS.
 
     Returns
     -------
     Certificate
-        If it does not hold, its reason is: the system is not stable, the upper bound reaches the
-        level at a frequency, or there are too many intervals, or too narrow ones; the reason names
-        one that is still open. intervals : (I, 2) frequencies [rad/s] that are proved. A proof by
-        "scaled KYP" (one scaling) or "generalised KYP" (one for each interval) is exact over the
-        rationals, and `verify` repeats it. A proof by "scalings, each where it holds" is exact too,
-        but `verify` cannot repeat it.
+        `intervals` (I, 2) are the proved frequency intervals [rad/s]. If the certificate does not
+        hold, `reason` is one of: the system is not stable; the upper bound reaches the level at a
+        frequency; the proof would need too many or too narrow intervals, of which one that is still
+        open is named. A proof by "scaled KYP" (one scaling) or "generalised KYP" (one scaling for
+        each interval) is exact over the rationals, and `Certificate.verify` repeats it. A proof by
+        "scalings, each where it holds" is exact, too, but `verify` cannot repeat it.
 
     Raises
     ------

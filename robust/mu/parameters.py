@@ -85,10 +85,10 @@ class ParameterMargin:
 def parameter_margin(
     N_ss: LinearSystem, blocks: Blocks, *, gap: float = 0.05, max_boxes: int = MOST_BOXES
 ) -> ParameterMargin:
-    """Find the largest box of real parameters on which the loop is proved stable, to a given
-    relative gap.
+    """Find the largest box of real parameters for which the loop is proved to be stable.
 
-    A box larger by this gap contains an unstable loop; if that was not shown, `met` is False.
+    The result is sharp within a relative gap: a box that is larger by `gap` contains an unstable
+    loop. If no unstable loop was found there, the field `met` of the result is False.
 
     Use this for physical parameters with tolerances, for which complex perturbations would be too
     conservative.
@@ -96,19 +96,22 @@ def parameter_margin(
     Parameters
     ----------
     N_ss : control.StateSpace
-        Stable system that the perturbation closes (`UncertainSystem.loop`), continuous or discrete.
+        Stable system to which the perturbation is connected (`UncertainSystem.loop`), continuous or
+        discrete.
     blocks : list
-        As for `upper`, with at least one real block. Real blocks are cut, complex ones stay whole.
+        Blocks as for `upper`, with at least one real block. The box of the real blocks is
+        subdivided; complex blocks are not.
     gap : float
-        Relative distance between the proved factor and one that makes the loop unstable.
+        Relative distance between the proved size of the box and a size that contains an unstable
+        loop.
     max_boxes : int
-        Largest number of parts of the box. If it is reached, the result has the margins so far, and
-        the reason.
+        Largest number of parts into which the box is subdivided. If it is reached, the result
+        contains the margins so far, and the reason.
 
     Returns
     -------
     ParameterMargin
-        The margins hold for all perturbations at once: 1 over the structured singular value.
+        The margins are factors on the sizes of all perturbations together, that is 1/mu.
 
     Raises
     ------
@@ -121,8 +124,8 @@ def parameter_margin(
 
     Examples
     --------
-    One parameter in two places, (s + 1)^2 + d^2: complex numbers of size one make it unstable, real
-    ones never do.
+    The parameter d occurs twice in (s + 1)^2 + d^2. Complex values of size one make the system
+    unstable, real values never do.
 
     >>> import control
     >>> N = control.ss(-np.eye(2), np.eye(2), [[0.0, 1.0], [-1.0, 0.0]], np.zeros((2, 2)))

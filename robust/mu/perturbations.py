@@ -52,27 +52,27 @@ class _Mode:
 
 
 def lower(N: np.ndarray, blocks: Blocks, *, n_starts: int = 6, rng: Seed = 0) -> MuBound:
-    """Return the smallest structured perturbation found that makes the loop singular: mu is at
-    least 1 over its size.
+    """Return a lower bound of mu, from the smallest destabilising perturbation that is found.
 
     Parameters
     ----------
     N : (n_out, n_in, W) ndarray
-        Complex response that the perturbation closes.
+        Complex response of the system to which the perturbation is connected.
     blocks : list
         As for `upper`.
     n_starts : int
-        Random starts at each frequency, in addition to the one from the singular vectors; four
-        times as many with real blocks.
+        Number of random starts at each frequency, in addition to a start from the singular vectors.
+        With real blocks four times as many are used.
     rng : Generator, int or None
         Random generator for the starts.
 
     Returns
     -------
     MuBound
-        value : 1 over the largest singular value of delta, which has the structure and det(I - N
-        delta) = 0, verified; zero, with nan in delta, if none was found. With real blocks it may
-        stay below mu, and mu well below `upper`.
+        `value` is 1 over the largest singular value of `delta`, a perturbation with the structure
+        of the blocks for which det(I - N delta) = 0 is verified. If none was found, `value` is zero
+        and `delta` is nan. With real blocks `value` may be below mu, and mu may be well below the
+        upper bound.
 
     Raises
     ------

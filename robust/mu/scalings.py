@@ -34,18 +34,18 @@ _MAX_ENTRIES = 500_000  # of the arrays of one Newton step, a fraction of a seco
 
 @value(copy=False)
 class MuBound:
-    """A bound on the structured singular value at every frequency, with its evidence.
+    """A bound on mu at every frequency, with the scaling or the perturbation that shows it.
 
     Fields
     ------
     value : (W,) ndarray
-        The bound, recomputed from the scaling or from the perturbation.
+        The bound, recomputed from `scaling` (upper bound) or from `delta` (lower bound).
     scaling : (D_L, D_R, G) or None
-        For an upper bound: (n_out, n_out, W), (n_in, n_in, W) and (n_in, n_out, W). G belongs to
-        the scaled matrix D_L N D_R^-1.
+        For an upper bound: D_L (n_out, n_out, W), D_R (n_in, n_in, W) and G (n_in, n_out, W). G is
+        defined for the scaled matrix D_L N D_R^-1.
     delta : (n_in, n_out, W) ndarray or None
-        For a lower bound: the perturbation of size 1/value with det(I - N Delta) = 0; nan if none
-        was found.
+        For a lower bound: the perturbation Delta of size 1/value with det(I - N Delta) = 0; nan if
+        none was found.
 
     References
     ----------
@@ -66,27 +66,29 @@ class MuBound:
 
 
 def upper(N: np.ndarray, blocks: Blocks) -> MuBound:
-    """Return an upper bound of mu, the structured singular value: with perturbations below 1/value
-    the loop is stable.
+    """Return an upper bound of mu, the structured singular value, at each frequency.
 
-    Use this at given frequencies. `certify` proves a level at all frequencies, `bounds` gives both
-    bounds.
+    Use this for a response at given frequencies. `certify` proves an upper bound at all
+    frequencies, and `bounds` computes both bounds.
 
     Parameters
     ----------
     N : (n_out, n_in, W) ndarray
-        Complex response that the perturbation closes; one matrix is N[:, :, None].
+        Complex response of the system to which the perturbation is connected; for a single matrix
+        N[:, :, None].
     blocks : list
-        (rows, cols) for a full complex block, (n, n, "repeated") for a complex number times the
-        identity, (n, n, "real") for a real one. Rows and cols are the outputs of N that the block
-        reads, and the inputs that it drives.
+        Blocks of the perturbation, in the order of the outputs and inputs of N: (rows, cols) for a
+        full complex block, (n, n, "repeated") for a complex number times the identity, (n, n,
+        "real") for a real number times the identity. The input of a block is `rows` outputs of N,
+        and its output is `cols` inputs of N.
 
     Returns
     -------
     MuBound
-        value : largest singular value of D_L N D_R^-1 at the scaling found, by SVD (with real
-        blocks: root of the largest eigenvalue of N^H X_L N + j (G N - N^H G^H) relative to X_R,
-        plus rounding). It is a bound for any scaling. For up to three full blocks it is mu itself.
+        `value` is the largest singular value of D_L N D_R^-1 with the scaling that was found. With
+        real blocks it is the root of the largest eigenvalue of N^H X_L N + j (G N - N^H G^H)
+        relative to X_R, plus rounding. Any scaling gives an upper bound. For up to three full
+        blocks `value` is mu itself.
 
     Raises
     ------
@@ -100,7 +102,8 @@ def upper(N: np.ndarray, blocks: Blocks) -> MuBound:
 
     Examples
     --------
-    SP Example 8.5: one full block 3.162, two of one by one 3, the same number in both 1.
+    SP Example 8.5: mu is 3.162 for one full block, 3 for two scalar blocks, and 1 for a repeated
+    scalar block.
 
     >>> M = np.array([[2, 2], [-1, -1]])[:, :, None]
     >>> [round(float(upper(M, b).value[0]), 3) for b in ([(2, 2)], [(1, 1), (1, 1)], [(2, 2, "repeated")])]

@@ -21,21 +21,21 @@ _ROUNDING = 1e-9
 
 @value(kw_only=False)
 class Bounded(FrictionClass):
-    """The class of every friction up to a largest force, whatever it depends on, with or without
-    bristles.
+    """Class of all friction laws whose force does not exceed a bound Fs.
 
-    f = s + tau s', with |s| <= Fs and a constant tau of 0 to `bristle_time`. It contains LuGre (s =
-    sigma0 z, tau = sigma1/sigma0), Dahl, Maxwell slip of any kind, and rigid stiction.
+    The friction force is f = s + tau s', with |s| <= Fs and a constant tau from 0 to
+    `bristle_time`. The force s may depend on anything. The class contains LuGre (s = sigma0 z, tau
+    = sigma1/sigma0), Dahl, every Maxwell-slip law, and rigid stiction.
 
-    Use this class if only the largest force is known. It gives a distance from rest, but no proof
-    of rest.
+    Use this class if only the largest force is known. The proof is then a bound on the final
+    distance from the rest position, not a proof that the machine comes to rest.
 
     Fields
     ------
     Fs : float
-        Largest force without the viscous part [N].
+        Largest friction force, without viscous friction [N].
     bristle_time : float
-        Largest damping over stiffness of the bristles [s].
+        Largest ratio of damping to stiffness of the bristles [s].
     position_unit : str
         "m", or "rad" with Nm.
 
@@ -78,7 +78,7 @@ class Bounded(FrictionClass):
         )
 
     def largest_force(self, Fs: float) -> float:
-        """Return the largest force of the class [N]; refuse another one."""
+        """Return the largest force of the class [N]; a given Fs must be equal to it."""
         if np.isfinite(Fs) and Fs != self.Fs:
             raise ValueError(
                 f"Fs must be that of the class, {self.Fs:g} {self.units.force}, or left out, got"
@@ -91,15 +91,13 @@ class Bounded(FrictionClass):
         return bound_of_ports(loop, forces, self.bristle_time)
 
     def describe_proved(self, proof: FrictionProof) -> str:
-        """Return the distance from rest, in words."""
+        """Describe the proved distance from rest in a sentence."""
         return f"Eventually stays within {proof.error_bound:.3g} {proof.units.position} of rest"
 
     def decide(
         self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()
     ) -> FrictionProof:
-        """Return "proved" if the bound is finite: not on the stability boundary, nor if it takes
-        too long.
-        """
+        """Return "proved" if a finite bound is found, else "not decided" with the reason."""
         if np.isfinite(undecided.error_bound):
             return replace(undecided, verdict=FrictionVerdict.PROVED)
         growth = task.loop.growth() + 0.0

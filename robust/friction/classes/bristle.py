@@ -34,24 +34,27 @@ _N_POINTS = 300  # of the frequencies of the cone program
 
 @value(kw_only=False)
 class Bristle(FrictionClass):
-    """The class of every friction of bristles that bend and creep: f = F + microdamping z', F a
-    hysteresis of z.
+    """Class of friction laws with bristles that bend and creep, such as LuGre and Leuven.
 
-    z' = v - p with F p >= 0 and |p| <= stiction |v|; F is a Masing hysteresis of z with a slope of
-    at most K0.
+    The friction force is f = F + microdamping z', with the bristle deflection z. F is a Masing
+    hysteresis of z with a slope of at most K0. The bristles slip at the velocity p: z' = v - p with
+    F p >= 0 and |p| <= stiction |v|.
 
-    Use this class for friction that creeps below break-away. It contains LuGre (K0 = sigma0,
-    stiction = Fs/Fc, microdamping = sigma1), the modified Leuven model (the slope of its curve at
-    zero, (Fs/Fc)^n, sigma1), and Dahl's model with n = 1 (stiction 1).
+    Use this class for friction that creeps below break-away. It contains:
+
+    - LuGre, with K0 = sigma0, stiction = Fs/Fc and microdamping = sigma1;
+    - the modified Leuven model, with K0 = slope of its hysteresis curve at zero, stiction =
+      (Fs/Fc)^n and microdamping = sigma1;
+    - Dahl's model with exponent n = 1, with stiction = 1.
 
     Fields
     ------
     K0 : float
         Largest stiffness of the bristles [N/m].
     stiction : float
-        Largest slip velocity over velocity of the machine; at least 1.
+        Largest ratio of slip velocity to velocity of the machine; at least 1.
     microdamping : float
-        sigma1 [Ns/m]. The class has exactly this damping.
+        Damping sigma1 of the bristles [Ns/m]; every law of the class has this value.
     position_unit : str
         "m", or "rad" with Nm.
 
@@ -103,8 +106,8 @@ class Bristle(FrictionClass):
     def decide(
         self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()
     ) -> FrictionProof:
-        """Return "proved" if an energy is found that falls, else the bound for any friction, if
-        there is one.
+        """Return "proved" if a decreasing storage function is found, else `error_bound` if it
+        exists.
         """
         return settled_by_bound(certified_verdict(undecided, task, self.certify))
 

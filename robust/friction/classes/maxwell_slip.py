@@ -45,27 +45,28 @@ _SETTLING_ROUNDED_UP = 1 + 1e-9
 
 @value(kw_only=False)
 class MaxwellSlip(FrictionClass):
-    """The class of every friction made of elements, each a spring in series with a slider.
+    """Class of all friction laws made of elements, each a spring in series with a slider.
 
-    f = sum f_i over any number of elements. Each element is a spring k_i, with a damper k_i tau_i
-    across it, in series with a slider that holds |f_i| <= W_i and slips at no less than
-    W_i/stiction; sum k_i <= K0.
+    The friction force is the sum of the forces f_i of any number of elements. Element i is a spring
+    k_i, with a damper k_i tau_i in parallel to the spring, in series with a slider. The slider
+    holds |f_i| <= W_i and slips at a force of at least W_i/stiction. The springs satisfy sum k_i <=
+    K0.
 
-    Use this class for friction that sticks fully below break-away. It contains Maxwell slip and
-    Prandtl-Ishlinskii of any curve, Stribeck friction, stiction that grows with rest, and sliders
-    that depend on position, load, direction or time. It does not contain LuGre, Dahl and Leuven
-    (they creep below break-away), the generalised Maxwell-slip model with a finite attraction, or
-    rigid stiction.
+    Use this class for friction that sticks fully below break-away. It contains Maxwell-slip and
+    Prandtl-Ishlinskii laws with any hysteresis curve, Stribeck friction, stiction that increases
+    during rest, and sliders that depend on position, load, direction or time. It does not contain
+    LuGre, Dahl and Leuven, which creep below break-away. It does not contain the generalised
+    Maxwell-slip model with a finite attraction parameter, nor rigid stiction.
 
     Fields
     ------
     K0 : float
         Largest presliding stiffness of all elements together [N/m].
     stiction : float
-        Largest force of a slider over the smallest at which it slips; at least 1. No frequency
-        response shows it: it is an assumption.
+        Ratio of the largest force of a slider to the smallest force at which it slips; at least 1.
+        It is an assumption, because no frequency response shows it.
     bristle_time : float
-        Largest damping over stiffness of an element [s].
+        Largest ratio of damping to stiffness of an element [s].
     position_unit : str
         "m", or "rad" with Nm.
 
@@ -118,7 +119,7 @@ class MaxwellSlip(FrictionClass):
 
     @property
     def limits(self) -> MaxwellSlipPort:
-        """Limits of the class, without weights of a proof."""
+        """Limits of the class as constraints of a proof."""
         none = np.zeros(0)
         return MaxwellSlipPort(
             K0=self.K0,
@@ -136,8 +137,8 @@ class MaxwellSlip(FrictionClass):
     def decide(
         self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()
     ) -> FrictionProof:
-        """Return "proved" if an energy is found that falls, else a bound of the position if one is
-        found.
+        """Return "proved" if a decreasing storage function is found, else a position bound if one
+        is.
         """
         found = certified_verdict(undecided, task, partial(self.certify, others=others))
         if found.verdict is FrictionVerdict.NOT_DECIDED and np.isfinite(task.forces).all():
@@ -147,9 +148,7 @@ class MaxwellSlip(FrictionClass):
     def certify(
         self, loop: FrictionLoop, reference: float, others: Sequence[Self] = ()
     ) -> FrictionCertificate:
-        """Prove that the energy of the loop falls with every friction of the classes; else give the
-        last failure.
-        """
+        """Search and verify a storage function that decreases with every friction of the classes."""
         ports = (self, *others)
         K0 = np.array([one.K0 for one in ports])
         rho = np.array([one.stiction for one in ports])
@@ -175,15 +174,13 @@ class MaxwellSlip(FrictionClass):
         return FrictionCertificate(reason)
 
     def region(self, task: ProofTask, known: Actuator, left: float) -> FrictionCertificate:
-        """Prove the largest region of rest that is found, with an actuator that saturates."""
+        """Prove the largest region from which the loop with a saturated actuator comes to rest."""
         return largest_region(task, self.limits, known, left)
 
     def settle(
         self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()
     ) -> FrictionProof:
-        """Return a proof of a bound on the position: over the rationals, or else `error_bound` for
-        any friction.
-        """
+        """Return a bound on the position, proved over the rationals, or else `error_bound`."""
         loop, forces, error_bound = task.loop, task.forces, undecided.error_bound
         classes, any_friction = (self, *others), settled_by_bound(undecided)
         if any(one.bristle_time for one in classes) or not loop.growth() < 0:

@@ -71,10 +71,10 @@ class _Damping:
 
 @value(kw_only=False)
 class Passive(FrictionClass):
-    """The class of every friction that never returns more energy than it received: int f v dt >=
-    -E0.
+    """Class of all passive friction laws, int f v dt >= -E0.
 
-    Not all friction is passive: LuGre is passive only if sigma2 >= sigma1 (Fs - Fc)/Fc.
+    Passive friction never returns more energy than it received. Not all friction is passive: LuGre
+    is passive only if sigma2 >= sigma1 (Fs - Fc)/Fc.
 
     Fields
     ------
@@ -102,9 +102,7 @@ class Passive(FrictionClass):
     def decide(
         self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()
     ) -> FrictionProof:
-        """Return "proved" if the loop is stable and leaves damping at the port at every
-        frequency.
-        """
+        """Return "proved" if the loop is stable and strictly passive at the friction port."""
         verdict, reason = _decide_passivity(task)
         return replace(undecided, verdict=verdict, reason=reason)
 

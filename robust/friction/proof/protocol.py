@@ -164,57 +164,61 @@ def require_stiction(stiction: float) -> float:
 
 @value
 class FrictionProof:
-    """A proof, or its absence, for a loop around a machine with friction, for a whole class of
-    friction laws.
+    """Result of a proof that a loop comes to rest with every friction law of a class.
 
     Fields
     ------
     verdict : FrictionVerdict
-        "proved": with every friction of the class, from every state, after any disturbance that
-        ends, the machine comes to rest, with integral action at its set point. "refuted": a named
-        member of the class makes the loop unstable. This concerns the class and not the machine:
-        its friction may be another member. "settles": rest is not decided, but with every friction
-        of the class of at most Fs the position finally stays within `settling_error`. "not
-        decided": none of these.
+        One of:
+
+        - "proved": the machine comes to rest with every friction of the class, from every state and
+          after any disturbance that ends; with integral action it comes to rest at the set point.
+        - "refuted": a member of the class, `counterexample`, makes the loop unstable. The friction
+          of the machine may be another member.
+        - "settles": rest is not decided, but the position finally stays within `settling_error`
+          with every friction of the class of at most Fs.
+        - "not decided": none of these.
     claim, not_claimed, reason : str
-        What is proved, in one sentence; what is not proved; the reason for the verdict.
+        What is proved, what is not proved, and the reason for the verdict, in one sentence each.
     machine : FrictionPlant
         The linear plant.
     friction : tuple of FrictionClass
         The class at each friction port.
     counterexample : tuple of (float, complex) or None
-        Stiffness [N/m] of a spring, which is a friction that never slips, and the pole that it puts
-        outside the stable region. For several ports: a tuple with one stiffness each.
+        Stiffness [N/m] of a spring, and the unstable pole of the loop with this spring. The spring
+        is a member of the class: a friction that never slips. For several ports: a tuple with one
+        stiffness for each port.
     error_bound : float
-        Bound [m] of the distance from rest within which the position finally stays, with any
-        friction of at most Fs (for several ports: of each displacement there). nan if no Fs was
-        given, if the sliding loop is not stable, or if its modes are too fast for its clock or too
-        slow to compute.
+        Bound [m] on the final distance of the position from rest, with any friction of at most Fs;
+        for several ports a bound on each displacement. nan if no Fs was given, if the loop without
+        friction is not stable, or if its modes are too fast for the sampling time or too slow to
+        compute the bound.
     settling_error : float
-        Bound [m] of the distance from rest within which the position finally stays, with every
-        friction of the class of at most Fs: the smaller of a bound for the class, which
+        Bound [m] on the final distance of the position from rest, with every friction of the class
+        of at most Fs. It is the smaller of two bounds: one for the class, which
         `certificate.verify()` proves over the rationals, and `error_bound`, which is computed in
-        floating point. nan if no Fs was given, if the loop comes to rest, or if there is none.
+        floating point. nan if no Fs was given, if the loop comes to rest, or if no bound was found.
     kick_sure : float
-        Velocity [m/s] from which the machine diverges with every friction of at most Fs; nan if no
-        Fs was given, if the sliding loop is stable, or if none was found.
+        Initial velocity [m/s] from which the machine diverges with every friction of at most Fs;
+        nan if no Fs was given, if the loop without friction is stable, or if no such velocity was
+        found.
     certificate : Certificate or None
-        The certificate on which the verdict is based, if there is one; `certificate.verify()`
-        proves it again over the rationals.
+        The certificate behind the verdict, or None; `certificate.verify()` proves it again over the
+        rationals.
     saturation : float
         Largest force of the actuator [N]; infinite if none was given.
     kick : float
-        Largest proved initial velocity at the friction port [m/s]: from rest, with no force in the
-        springs of the friction, the machine comes to rest again although its actuator saturates.
-        Infinite if it does so from every state, zero if none is proved, nan without saturation.
-        With saturation `verdict` is "proved" (from every state) or "proved up to a kick" (nothing
-        is claimed beyond it).
+        Largest initial velocity at the friction port [m/s] from which rest is proved although the
+        actuator saturates. The machine starts from rest, without force in the springs of the
+        friction. Infinite if rest is proved from every state, zero if nothing is proved, nan
+        without saturation. With saturation `verdict` is "proved" (from every state) or "proved up
+        to a kick" (up to this velocity).
     kick_linear : float
-        Initial velocity up to which the actuator does not saturate [m/s].
+        Initial velocity [m/s] up to which the actuator does not saturate.
     share : float
-        Sector gain of the proof: the fraction of the commanded force, without the part that holds
-        the friction, that the actuator may fail to deliver. One if it may fail to deliver all of
-        it, zero if it never saturates.
+        Sector gain of the proof: fraction of the commanded force that the saturated actuator may
+        fail to deliver, not counting the force that holds the friction. Zero if the actuator never
+        saturates; one if it may deliver nothing.
 
     References
     ----------
@@ -257,8 +261,8 @@ class FrictionProof:
 
     @property
     def facts(self) -> tuple[Fact, ...]:
-        """Return the verdict with its claim, what is left open, the bound for any friction, and
-        what is not claimed.
+        """Return verdict, claim, what is not decided, the bound for any friction, and what is not
+        claimed.
         """
         settles, bounded = self.verdict is FrictionVerdict.SETTLES, np.isfinite(self.error_bound)
         kick = f"certain after a kick of {self.kick_sure:.3g} {self.units.velocity}"

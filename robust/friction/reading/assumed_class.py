@@ -21,27 +21,28 @@ ASSUMPTION_NOTE = (
 
 @value
 class MachineWithFriction:
-    """A linear plant and a class of friction from measured levels: an assumption, with its
-    evidence.
+    """A linear plant and a class of friction, estimated from measurements at several levels.
 
-    For an axis that turns, read N as Nm and m as rad; `machine` and `friction` have their unit.
+    That the machine is this plant with a friction of this class is an assumption; `evidence` states
+    what supports it. For a rotary axis read N as Nm and m as rad.
 
     Fields
     ------
     machines : tuple of FrictionPlant
-        The machine with the lowest stiffness that the levels allow, for each damping of a proof:
-        without damping, and for a nominal also with that of its fit. A stiffer machine is in the
-        class, because the difference is a spring that does not slip. An estimated delay is kept.
+        The plants of the proof, which have the lowest stiffness that the levels allow. One plant
+        has no damping. If a nominal was given, a second plant has the damping of the nominal. A
+        stiffer machine is covered, because the class contains the difference as a spring that does
+        not slip. The plants contain an estimated delay.
     friction : tuple of MaxwellSlip
-        The class at each friction port, with the stiffness from that of `machine` to that at rest,
-        and a margin.
+        The class at each friction port. Its stiffness K0 is the difference between the stiffness at
+        rest and the stiffness of `machine`, with a margin.
     evidence : str
-        Source of the estimate, and what the data cannot show.
+        Source of the estimate, and what the measurements cannot show.
     mass, mass_std : float
-        Mass that a force at the friction port accelerates, of motor and load together, and its
-        standard deviation [kg].
+        Mass of motor and load together, and its standard deviation [kg].
     stiffness_low : float
-        Stiffness of `machine` at its port [N/m]; relative to the nominal, if there is one.
+        Stiffness of `machine` at its friction port [N/m]; with a nominal, the difference from the
+        stiffness of the nominal.
     stiffness_std : float
         Standard deviation of the estimated stiffness [N/m].
 
@@ -75,7 +76,7 @@ class MachineWithFriction:
 
     @property
     def machine(self) -> FrictionPlant:
-        """Machine without damping."""
+        """Plant without damping."""
         return self.machines[0]
 
     def __str__(self) -> str:

@@ -93,7 +93,7 @@ _SAME_LEVEL = 1.3
 
 
 class Gap(enum.Enum):
-    """A kind of question that the levels can leave open.
+    """Kind of question that measurements at these levels can leave open.
 
     References
     ----------
@@ -141,22 +141,22 @@ class _OpenQuestion:
 
 @value
 class LevelBalance:
-    """The friction of one level as an equivalent spring and damper, measured and fitted.
+    """Friction at one level as an equivalent spring and damper, measured and fitted.
 
     Fields
     ------
     force, motion : float
         Rms of the force [N] and of the position [m] on the lines.
     stiffness, damping : float
-        Spring [N/m] and damper [Ns/m] closest to the measured force minus that of the machine
-        without friction.
+        Spring [N/m] and damper [Ns/m] that fit the measured friction force best: the measured force
+        minus the force of the machine without friction.
     stiffness_fit, damping_fit : float
-        Spring and damper closest to the force of the fitted elements.
+        Spring [N/m] and damper [Ns/m] that fit the force of the identified friction elements best.
     unexplained : float
-        Rms of the force that the fit does not explain, beyond noise, over the force or Fs,
-        whichever is larger.
+        Rms of the force that neither the fit nor noise explains, divided by the larger of `force`
+        and Fs.
     noise : float
-        Rms of the force that noise explains, divided by the same quantity as `unexplained`.
+        Rms of the force that noise explains, divided by the larger of `force` and Fs.
 
     References
     ----------
@@ -182,37 +182,36 @@ class LevelBalance:
 
 @value
 class FrictionFit(NumbersRead):
-    """Machine and friction identified from all levels together, under the assumption of Maxwell
-    slip.
+    """Machine and Maxwell-slip friction, identified from records at several levels together.
 
     Fields
     ------
     mass, damping, stiffness : float
-        m [kg], viscous c [Ns/m], spring to ground k [N/m] (zero for a free axis); for motor and
-        load together.
+        Mass m [kg], viscous friction c [Ns/m] and stiffness to ground k [N/m] (zero for a free
+        axis), of motor and load together.
     K0, Fs, coulomb, stiction : float
-        Presliding stiffness [N/m] and break-away force [N] of all elements together, friction force
-        at speed [N], and stiction, the ratio Fs/coulomb.
+        Presliding stiffness [N/m] and break-away force [N] of all friction elements together,
+        friction force at speed [N], and the ratio Fs/coulomb.
     vs : float
-        Stribeck velocity at the motor [m/s]; infinite if no stiction is seen.
+        Stribeck velocity at the motor [m/s]; infinite if the records show no stiction.
     delay, lag : float
-        Delay from the command to the force [s]: the whole delay, and the part of it that is a
-        first-order lag.
+        Whole delay from the command to the force [s], and the part of it that is a first-order lag.
     softening : float
-        Coefficient of -w^4 [N s^4/m], for a mode above the band; zero if none is seen.
+        Coefficient of -w^4 [N s^4/m] in the dynamic stiffness, the effect of a mode above the band;
+        zero if the records show none.
     stds : dict of str to float
-        Standard deviation of each of these numbers; infinite if the levels leave it open.
+        Standard deviation of each of these numbers; infinite if the levels do not determine it.
     element_stiffness, element_strength : (E,) ndarray
-        Stiffness [N/m] and strength [N] of the elements at the motor, in the order of their
-        break-away.
+        Stiffness [N/m] and largest force [N] of each friction element at the motor, in the order in
+        which the elements break away.
     seen_from : float
-        Displacement [m] below which an element would break away without being seen: K0 excludes
-        such elements.
+        Smallest detectable break-away displacement [m]. K0 does not contain elements that break
+        away below it.
     seen_to : float
-        Largest displacement [m] from the middle: an element that still sticks there counts as
-        spring to ground.
+        Largest displacement [m] from the middle of the motion. An element that still sticks there
+        counts as a spring to ground.
     levels : tuple of LevelBalance
-        Levels, the highest first.
+        Force balance of each level, the highest level first.
     questions : tuple of OpenQuestion
         Open questions of the levels.
     units : tuple of str
@@ -221,9 +220,9 @@ class FrictionFit(NumbersRead):
         For two masses: load [kg], spring [N/m] and damper [Ns/m] between motor and load; zero for
         one mass.
     load_K0, load_Fs, load_coulomb : float
-        The part of K0, Fs and Coulomb friction that is at the load.
+        Parts of K0, Fs and coulomb that act at the load.
     load_sliders : VaryingSliders, optional
-        The friction at the load as a law.
+        Friction law at the load.
 
     References
     ----------
@@ -273,7 +272,7 @@ class FrictionFit(NumbersRead):
 
     @property
     def reason(self) -> str:
-        """First reason why the levels show no class of friction; empty if they do."""
+        """First reason why the levels determine no class of friction; empty if they do."""
         for question in self.questions:
             known = (
                 question.kind is Gap.HIGHEST_LEVEL_STICKS
@@ -597,38 +596,39 @@ def identify_friction(
     masses: int = 1,
     sliding: NumbersRead | None = None,
 ) -> FrictionFit:
-    """Identify one mass, or a motor and a load, with friction from records at several levels,
-    sticking to sliding.
+    """Identify an axis with friction from records at several levels, from sticking to sliding.
 
-    Mass, viscous damping, spring, delay and friction come from one fit over all levels, with 95 %
-    intervals. The loop may be open or closed. The friction model is Maxwell slip with any elements,
-    stiction and a Stribeck curve.
+    The axis is one mass, or a motor and a load. One fit over all levels gives mass, viscous
+    damping, spring, delay and friction with 95 % intervals. The records may be from open or closed
+    loop. The friction model is Maxwell slip with any number of elements, stiction and a Stribeck
+    curve.
 
-    Use this for an axis that you can excite at three levels or more, the lowest so low that
-    friction sticks. `machine_with_friction` turns the fit into a class for `prove_friction`.
+    Use this for an axis that you can excite at three levels or more. The lowest level must be so
+    low that the friction sticks. `machine_with_friction` makes a class of friction from the fit,
+    for `prove_friction`.
 
-    With two masses the force acts on the motor, and the encoder measures its position. The load
-    hangs on a spring and a damper, and each mass has friction. Measure beyond the resonance: below
-    it the two are hard to distinguish.
+    With two masses the force acts on the motor, and the encoder measures the position of the motor.
+    A spring and a damper couple the load to the motor, and each mass has friction. Measure beyond
+    the resonance: below it motor and load are hard to distinguish.
 
     Parameters
     ----------
     records : sequence of Record
-        Force [N] as input, position [m] as output, periodic and settled; at least three levels, one
-        record each. Several periods show the noise.
+        Periodic records in steady state with force [N] as input and position [m] as output: one
+        record for each of at least three levels. Several periods are needed to estimate the noise.
     free : bool
-        True for an axis without a spring to ground. A spring acts on the motor.
+        True for an axis without a spring from motor to ground.
     masses : int
         1, or 2 for a motor and a load.
     sliding : SlidingFit, optional
-        Motor and load from `identify_sliding`. The search starts from them. Lines on which a large
-        part of the force comes from the encoder step, as around the antiresonance, are left out.
-        Without it all lines count equally.
+        Motor and load from `identify_sliding`, as start of the search. If they are given, lines on
+        which a large part of the force comes from the encoder step, as around the antiresonance,
+        are left out. Otherwise all lines have equal weight.
 
     Returns
     -------
     FrictionFit
-        Its `questions` list what the levels leave open.
+        Its field `questions` lists what the levels do not determine.
 
     Raises
     ------

@@ -48,10 +48,10 @@ class SlidingFit(NumbersRead):
     Fields
     ------
     mass, damping, coulomb : float
-        m [kg] of motor and load together, viscous c [Ns/m], Coulomb friction [N].
+        Mass m [kg] of motor and load together, viscous friction c [Ns/m], and Coulomb friction [N].
     offset : float
-        Force that does not change with the direction, such as weight [N]; nan if only one direction
-        was measured.
+        Force that does not depend on the direction of motion, such as weight [N]; nan if only one
+        direction was measured.
     delay : float
         Delay from the command to the force, including a lag [s]. A mode above the band looks like a
         lag.
@@ -60,8 +60,9 @@ class SlidingFit(NumbersRead):
     velocities : (R,) ndarray
         Base velocities [m/s].
     misfit : float
-        Mean square misfit of forces and slopes over their variance. Above about 4 the friction is
-        not Coulomb friction with a viscous part; for instance Stribeck friction still falls.
+        Mean square misfit of forces and slopes, divided by their variance. A value above about 4
+        means that the friction is not Coulomb friction with a viscous part; Stribeck friction, for
+        instance, still falls with velocity.
     units : tuple of str
         Units of force and position; all other units follow from them.
     load_mass, coupling, coupling_damping : float
@@ -105,9 +106,9 @@ def identify_sliding(
 ) -> SlidingFit:
     """Identify mass, viscous and Coulomb friction of an axis from records in motion.
 
-    While friction slides in one direction it is a constant force. The FRF is then that of the
-    machine, with the slope of the friction as damping. The mean force over the velocity is the
-    friction itself.
+    While an axis slides in one direction, Coulomb friction is a constant force. The FRF is then
+    that of the machine, and the slope of the friction over velocity acts as damping. The mean force
+    at each velocity is the friction force.
 
     Use this for the mass and the viscous friction of an axis that can move at a constant velocity.
     Break-away force and presliding stiffness need records at rest (`identify_friction`).
@@ -115,14 +116,14 @@ def identify_sliding(
     Parameters
     ----------
     records : sequence of Record
-        Force [N] as input, position [m] minus the base motion as output, at a velocity that never
-        reverses. The force keeps its mean.
+        Force [N] as input, with its mean, and position [m] minus the base motion as output. The
+        velocity must not reverse.
     velocities : (R,) sequence of float
-        Base velocity of each record [m/s], with its sign. Two directions show a constant force such
-        as weight.
+        Base velocity of each record [m/s], with its sign. Measure in two directions to identify a
+        constant force such as weight.
     masses : int
-        1, or 2 for a motor with the encoder and a load behind a spring and a damper. Measure beyond
-        the resonance.
+        1 for one mass. 2 for a motor with the encoder, and a load coupled by a spring and a damper;
+        measure beyond the resonance then.
 
     Returns
     -------

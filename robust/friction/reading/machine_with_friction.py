@@ -24,47 +24,48 @@ def machine_with_friction(
     free: bool = False,
     masses: int = 1,
 ) -> MachineWithFriction:
-    """Return machine and friction class from three levels or more, as BLAs or records, for
-    `prove_friction`.
+    """Return a linear plant and a class of friction from measurements at three levels or more.
 
-    Use this if the friction law is unknown but the axis was measured at several levels of
-    excitation. For a class whose limits are known, use `MaxwellSlip` directly.
+    Use this before `prove_friction`, if the friction law is unknown but the axis was measured at
+    several levels of excitation. If you know the limits of the class, use `MaxwellSlip` directly.
 
-    **Records** go through `identify_friction`, whose result may be given instead. The result has a
-    delay, and the class uses the ends of 95 % intervals. The axis is one rigid mass in the band, or
-    a motor and a load.
+    **Records** are evaluated by `identify_friction`, whose result may be given instead. The plant
+    then contains a delay, and the limits of the class are the ends of 95 % intervals. Within the
+    measured band the axis is one rigid mass, or a motor and a load.
 
-    **BLAs**: at each level 1/G = k - m w^2 + j c w + a j w/(j w + b) is fitted over all lines; the
-    last term is an element that slips. The machine gets the lowest k that the highest level allows
-    within three standard deviations, minus the possible further fall of k over one more doubling of
-    the force. K0 is the stiffness at rest, extrapolated from the lowest levels, minus k of the
-    highest level; times a margin; plus the reduction of k. The damping is zero.
+    **BLAs** are evaluated level by level: 1/G = k - m w^2 + j c w + a j w/(j w + b) is fitted over
+    all lines. The last term is an element that slips. The plant has no damping. Its stiffness is
+    the lowest k that the highest level allows within three standard deviations, minus the possible
+    further decrease of k if the force is doubled once more. K0 is the sum of two parts. The first
+    part is `margin` times the difference between the stiffness at rest, extrapolated from the
+    lowest levels, and k of the highest level. The second part is the amount by which the stiffness
+    of the plant is below that k.
 
-    A flexible machine, or BLAs with a delay, need a `nominal`. Fit it at the lowest level, where
-    the friction is a spring, or at the highest, where it has no stiffness. The difference of the
-    levels from the nominal is the friction. Proofs use the nominal without damping and with its
-    damping (`MachineWithFriction.machines`).
+    A flexible machine, or BLAs with a delay, need a `nominal`. Fit the nominal at the lowest level,
+    where the friction is a spring, or at the highest level, where the friction has no stiffness.
+    The differences between the levels and the nominal are then attributed to friction. A proof uses
+    the nominal twice, without damping and with its damping (`MachineWithFriction.machines`).
 
     Parameters
     ----------
     blas : sequence of Bla, or of Record, or FrictionFit
-        From force [N] to position [m], for one machine, at levels from sticking to sliding. Records
-        are at rest; several periods of each show the noise.
+        Measurements of one machine from force [N] to position [m], at levels from sticking to
+        sliding and without a base motion. Records need several periods, to estimate the noise.
     nominal : NominalFit, control.StateSpace or FrictionPlant, optional
-        From force to position where friction acts, with at least two poles more than zeros
-        (``fit_nominal(blas[0], n_poles=4, n_zeros=2)``); or a machine with one friction port. The
-        delay of a fit is kept. Only with BLAs.
+        Model from force to position at the place of the friction, with at least two poles more than
+        zeros (``fit_nominal(blas[0], n_poles=4, n_zeros=2)``), or a plant with one friction port.
+        The delay of a fit is kept. Only with BLAs.
     stiction : float
-        Largest over smallest force of a slider; no frequency response shows it. For records at
-        least the upper end of the estimate.
+        Ratio of the largest to the smallest slip force of a slider, an assumption. For records the
+        class uses the upper end of the estimate, if that is larger.
     margin : float
         Factor on the estimated presliding stiffness.
     free : bool
-        True for an axis without a spring to ground. Only with records: BLAs always leave a spring
-        open.
+        True for an axis without a spring to ground. Only with records: BLAs cannot distinguish such
+        a spring from friction.
     masses : int
-        2 for a motor and a load with friction on both and the encoder on the motor; takes up to
-        half a minute. Only with records.
+        1 for one mass; 2 for a motor and a load with friction on both and the encoder on the motor.
+        Two masses take up to half a minute, and need records.
 
     Returns
     -------
@@ -73,10 +74,10 @@ def machine_with_friction(
     Raises
     ------
     ValueError
-        Fewer than three levels; BLAs and records together; a reversed sign; BLAs with a delay or a
-        misfit that the model does not explain; two lowest levels that are equal, or so different in
-        stiffness that neither sticks; a highest level that still sticks. For records any gap that
-        leaves the machine or K0 open (`FrictionFit.questions`).
+        Fewer than three levels; BLAs and records together; a reversed sign; BLAs with a delay or
+        with a misfit that the model does not explain; two lowest levels that are equal, or whose
+        stiffnesses differ so much that neither level sticks; a highest level that still sticks. For
+        records also an open question about the machine or K0 (`FrictionFit.questions`).
 
     References
     ----------

@@ -498,39 +498,41 @@ class NominalFit:
     delay, delays : float, (n_u,) ndarray
         Delay [s] in series with G.
     omega : (F,) ndarray
-        The fitted lines [rad/s]; those of several records are concatenated.
+        Frequencies of the fitted lines [rad/s]; the lines of several records are concatenated.
     response : (F,) complex ndarray, or (n_y, n_u, F)
         Response of the model at these lines, delay included.
     residual : (F,) complex ndarray, or (n_y, n_u, F)
-        Measured minus response.
+        Measured FRF minus `response`.
     std : (F,) ndarray, or (n_y, n_u, F)
-        Standard deviation of the scatter of each line; nan without variances.
+        Standard deviation of the measured FRF on each line; nan without variances.
     cost : float
         Sum of |residual|^2 / std^2.
     expected_cost : float
-        Expected cost for the right model, with scatter alone; nan without variances. A cost well
-        above it shows undermodelling: `uncertainty` puts the misfit into the radius.
+        Expected cost of a model without error, from the variance of the FRF alone; nan without
+        variances. A cost well above the expected cost shows undermodelling, which `uncertainty`
+        adds to the radius.
     n_parameters : int
-        Free real parameters.
+        Number of free real parameters.
     class_std : (F,) ndarray, or (n_y, n_u, F)
-        Standard deviation of the error of the model class on each line, estimated with the fit and
-        used in its weights. Zero if scatter explains the residual.
+        Estimated standard deviation of the model error on each line, which the weights of the fit
+        contain. Zero if the variance of the FRF explains the residual.
     unlikelihood : float
-        Negative log likelihood of the fit, error of the class included, minus that of its scatter
-        alone.
+        Negative log likelihood of the fit including the model error, minus the negative log
+        likelihood that the variance of the FRF alone would give.
     omega_c : float
-        Crossover of the loop that the model is fitted for [rad/s]; nan without one.
+        Crossover [rad/s] of the loop for which the model was fitted; nan if none was given.
     uncertainty : FitUncertainty
-        Standard deviations of poles, zeros, gain and delay; None if the fit was not made by
+        Standard deviations of poles, zeros, gain and delay; None if the model does not come from
         `fit_nominal`.
     p_value : float
-        Probability that scatter alone leaves a cost at least as large; nan without variances.
+        Probability of a cost at least as large for a model without error; nan without variances.
     hold : str
-        Hold of the record: "zoh" or "band-limited" if it was accounted for (a continuous model is
-        then the plant without a hold, a discrete one the plant behind a hold of dt), "unknown" if
-        it was not.
+        Hold of the record. "zoh" or "band-limited": the fit takes the hold into account, so that a
+        continuous model is the plant without a hold, and a discrete model is the plant with a
+        zero-order hold of dt. "unknown": the fit takes no hold into account.
     unit, inputs, outputs : str, tuple of str, tuple of str
-        Unit of the response, if the record has one; for a matrix the names of its channels.
+        Unit of the response, if the record has one, and for several channels the names of inputs
+        and outputs.
     warnings : tuple of str
         Warnings about the records and the fit.
 
@@ -582,14 +584,12 @@ class NominalFit:
 
     @property
     def criterion(self) -> float:
-        """Return the Bayesian criterion: negative log likelihood plus ln(2 lines)/2 for each
-        parameter.
-        """
+        """Bayesian information criterion: negative log likelihood + n_parameters ln(2 lines)/2."""
         return float(self.unlikelihood + self.n_parameters / 2 * np.log(2 * self.response.size))
 
     def describe_class_error(self) -> str:
-        """Describe the error of the class as a fraction of |G|: below the crossover, and its
-        maximum.
+        """Describe the model error relative to |G|: its maximum, and its maximum below the
+        crossover.
         """
         channels = tuple(range(self.response.ndim - 1))
         beyond = np.sum(
@@ -607,8 +607,9 @@ class NominalFit:
 
 
 def frd(bla: Bla) -> control.FrequencyResponseData:
-    """Return the best linear approximation as a python-control FRF, to plot, multiply and compare
-    with models.
+    """Return the best linear approximation (BLA) as an FRF object of python-control.
+
+    Use this to plot the BLA with python-control, or to multiply and compare it with models.
 
     Parameters
     ----------
@@ -653,28 +654,29 @@ def fit_nominal(
     rank: int = 1,
     omega_c: float | None = None,
 ) -> NominalFit:
-    """Fit a transfer function to a measured FRF: the model a controller is designed on.
+    """Fit a transfer function, the nominal model, to a measured FRF.
 
     Use this first, with `scan_orders` to choose the number of poles; `uncertainty` then adds the
     radius around the model.
 
-    Minimises sum |G_k - B/A exp(-j omega_k delay)|^2 / var_k if scatter explains the residual.
-    Otherwise the class of models has an error of its own beside the scatter. Its size epsilon is
-    estimated with the model: sum |G_k - B/A exp(-j omega_k delay)|^2 / (var_k + epsilon^2 m_k^2) +
-    ln(var_k + epsilon^2 m_k^2), m = |G|/|T_c|^2 with |G| smoothed over an octave.
+    The fit minimises sum |G_k - B/A exp(-j omega_k delay)|^2 / var_k, if the variance var_k of the
+    FRF explains the residual. Otherwise no model of this order fits within the variance, and the
+    size epsilon of the model error is estimated together with the model. The cost is then sum |G_k
+    - B/A exp(-j omega_k delay)|^2 / (var_k + epsilon^2 m_k^2) + ln(var_k + epsilon^2 m_k^2), with m
+    = |G|/|T_c|^2 and |G| smoothed over an octave.
 
-    Starts come from vector fitting with that numerator, from two sets of poles and from poles on
-    the peaks, each behind the best delays of a scan. If scatter does not explain their residual,
-    the fit with two poles and two zeros fewer is a further start, with a pair added at its largest
-    residual. Each start is refined by Levenberg-Marquardt over second-order sections in scaled
-    frequency, where every section keeps its digits.
+    Several starting values are refined by the Levenberg-Marquardt method. They come from vector
+    fitting with different initial poles and delays. If the variance does not explain the residual,
+    one more start is the fit with two poles and two zeros fewer, to which a pair is added at the
+    largest residual.
 
     Parameters
     ----------
     bla : nlfrf.Bla, list of them or control.FrequencyResponseData
-        The measurement. A list is a plant at several levels or days: one model for all. A matrix
-        gets poles that all entries share and residues of rank one, n_poles states in all, weighted
-        by the covariance.
+        The measurement. A list contains one plant at several levels or on several days, and gets
+        one model. For several channels the entries of the model share their poles, and the residues
+        have rank one (`rank`): the model has n_poles states. The fit is then weighted by the
+        covariance.
     n_poles : int
         Number of poles. `scan_orders` helps to choose.
     n_zeros : int, optional
@@ -689,15 +691,15 @@ def fit_nominal(
         Keep every pole strictly stable. Set to False for an unstable plant, measured in closed
         loop.
     std : (F,) ndarray, or (n_y, n_u, F), optional
-        Standard deviation of each line of a FrequencyResponseData, sqrt(E|.|^2) as in
-        `nlfrf.bla_from_frf` (a Bla has its own). Without it, lines are weighted by 1/|G| and there
-        is no expected cost; it is required for several channels.
+        Standard deviation sqrt(E|.|^2) of each line of a FrequencyResponseData, as in
+        `nlfrf.bla_from_frf`; a Bla contains its own. Without `std` the lines are weighted by 1/|G|, and the fit has no
+        expected cost. Required for several channels.
     rank : int
         Rank of the residues for several channels: 2 for the equal modes of a symmetric machine.
     omega_c : float, optional
-        Crossover [rad/s] of the loop that the model is for. A model with few poles for a machine
-        with many then serves that loop: |T_c| (`target_loop`) is its tolerance. By default |T_c| is
-        one.
+        Intended crossover [rad/s] of the loop. With fewer poles than the machine has, the model is
+        then most accurate around this crossover: m contains the complementary sensitivity T_c of a
+        loop with this crossover. By default |T_c| is one.
 
     Returns
     -------
@@ -706,9 +708,9 @@ def fit_nominal(
     Raises
     ------
     ValueError
-        Orders that do not fit each other or the number of lines, a line where G is zero without
-        `std`, a delay that is not a whole number of samples, lines beyond the Nyquist frequency of
-        `dt`, a crossover outside the lines or at a |G| below its bound.
+        Orders that do not fit each other or the number of lines; a line where G is zero, without
+        `std`; a delay that is not a whole number of samples; lines beyond the Nyquist frequency of
+        `dt`; a crossover outside the lines, or at a frequency where |G| is below its bound.
 
     References
     ----------

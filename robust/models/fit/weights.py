@@ -45,10 +45,9 @@ from robust.models.fit.refinement import (
 def performance_weight(
     omega_B: float, *, M_S: float = 2.0, A: float = 1e-3, order: int = 1
 ) -> control.StateSpace:
-    """Make the performance weight w_P, |S| <= 1/|w_P|: bandwidth omega_B, peak M_S, error A at low
-    frequency.
+    """Return the performance weight w_P for the demand |S| <= 1/|w_P|.
 
-    Use this for a bound of |S|; the bound of |K S| is `control_weight`.
+    Use this for a bound on |S|, and `control_weight` for a bound on |K S|.
 
     w_P = ((s/M_S^(1/n) + omega_B)/(s + omega_B A^(1/n)))^n.
 
@@ -100,9 +99,10 @@ def performance_weight(
 def control_weight(
     omega_bc: float, *, M_u: float = 1.0, A: float = 1e-2, order: int = 1
 ) -> control.StateSpace:
-    """Make the control weight w_u, |K S| <= 1/|w_u|: M_u at low frequency, A far above omega_bc.
+    """Return the control weight w_u for the demand |K S| <= 1/|w_u|.
 
-    Use this to bound the actuator effort and to make the controller roll off.
+    Use this to bound the actuator effort and to make the controller roll off. 1/|w_u| is M_u at low
+    frequency and A far above omega_bc.
 
     w_u = ((s + omega_bc/M_u^(1/n))/(A^(1/n) s + omega_bc))^n.
 
@@ -155,8 +155,7 @@ def makeweight(
     order: int = 1,
     dt: float = 0.0,
 ) -> control.StateSpace:
-    """Make a weight from its gain at zero frequency, at one frequency and far above, like MATLAB's
-    makeweight.
+    """Return a weight with given gains at zero, at one frequency and at infinity, as in MATLAB.
 
     W = ((h s + a d)/(s + a))^n with d = dc^(1/n), h = high^(1/n), and a from the gain m at omega.
 
@@ -167,9 +166,9 @@ def makeweight(
     crossover : float or (float, float)
         Frequency [rad/s] at which |W| is one; or omega [rad/s] and |W| there, between dc and high.
     order : int
-        Order of the weight: a higher one is steeper between the two gains.
+        Order of the weight; a higher order is steeper between dc and high.
     dt : float
-        Sampling time [s]; 0 is continuous.
+        Sampling time [s]; 0 for a continuous weight.
 
     Returns
     -------
@@ -184,7 +183,7 @@ def makeweight(
 
     References
     ----------
-    SP 2.8.2; the sampled weight by the bilinear map that is exact at omega.
+    SP 2.8.2. A sampled weight comes from the bilinear map that is exact at omega.
 
     Examples
     --------
@@ -221,26 +220,25 @@ def makeweight(
 
 
 def delay_weight(delay: float, *, gain: float = 0.0) -> control.StateSpace:
-    """Return a third-order multiplicative weight for any delay up to a maximum and any gain error
-    up to a fraction.
+    """Return a third-order multiplicative weight that covers an uncertain delay and gain.
 
-    Use this for a delay that the nominal model leaves out.
+    Use this for a delay that the nominal model does not contain.
 
-    Covers |k exp(-s theta) - 1| for 0 <= theta <= delay, 1 - gain <= k <= 1 + gain. The rational
-    weights of SP 7.4.5 do not cover the exact radius everywhere; here they are lifted until they
-    cover it.
+    The weight covers |k exp(-s theta) - 1| for 0 <= theta <= delay and 1 - gain <= k <= 1 + gain.
+    The rational weights of SP 7.4.5 do not cover the exact radius at all frequencies, so they are
+    raised until they do.
 
     Parameters
     ----------
     delay : float
-        Longest delay [s] that the nominal model leaves out.
+        Longest delay [s] that the nominal model does not contain.
     gain : float
         Relative gain error, below 1.
 
     Returns
     -------
     control.StateSpace
-        Within a few tenths of a dB of the exact radius. Without gain error the weight is zero at
+        A weight within a few tenths of a dB of the exact radius. Without gain error it is zero at
         zero frequency.
 
     Raises
@@ -517,30 +515,30 @@ def fit_weight(
 ) -> _WeightFit:
     """Fit a weight that covers a radius, with as little excess as the order allows.
 
-    Use this for a radius of your own; `uncertainty` fits its weight by itself.
+    Use this for a radius of your own; `uncertainty` already contains this fit.
 
     Parameters
     ----------
     omega : (W,) ndarray
         Frequencies [rad/s], increasing.
     radius : (W,) ndarray
-        Magnitude that |W| has to cover, positive.
+        Lower bound of |W|, positive.
     order : int, optional
-        Number of poles (and zeros) of the weight. By default it grows up to 12 as long as a state
-        saves 0.1 dB of the mean excess.
+        Number of poles (and zeros) of the weight. By default it is raised, up to 12, as long as one
+        more state lowers the mean excess |W|/radius by 0.1 dB.
     dt : float
         0 for a continuous weight, otherwise the sampling time [s] of a discrete one.
     importance : (W,) ndarray, optional
-        Weight of a decibel of excess at each frequency, for example |T| of the intended loop;
-        uniform by default; a value below a tenth of the largest counts as a tenth. The covered
-        radius does not depend on it.
+        Weight of the excess (in decibels) at each frequency, for example |T| of the intended loop;
+        uniform by default. A value below a tenth of the largest counts as a tenth. |W| >= radius
+        holds for any importance.
 
     Returns
     -------
     WeightFit
-        It has the least mean excess over the lines, weighted by importance. |W| >= radius holds on
-        the lines, |W| >= the larger neighbour between them, |W| >= the first and last radius at
-        zero and infinity.
+        The weight with the least mean excess over the lines, weighted by importance. On the lines
+        |W| >= radius. Between two lines |W| is at least the larger of both radii. At zero and at
+        infinity it is at least the first and the last radius.
 
     Raises
     ------

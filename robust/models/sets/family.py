@@ -194,9 +194,10 @@ def choose_form(
     omega_B: float,
     weights: str = DIAGONAL,
 ) -> _FormRanking:
-    """Rank the forms of uncertainty for a family of plants by how much each demands of a loop.
+    """Rank the forms of uncertainty by the robust-stability demand that a family of plants makes.
 
-    The loop has a given bandwidth. The form that demands least comes first.
+    The demand is evaluated for a loop with the bandwidth `omega_B`. The form with the smallest
+    demand comes first.
 
     Use this before `uncertainty_of_plants` if you do not know where the uncertainty of a plant with several
     channels acts.
@@ -204,9 +205,9 @@ def choose_form(
     Parameters
     ----------
     plants : list of control.StateSpace, TransferFunction or FrequencyResponseData
-        The family, with several channels.
+        Plants of the family, with several channels.
     nominal : NominalFit or control system, optional
-        Plant in the middle; found by default, as in `uncertainty_of_plants`.
+        Nominal plant; by default fitted as in `uncertainty_of_plants`.
     omega_B : float
         Bandwidth of the loop [rad/s]: T = omega_B/(s + omega_B) in every channel.
     weights : str
@@ -219,7 +220,7 @@ def choose_form(
     Raises
     ------
     ValueError
-        Plants that do not fit each other, or for which no form has a set.
+        Plants that do not fit each other, or that no form can cover.
 
     References
     ----------
@@ -227,8 +228,8 @@ def choose_form(
 
     Examples
     --------
-    Gains of both outputs with errors up to 20 %, behind an ill-conditioned plant: uncertainty of
-    its output.
+    An ill-conditioned plant whose two outputs have gain errors of up to 20 %: the uncertainty at
+    the output comes first.
 
     >>> G = control.ss([[-1.0]], [[1.0, -1.0]], [[1.0], [1.2]], np.eye(2) * 0.01)
     >>> plants = [control.ss(G.A, G.B, np.diag(k) @ G.C, np.diag(k) @ G.D) for k in ([0.8, 1.2], [1.2, 0.8])]

@@ -34,25 +34,27 @@ _PASS_ON = (
 
 @value(kw_only=False)
 class Block:
-    """One perturbation of an interconnection: drives = Delta (size reads) with |Delta| <= 1.
+    """One perturbation block of an interconnection: output = Delta (size input), with |Delta| <= 1.
 
     Fields
     ------
     reads, drives : str or list of str
-        Outputs of the systems that the block reads, inputs of the systems that it drives.
+        `reads`: names of the system outputs that are the input of the block. `drives`: names of the
+        system inputs to which the output of the block is added.
     size : float or control.StateSpace
-        Size of the perturbation at |Delta| = 1: a number, or a stable weight over frequency.
+        Size of the perturbation: a number, or a stable weight over frequency.
     kind : str
         "full": any matrix of gain at most one. "repeated": one complex number times the identity.
         "real": one real number in [-1, 1] times the identity, a parameter.
     perturbation : str
-        Claimed class of Delta, as for `UncertaintyModel`: "LTI", "statistical" or "operator".
+        Class of Delta that you claim, as for `UncertaintyModel`: "LTI", "statistical" or
+        "operator".
 
     Raises
     ------
     ValueError
-        A kind or class that does not exist, a size that is unstable, reads and drives that do not
-        fit the kind.
+        A kind or class that does not exist, an unstable size, or numbers of signals in `reads` and
+        `drives` that do not fit the kind.
 
     References
     ----------
@@ -90,7 +92,7 @@ class Block:
 
     @property
     def shape(self) -> tuple[int, int] | tuple[int, int, str]:
-        """Return the block as `robust.mu.upper` takes it: rows, columns, and the kind unless it is
+        """Return the block as `robust.mu.upper` takes it: rows, columns, and a kind other than
         full.
         """
         lengths = (len(self.reads), len(self.drives))
@@ -107,18 +109,18 @@ def _checked_signals(name: str, given: object) -> tuple[str, ...]:
 
 @value
 class UncertainSystem:
-    """A linear system with its perturbations pulled out.
+    """A linear system N with its perturbations as external feedback blocks (SP 8.3).
 
     Fields
     ------
     N : control.StateSpace
-        From (signals that the blocks drive, inputs) to (signals that the blocks read, outputs),
-        sizes included. Its signals have the names of `inputs` and `outputs`; those of a block begin
-        with its name: "actuator:u".
+        System from (outputs of the blocks, `inputs`) to (inputs of the blocks, `outputs`); it
+        contains the sizes of the blocks. The names of the signals of a block begin with the name of
+        the block, for example "actuator:u".
     blocks : dict of str to Block
-        In the order of the partition of N.
+        Perturbations by name, in the order in which they are connected to N.
     inputs, outputs : tuple of str
-        Signals of the performance; empty for stability alone.
+        Names of the signals of the performance channel; empty if only stability is of interest.
 
     References
     ----------
@@ -157,19 +159,17 @@ class UncertainSystem:
 
     @property
     def structure(self) -> list[tuple[int, int] | tuple[int, int, str]]:
-        """Return the blocks as `robust.mu.upper` takes them, for the part of N that they close."""
+        """Return the blocks as `robust.mu.upper` takes them."""
         return [block.shape for block in self.blocks.values()]
 
     @property
     def with_performance(self) -> list[tuple[int, int] | tuple[int, int, str]]:
-        """Return `structure` and a full block from outputs to inputs: mu < 1 keeps that gain below
-        one.
-        """
+        """Return `structure` with a full performance block; mu < 1 means a gain below one."""
         return [*self.structure, (len(self.outputs), len(self.inputs))]
 
     @property
     def loop(self) -> control.StateSpace:
-        """Return the part of N that the perturbations close."""
+        """Return the part of N that is connected to the perturbations (N11)."""
         rows = sum(block[0] for block in self.structure)
         cols = sum(block[1] for block in self.structure)
         N = self.N
@@ -179,8 +179,8 @@ class UncertainSystem:
         )
 
     def perturbation_by_name(self, delta: np.ndarray) -> dict[str, float]:
-        """Return for each block of a perturbation (drives, reads) its number if it is real, else
-        its norm.
+        """Return the number of each real block, and the norm of each other block, of a
+        perturbation.
         """
         parts, r, c = {}, 0, 0
         for name, block in self.blocks.items():
@@ -200,7 +200,7 @@ def interconnection(
     inputs: Sequence[str] = (),
     outputs: Sequence[str] = (),
 ) -> UncertainSystem:
-    """Join systems by the names of their signals and pull the perturbations out.
+    """Connect systems by the names of their signals, with perturbations as external blocks.
 
     Use this for a loop with several uncertainties, or with uncertain parameters; check it with
     `check_structure`.
@@ -209,13 +209,13 @@ def interconnection(
     ----------
     systems : list of control.StateSpace or TransferFunction
         Systems with named inputs and outputs (`control.ss(..., inputs=, outputs=)`,
-        `control.summing_junction`). Every input is the sum of the outputs with the same name, of
-        the blocks that drive it and of the external input with the same name.
+        `control.summing_junction`). Every input is a sum: of the outputs with the same name, the
+        blocks that drive it, and the external input with the same name.
     blocks : dict of str to Block
         The perturbations, by name.
     inputs, outputs : str or list of str
-        External inputs and outputs: the gain between them is the performance; weights are systems
-        like any other.
+        External inputs and outputs. The performance is the gain between them. Performance weights
+        are part of `systems`.
 
     Returns
     -------
@@ -224,7 +224,7 @@ def interconnection(
     Raises
     ------
     ValueError
-        An unknown signal, an input without a source, different sampling times, an algebraic loop
+        An unknown signal, an input without a source, different sampling times, or an algebraic loop
         without a solution.
 
     References

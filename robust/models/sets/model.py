@@ -137,15 +137,15 @@ class UncertaintyModel:
     """A nominal plant, a radius around it on the measured lines, and weights that cover the radius
     everywhere.
 
-    For one input and one output every array is over frequency alone, and `weight` is the weight.
-    For several channels `left` and `right` are the weights, and each weight has its row in
-    `radius`.
+    For one input and one output the arrays are over frequency, and the field `weight` contains the
+    weight. For several channels the fields `left` and `right` contain the weights, and `radius` has
+    one row for each weight.
 
     Fields
     ------
     nominal : control.StateSpace or control.FrequencyResponseData
         Nominal plant with its delay inside: z^-d in discrete time, a Padé approximation otherwise.
-        An FRF (one channel only) gives a model that is known on its lines only.
+        With an FRF as nominal (one channel only) the model is known on the lines of this FRF only.
     weight : control.StateSpace or None
         Stable and proper; |weight| >= radius on every line. None for several channels.
     form : str
@@ -155,51 +155,58 @@ class UncertaintyModel:
     omega : (W,) ndarray
         Frequencies of the radius [rad/s].
     radius : (W,) or (n, W) ndarray
-        Radius that the weights cover, in the unit of the form; rows of `left` before those of
-        `right`. |weight| when not given, for weights of your own.
+        Radius that the weights cover: relative to |G|, or in the unit of G for an additive form.
+        Rows of `left` come before rows of `right`. Default, for weights of your own: |weight|.
     confidence : float
-        Probability that a line of another realisation lies in its disc (for several channels: that
-        a line of another set of experiments lies in the set); nan if no probability is claimed.
+        Probability that the set contains, on one line, the FRF of another realisation (random draw
+        of the phases of the excitation); nan if no probability is claimed. For several channels it
+        refers to another set of experiments.
     perturbation : str
         "LTI": Delta is any stable linear time-invariant system of gain at most one. "statistical":
-        the discs hold measured FRFs with the stated confidence. "operator": Delta is any causal
-        operator, nonlinear included, of gain at most one.
+        the discs contain measured FRFs with the stated confidence. "operator": Delta is any causal
+        operator of gain at most one; it may be nonlinear.
     simultaneous : bool
         Whether the confidence holds for all lines together.
     budget : dict of (W,) or (n, W) ndarray
-        Parts that add up to the radius, by name: "noise", "odd", "even", "misfit", "level",
-        "systematic"; empty where they are not known, as for full blocks. The three statistical
-        parts share their common radius in proportion to their variances. "level" is the part that
-        appears only because the plant changes with the level.
+        Parts whose sum is the radius, by name; empty if they are not known, as for full blocks.
+
+        - "noise", "odd", "even": noise, and distortion by odd and by even nonlinearities. These
+          parts have one common statistical radius, which is divided in proportion to their
+          variances.
+        - "misfit": difference between the FRF and the nominal.
+        - "level": change of the plant with the level of the excitation.
+        - "systematic": systematic errors.
     origin : Origin
-        Source of the set, assumption outside the measured band, unit, and delay inside the nominal.
+        Source of the set, assumption outside the measured band, unit, and the delay that the
+        nominal contains.
     scaling : tuple of control.StateSpace
-        W1 and W2 of the coprime form, which scale the plant at its input and output, W2 G W1 (1
-        when not given); empty for other forms.
+        W1 and W2 of the coprime form, which shape the plant: W2 G W1. Each is 1 by default. Empty
+        for other forms.
     joint : JointProbability
-        Estimated probability that a whole FRF lies in the set, all its lines together; the least
-        over several levels.
+        Estimated probability that the set contains all lines of an FRF together; the smallest one
+        if the set is from several levels.
     records : tuple of RecordSummary
-        Summary of each record: lines, FRF and scatter for `validate`, level for `predict_level`.
+        Summary of each record: lines, FRF and scatter, which `validate` uses, and the level (rms of
+        input and output), which `predict_level` uses.
     left, right : tuple of control.StateSpace
-        Stable weights W_l and W_r for several channels: one a channel, or one square matrix each,
-        whose rows in `radius` are the gains of its rows (W_l) or of its columns (W_r). For
-        "elements" the n_y n_u weights stand in `right`, columns of G one after the other, and
-        `left` is empty.
+        Stable weights W_l and W_r for several channels: one weight for each channel, or one square
+        matrix each. For a matrix the rows of `radius` are the gains of the rows of W_l or of the
+        columns of W_r. For the form "elements" `right` contains the n_y n_u weights, column by
+        column of G, and `left` is empty.
     inputs, outputs : tuple of str
         Names of the channels.
     alternative_form : UncertaintyModel, optional
-        The same plant in another form, for several channels, at the same confidence c. Both sets
-        contain the plant with a probability of at least 2 c - 1, so `check` may take the better of
-        two verdicts. Other functions use this set alone.
+        The set of the same plant in another form, for several channels, at the same confidence c.
+        Both sets contain the plant with a probability of at least 2 c - 1, so `check` may take the
+        better of the two verdicts. No other function uses the alternative.
     warnings : tuple of str
-        Warnings about the records, the nominal and the weight: text of each `nlfrf.DataWarning` and
-        `DesignWarning`.
+        Texts of each `nlfrf.DataWarning` and `DesignWarning` about the records, the nominal and the
+        weight.
 
     Notes
     -----
-    A set that is given by `left` and `right` around a nominal with one input and output takes the
-    equivalent form for one channel.
+    A set that is made with `left` and `right` around a nominal with one input and one output is
+    converted to the equivalent form for one channel.
 
     Raises
     ------
@@ -302,27 +309,26 @@ class UncertaintyModel:
         above: str | float = 20.0,
         perturbation: str = "statistical",
     ) -> UncertaintyModel:
-        """Return the set of a radius of your own, from a data sheet or another tool, with a weight
-        fitted over it.
+        """Return the set for a radius of your own, with a weight that is fitted to cover it.
 
         Parameters
         ----------
         nominal : NominalFit, control system, control.FrequencyResponseData or float
-            The model in the middle, with one channel.
+            Nominal model with one channel.
         omega : (W,) array_like
             Frequencies of the radius [rad/s], increasing.
         radius : (W,) array_like
-            The radius in the unit of the form: a share of |G|, or the unit of G in the additive
-            form.
+            Radius relative to |G|, or in the unit of G for an additive form.
         form : str
             "multiplicative", "additive", "inverse-multiplicative" or "inverse-additive".
         order : int, optional
-            Order of the weight; when not given, it grows up to 12 as long as a state saves 0.1 dB
-            of the mean excess.
+            Order of the weight. By default it is raised, up to 12, as long as one more state lowers
+            the mean of |weight|/radius by 0.1 dB.
         below, above : "flat" or float
-            What is assumed outside the frequencies, as in `uncertainty`.
+            Assumption about the radius below the first and above the last frequency, as in
+            `uncertainty`.
         perturbation : str
-            The class; "LTI" and "operator" are claims of the user about the plant.
+            Class of Delta. With "LTI" or "operator" you claim that the plant is in the set.
 
         Returns
         -------
@@ -532,8 +538,7 @@ class UncertaintyModel:
         )
 
     def radius_shares(self, k: int) -> list[tuple[float, str]]:
-        """Return (share, name) of the parts of the radius on line k, the largest first; empty if
-        they are not known.
+        """Return (share, name) of the parts of the radius on line k, largest first; [] if unknown.
 
         For one channel.
         """
@@ -544,7 +549,7 @@ class UncertaintyModel:
         )
 
     def relative_radius(self) -> np.ndarray:
-        """Return (W,) the radius over |G|; nan where the form has no relative deviation."""
+        """Return (W,) radius divided by |G|; nan for a form without a relative deviation."""
         form = FORMS.get(self.form) if self.is_single else None
         if form is None or form.relative_weight is None or form.inverse:
             return np.full(self.omega.size, np.nan)
@@ -574,9 +579,7 @@ class UncertaintyModel:
 
     @property
     def is_single(self) -> bool:
-        """Return whether the set has one input and one output, so that its arrays have no axis of
-        channels.
-        """
+        """Return whether the set has one input and one output, and arrays without channel axes."""
         return not (self.left or self.right)
 
     @property
@@ -591,7 +594,7 @@ class UncertaintyModel:
 
     @property
     def weights(self) -> tuple[control.StateSpace, ...]:
-        """All weights: the one, or those of `left` before those of `right`."""
+        """All weights: `weight` for one channel, otherwise `left` followed by `right`."""
         return (self.weight,) if self.is_single else (*self.left, *self.right)
 
     @property
@@ -608,7 +611,7 @@ class UncertaintyModel:
 
     @property
     def block_shape(self) -> tuple[int, int]:
-        """Numbers of signals that the full block reads and drives, for several channels."""
+        """Numbers of inputs and outputs of the full block Delta, for several channels."""
         return sum(weight.noutputs for weight in self.right), sum(
             weight.ninputs for weight in self.left
         )
@@ -619,9 +622,7 @@ class UncertaintyModel:
         return any(weight.noutputs > 1 for weight in self.weights)
 
     def weight_gains(self, omega: np.ndarray) -> np.ndarray:
-        """Return (n, W) gains of the rows of W_l, then of the columns of W_r; |w| for one
-        channel.
-        """
+        """Return (n, W) gains of the rows of W_l, then of the columns of W_r; or |weight|."""
         sides = [(self.left, 1), (self.weights[len(self.left) :], 0)]
         parts = [
             np.linalg.norm(response_by_channel(weight, omega), axis=axis)
@@ -632,7 +633,7 @@ class UncertaintyModel:
 
     @property
     def shaping(self) -> control.StateSpace:
-        """W1 W2 as one system; a unit gain where the form needs no scaling."""
+        """Product W1 W2 of the coprime form; a unit gain for other forms."""
         scaled = self.is_single and FORMS[self.form].depends_on_units
         return in_series(*self.scaling) if scaled else state_space("shaping", 1.0)
 
@@ -647,7 +648,7 @@ class UncertaintyModel:
         )
 
     def distance(self, plant: AnySystem) -> np.ndarray:
-        """Return (W,) size of the smallest Delta that turns the nominal into a plant.
+        """Return (W,) size of the smallest Delta that changes the nominal into a plant.
 
         plant : control.FrequencyResponseData, compared at its own frequencies; or a system,
         compared at `omega`.
@@ -662,8 +663,7 @@ class UncertaintyModel:
     def normalized_distance(
         self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray
     ) -> np.ndarray:
-        """Return (..., W) size of the smallest Delta that turns responses of a nominal (W,) into G
-        (..., W).
+        """Return (..., W) size of the smallest Delta that changes `nominal` (W,) into G (..., W).
 
         For several channels G is (..., W, n_y, n_u) and nominal (W, n_y, n_u).
         """
@@ -677,11 +677,7 @@ class UncertaintyModel:
         )
 
     def is_within(self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray) -> np.ndarray:
-        """Return (..., W) whether `normalized_distance` is at most one.
-
-        Singular values are computed only where the Frobenius norm does not decide: the estimate of
-        a probability needs many matrices.
-        """
+        """Return (..., W) whether `normalized_distance` is at most one."""
         delta = self.minimal_perturbation(omega, G, nominal)
         if self.is_single:
             return np.abs(delta) <= _ROUNDING_FACTOR
@@ -696,11 +692,10 @@ class UncertaintyModel:
     def minimal_perturbation(
         self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray
     ) -> np.ndarray:
-        """Return (..., W) the smallest Delta of `normalized_distance`; (..., W, rows, columns) for
-        several channels.
+        """Return (..., W) the smallest Delta that changes `nominal` into G.
 
-        For one channel it is exact up to the phase of the weight; for "elements" each number stands
-        at its entry.
+        For one channel Delta is exact except for the phase of the weight. For several channels its
+        shape is (..., W, rows, columns), and for "elements" that of G.
         """
         if self.is_single:
             if FORMS[self.form].depends_on_units:  # at a pole, too, where G is infinite
@@ -720,9 +715,7 @@ class UncertaintyModel:
         return np.linalg.solve(W_l, divide_right(deviation, W_r))
 
     def side_weights(self) -> tuple[control.StateSpace, control.StateSpace]:
-        """Return W_l and W_r as systems, for several channels; the left one of "elements" is the
-        identity.
-        """
+        """Return W_l and W_r as systems, for several channels; "elements" has W_l = I."""
         dt = self.nominal.dt
         passed = control.StateSpace([], [], [], np.eye(len(self.right)), dt)
         return block_diagonal(list(self.left), dt) if self.left else passed, block_diagonal(
@@ -752,12 +745,14 @@ class UncertaintyModel:
         )
 
     def contains(self, plant: AnySystem) -> bool:
-        """Return whether an FRF lies in the set at its frequencies, or a system at all frequencies.
+        """Return whether the set contains an FRF (at its frequencies) or a system (at all
+        frequencies).
 
-        For a system this is proved, within 1e-6 of the radius: it has as many poles (zeros in an
-        inverse form) in the right half plane as the nominal, and the smallest Delta has a gain of
-        at most one at all frequencies, zero and infinity included. A system is compared on the
-        lines only if the nominal is an FRF, or, with a warning, if no proof is found.
+        For a system True is proved, within 1e-6 of the radius, by two conditions. The system has as
+        many poles (zeros in an inverse form) in the right half plane as the nominal. The smallest
+        Delta has a gain of at most one at all frequencies, zero and infinity included. Without a
+        proof, a system is compared on the lines only: always if the nominal is an FRF, otherwise
+        with a warning.
         """
         distance = self.distance(plant)
         if isinstance(plant, control.FrequencyResponseData) or self.measured_only:
@@ -775,10 +770,10 @@ class UncertaintyModel:
         return all(one.holds for one in found)
 
     def counted_roots(self, plant: control.StateSpace) -> int:
-        """Return the number of poles (zeros in an inverse form) in the right half plane, equal for
-        all plants of a set.
+        """Return the number of poles (zeros in an inverse form) of a plant in the right half plane.
 
-        It is zero for coprime factors, where nothing is counted.
+        It is equal for all plants of a set. For coprime factors this is no condition: the result is
+        zero.
         """
         row = self._row
         return 0 if row is None else right_roots(plant, inverse=row.inverse)
@@ -791,8 +786,8 @@ class UncertaintyModel:
         return next((row for row in BLOCK_FORMS.values() if row.one_channel == self.form), None)
 
     def deviations(self, plant: control.StateSpace) -> list[Deviation]:
-        """Return the deviation of a plant from the nominal, at every frequency; one for each entry
-        with "elements".
+        """Return the deviation of a plant from the nominal; with "elements" one for each entry of
+        G.
         """
         G, row = self.nominal, self._row
         if row is None:
@@ -814,10 +809,10 @@ class UncertaintyModel:
         ]
 
     def perturbed(self, Delta: Controller) -> control.StateSpace:
-        """Return the plant of the set for one perturbation, to simulate the worst one.
+        """Return the plant of the set for one perturbation Delta, for instance to simulate it.
 
-        Delta : control.StateSpace from the signals that it reads to those that it drives, or a real
-        matrix; diagonal for "elements".
+        Delta : control.StateSpace from the inputs of the block to its outputs, or a real matrix;
+        diagonal for "elements".
         """
         require_parametric(self, "to make plants of")
         if self.is_single:
@@ -837,8 +832,9 @@ class UncertaintyModel:
     def sample(
         self, n: int, rng: np.random.Generator | int | None = None
     ) -> list[control.StateSpace | control.FrequencyResponseData]:
-        """Return n plants of the set, each with |Delta| = 1 somewhere or everywhere; FRFs where the
-        nominal is one.
+        """Return n random plants of the set, each with |Delta| = 1 at one frequency or more.
+
+        The plants are FRFs if the nominal is an FRF.
         """
         plants: list[control.StateSpace | control.FrequencyResponseData] = []
         rng = random_generator("rng", rng)
@@ -913,14 +909,13 @@ class UncertaintyModel:
         return control.StateSpace(A, B, C, D, dt)
 
     def loop(self, K: Controller, *, w_P: Weight | None = None) -> UncertainSystem:
-        """Return the loop u = K (r - y) with the perturbations pulled out, for `check_structure`
-        and `robust.mu.upper`.
+        """Return the loop u = K (r - y) with Delta as an external block, for several channels.
 
-        For several channels.
+        `check_structure` and `robust.mu.upper` take this loop.
 
         w_P : control.StateSpace, optional
-            Performance weight on r - y: one for all outputs, which may be continuous with a sampled
-            loop, or a matrix.
+            Performance weight on r - y: one weight for all outputs, which may be continuous with a
+            sampled loop, or a matrix.
         """
         P, K = self.open_loop(), multivariable("K", K)
         n_y, n_u, dt = self.n_outputs, self.n_inputs, timebase(self.nominal)
@@ -957,7 +952,7 @@ class UncertaintyModel:
         )
 
     def blocks(self, n_z: int, n_d: int) -> dict[str, Block]:
-        """Return the perturbations by name, for several channels."""
+        """Return the blocks of Delta by name, for several channels."""
         of = {"perturbation": self.perturbation}
         if self.form != ELEMENTS:
             return {

@@ -215,25 +215,27 @@ def scan_orders(
     std: np.ndarray | None = None,
     omega_c: float | None = None,
 ) -> OrderScan:
-    """Fit nominal models of growing order and choose the one for a loop, or the one that the data
-    support.
+    """Fit nominal models of increasing order and choose one of them.
 
-    Use this before `fit_nominal` if you do not know the number of poles.
+    Use this before `fit_nominal` if you do not know the number of poles. Without `omega_c` the
+    order is the one that the data support. With `omega_c` it is the lowest order that suffices for
+    a loop with this crossover.
 
     Parameters
     ----------
     bla, dt, stable, std, omega_c
         As in `fit_nominal`.
     n_poles : iterable of int
-        Orders to try, the smallest first; with a crossover until one suffices.
+        Orders to try, smallest first. With `omega_c` the scan stops at the first order that
+        suffices.
     relative_degree : int, optional
-        Number of poles minus number of zeros. By default 1, or the likelier one as in
-        `fit_nominal`. For several channels 1 (residues) or 0 (with a direct term).
+        Number of poles minus number of zeros. By default 1, or a likelier number as in
+        `fit_nominal`. For several channels 1, or 0 with a direct term.
     delay : float or str
-        As in `fit_nominal` [s], or "auto": no delay, and also a fit with "estimate" if the phase
-        requires a delay: with a crossover if no order without one suffices and the best has zeros
-        in the right half plane, else if no order without one explains the data by poles and zeros
-        that they support.
+        Delay [s], as in `fit_nominal`, or "auto". "auto" tries models without delay first, and
+        estimates a delay if they fail. With `omega_c` they fail if no order suffices and the best
+        model has zeros in the right half plane. Otherwise they fail if no order explains the data
+        by poles and zeros that the data support.
 
     Returns
     -------

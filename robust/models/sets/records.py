@@ -102,7 +102,7 @@ class RecordSummary:
 
 @value
 class Origin:
-    """Source of a set of plants: its records, and the assumption outside the measured band.
+    """Source of an uncertainty set: its records, and its assumption outside the measured band.
 
     Fields
     ------
@@ -111,9 +111,9 @@ class Origin:
     extrapolation : str
         Description of the assumption outside the measured band.
     delay : float
-        Delay inside the nominal [s], for information.
+        Delay that the nominal contains [s], for information.
     omega_c : float
-        Crossover [rad/s] of the loop that the nominal was fitted for; nan if none was named.
+        Crossover [rad/s] of the loop for which the nominal was fitted; nan if none was given.
     hold : str
         Hold of the inputs of the record, as `Bla.hold`.
     fs : float

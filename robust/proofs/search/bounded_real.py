@@ -31,28 +31,30 @@ _SUBJECT = "norm"
 def certify_norm(
     system: LinearSystem, level: float = 1.0, *, solver: str | None = None
 ) -> Certificate:
-    """Prove by the bounded-real lemma that a system is stable with H-infinity norm below a level.
+    """Prove that a system is stable and that its H-infinity norm is below a level.
 
-    P > 0 with [A'P + PA + C'C, PB + C'D; B'P + D'C, D'D - level^2 I] < 0 (in discrete time its
-    counterpart), checked over the rationals. A Riccati equation proposes P, then cvxpy. If no P
-    passes, a determinant decides.
+    The proof is the bounded-real lemma: a matrix P > 0 with [A'P + PA + C'C, PB + C'D; B'P + D'C,
+    D'D - level^2 I] < 0, or its discrete counterpart, which is checked over the rationals. P comes
+    from a Riccati equation, or else from cvxpy. If no P passes the check, the sign of a determinant
+    over all frequencies decides.
 
-    Use this for a bound of a norm that holds between the frequencies of a grid too.
+    Use this for a bound on a norm that also holds between the frequencies of a grid.
 
     Parameters
     ----------
     system : control.StateSpace or TransferFunction
         Continuous or discrete, with any number of inputs and outputs.
     level : float
-        Level for the norm.
+        Bound of the norm to prove.
     solver : str, optional
         "CLARABEL" or "SCS", the solver of cvxpy that proposes P.
 
     Returns
     -------
     Certificate
-        If it does not hold, its reason is: violated, with the norm and its frequency; violated,
-        because the system is not stable; or undecided. A failure of a solver raises nothing.
+        A certificate that does not hold states the reason: the bound is violated, with the norm and
+        its frequency; the system is not stable; or the proof is undecided. A failure of a solver
+        raises no error.
 
     Raises
     ------

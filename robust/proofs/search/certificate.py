@@ -19,36 +19,39 @@ PIECES = "scalings, each where it holds"  # exact too, but its claim is not kept
 
 @value
 class Certificate:
-    """A proof of a bound and its method; or the reason why there is none.
+    """A proof of a bound with its method, or the reason why there is no proof.
 
-    A loop with one input and one output is proved in exact arithmetic from the given matrices. A
-    loop with several is proved by matrices that are checked over the rationals (scaled and
-    generalised KYP); `verify` repeats the check. A proof by scalings, each where it holds, is exact
-    too, but its claim is not kept. Any other outcome is judged in floating point, with slacks far
-    above its rounding. A norm is the structured singular value for one full block.
+    A bound for a loop with one input and one output is proved in exact arithmetic from the given
+    matrices. A bound for several channels is proved by matrices that satisfy an inequality, which
+    is checked over the rationals (scaled and generalised KYP lemma); `verify` repeats the check. A
+    proof by scalings on frequency intervals is exact, too, but the certificate does not contain
+    what `verify` needs. Any other outcome is judged in floating point, with tolerances far above
+    the rounding errors.
 
     Fields
     ------
     subject : str
         Subject of the bound.
     outcome : Outcome
-        "holds" only if the numbers were judged and passed; "violated" only if the bound was
-        disproved; else "undecided".
+        "holds" only if the bound is proved; "violated" only if it is disproved; otherwise
+        "undecided".
     level : float
-        The norm is below this level at every frequency.
+        Level of the claim: the norm (H-infinity norm or mu) is below this level at every frequency.
     method : str
-        "exact arithmetic", "scaled KYP" (P and X, see `robust.proofs.exact.scaled_kyp`) and
-        "generalised KYP" (P, Q and X of every interval, see `robust.proofs.exact.interval_kyp`),
-        all proved, rigorous; "periodic Riccati equation, Bernstein" (friction), or "".
+        Rigorous methods are "exact arithmetic", "scaled KYP" (with matrices P and X, see
+        `robust.proofs.exact.scaled_kyp`) and "generalised KYP" (with P, Q and X for every frequency
+        interval, see `robust.proofs.exact.interval_kyp`). For friction the method is "periodic
+        Riccati equation, Bernstein". Empty without a method.
     intervals : (I, 2) ndarray
-        Frequency intervals [rad/s] of the proof; [0, inf] (or Nyquist) for a norm; the frequency of
-        a violation.
+        Frequency intervals [rad/s] of the proof, for a norm from 0 to inf (or to the Nyquist
+        frequency). For a violated bound, the frequency of the violation.
     reason : str
-        Reason why it does not hold, for people; empty if it does.
+        Reason why the bound is not proved, as text; empty if it is proved.
     claim : LoopClaim or another
-        The claim with every number as given, for another proof; None for a proof without one (mu).
+        The claim with every number as given, from which `verify` proves it again; None if it is not
+        kept.
     again : callable, optional
-        Function that proves the claim again: again(claim, time_cap=seconds).
+        Function behind `verify`, called as again(claim, time_cap=seconds).
 
     References
     ----------
@@ -87,25 +90,22 @@ class Certificate:
 
     @property
     def judged(self) -> str:
-        """Arithmetic of the judgement: "proved, rigorous" to the last bit, or "judged in floating
-        point".
-        """
+        """Arithmetic of the result: "proved, rigorous" or "judged in floating point"."""
         exact = self.method in (EXACT, SCALED_KYP, GENERALISED_KYP, PIECES)
         return "proved, rigorous" if exact else "judged in floating point"
 
     def verify(self, *, time_cap: float = 60.0) -> Verification:
-        """Prove the claim again with outward rounding, from the claim alone and without the search.
+        """Prove the claim again with outward rounding, without the search for the proof.
 
         Parameters
         ----------
         time_cap : float
-            Seconds of processor time, after which the rest counts as not verified. The load of the
-            machine has no effect.
+            Processor time [s] after which the remaining claims count as not verified.
 
         Returns
         -------
         Verification
-            The claims that are "proved, rigorous", and the others with their reasons.
+            The claims that are "proved, rigorous", and the other claims with their reasons.
 
         References
         ----------

@@ -38,44 +38,45 @@ class Unpacked:
 
 @value
 class Design(Unpacked):
-    """A controller with its level; unpacks as K, CL, gamma, info = ncfsyn(G).
+    """A controller and the norm that it achieves; unpacks as K, CL, gamma, info = ncfsyn(G).
 
     Fields
     ------
     K : control.StateSpace
         Controller for the unweighted plant, negative feedback: u = K (r - y).
     gamma : float
-        Achieved norm, recomputed from the closed loop; inf if the loop is not stable, nan without a
-        weight. With a `certificate` that holds, the norm is proved to be below it; otherwise gamma
-        is only computed.
+        Achieved norm, recomputed from the closed loop; inf if the loop is not stable, nan if the
+        design has no weight. If `certificate` holds, the norm is proved to be below gamma.
+        Otherwise gamma is only computed.
     gamma_min : float
-        No controller reaches less; nan if no such level is known.
+        Lower bound of gamma over all controllers; nan if no lower bound is known.
     met : bool
-        True if K meets every hard demand, recomputed (for `design_frf` to 0.1 %, on the lines and
-        wherever the controller or its loop has features between them; see `n_lines`).
+        True if K meets every hard demand, recomputed from the closed loop. `design_frf` accepts an
+        excess of 0.1 %. It checks the demands on the lines (frequencies of the FRF), and between
+        two lines where the controller or its loop has a mode; see `n_lines`.
     reason : str
         Reason why the design ended, or the demand that is not met and its frequency.
     certificate : Certificate or None
-        The proof of gamma, from plant and controller as given, or the reason why there is none;
+        The proof of gamma for plant and controller as given, or the reason why there is no proof.
         None if gamma refers to the lines of an FRF.
     CL : control.StateSpace or None
         The closed loop with the norm gamma: for `mixsyn` from r to the weighted e, u and y, for
         `ncfsyn` from the perturbations (p_out, p_in) of the shaped plant to its (u, y). None for a
         design on the lines of an FRF.
     crossovers : tuple of float
-        Frequencies with |L| = 1 [rad/s], for the nominal and for every plant of a family; from
-        `design_frf` for one loop.
+        Frequencies with |L| = 1 [rad/s], of the nominal and of every plant of a family. Only
+        `design_frf` fills this field, for a design with one loop.
     omega_c : tuple of float
         Requested crossover of `design_frf` [rad/s]: at least the first, at most the second; empty
         if none was requested.
     peak_S, peak_T : float
         Largest |S| and |T| of the nominal on the lines; nan if they were not computed.
     stability : Stability or None
-        From `design_frf`: stability of every plant with K; undecided if its FRF leaves that open.
-        None elsewhere.
+        Stability of the loop with every plant, from `design_frf`; undecided if the FRF does not
+        determine it. None from other designs.
     n_lines : int
-        0 if no mode between two lines can violate the demands; otherwise the number of lines, and
-        demands or gamma hold on these only.
+        0 if no mode between two lines can violate the demands. Otherwise the number of lines;
+        demands or gamma then hold on these lines only.
     history : tuple of float
         gamma after every iteration, or the worst demand as long as one was not met.
 

@@ -599,31 +599,33 @@ def hinfsyn(
     factor: float = 1.01,
     n_steps: int = MOST_STEPS,
 ) -> Synthesis:
-    """Return the controller that minimises the norm from w to z of a generalised plant.
+    """Return the controller that minimises the H-infinity norm from w to z of a generalised plant.
 
-    Use this for a plant whose weights you arrange yourself; `mixsyn` builds the usual one.
+    Use this for a generalised plant of your own; `mixsyn` builds the usual one with weights on S, T
+    and K S.
 
     Parameters
     ----------
     P : control.StateSpace or TransferFunction
         Generalised plant from (w, u) to (z, y), continuous or discrete, weights included.
     n_y, n_u : int
-        Number of its last outputs that are measured, and of its last inputs that are controlled.
+        Number of measured outputs y and of controlled inputs u. They are the last outputs and
+        inputs of P.
     gamma_min : float
-        Sufficient level: the search stops once it is reached.
+        Sufficient gamma: the search stops once gamma is this small.
     tolerance : float
-        Relative width of the bracket on gamma at which the search stops.
+        Relative distance between the upper and lower bounds of gamma at which the search stops.
     factor : float
-        gamma of the controller over the least one, at least 1: at the least one the controller is
-        singular.
+        Ratio of gamma of the controller to the least gamma found, at least 1. At the infimum itself
+        the controller is singular.
     n_steps : int
-        Largest number of levels of gamma; the best controller found by then is returned.
+        Largest number of values of gamma that are tried. The best controller so far is returned.
 
     Returns
     -------
     Synthesis
-        If no controller was found, K is zero, gamma is inf and the reason is stated. gamma is
-        certified, or the reason states that it is not.
+        If no controller was found, K is zero, gamma is inf, and `reason` states why. If gamma is
+        not certified, `reason` states this.
 
     Raises
     ------
@@ -633,17 +635,16 @@ def hinfsyn(
 
     Notes
     -----
-    If D12 or D21 lacks rank, or a zero of P12 or P21 lies on the stability boundary (an integrating
-    plant in a mixed-sensitivity problem), the problem is singular: its infimum is approached and
-    not reached. Then circles on either side of the axis close in on it: controllers come from the
-    outside, a lower bound from the inside. If the two differ by more than 3 %, the reason states
-    it.
+    The problem is singular if D12 or D21 lacks rank, or if P12 or P21 has a zero on the stability
+    boundary (an integrating plant in a mixed-sensitivity problem). No controller then reaches the
+    infimum. It is enclosed by problems whose stability boundary is a circle close to the axis:
+    circles on one side give controllers, circles on the other side a lower bound. If both values
+    differ by more than 3 %, `reason` states this.
 
-    Combinations of u without an effect and of y without a measurement are left out first: two equal
-    actuators share the work. If P is stable, K = 0 is the first controller tried, and the result if
-    no other is better. The gain that no controller changes (at infinity, at poles of P on the axis,
-    in outputs that u does not reach) is part of the lower bound. The result depends on `n_steps`
-    and not on computing time.
+    Combinations of u without an effect on z, and of y without information, are removed first: two
+    equal actuators share the work. If P is stable, K = 0 is the first controller tried, and the
+    result if no other is better. Some gains are independent of the controller: at infinity, at
+    poles of P on the axis, and to outputs that u does not reach. They are part of the lower bound.
 
     References
     ----------

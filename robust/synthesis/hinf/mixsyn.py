@@ -33,47 +33,48 @@ def mixsyn(
     factor: float = 1.01,
     n_steps: int = MOST_STEPS,
 ) -> Design:
-    """H-infinity synthesis in mixed sensitivity: minimise the norm of [w_P S; w_u K S; w_T T].
+    """Design a mixed-sensitivity controller: minimise the H-infinity norm of [w_P S; w_u K S; w_T
+    T].
 
-    Use this first for one uncertainty; `dk_iteration` is for several uncertainties or robust
-    performance.
+    Use this first, for a plant with one uncertainty. Use `dk_iteration` for several uncertainties
+    or for robust performance.
 
     The order of the weights is that of python-control and MATLAB: `mixsyn(G, w1, w2, w3)` weights
     S, K S and T. If gamma < 1, every weight is met: |S| < 1/|w_P|, |K S| < 1/|w_u|, |T| < 1/|w_T|.
-    With a model, its weight takes the place of w_T (or joins S or K S, by its form), so that gamma
-    < 1 includes stability of the whole set.
+    The weight of an `UncertaintyModel` is added as a weight on T, S or K S, depending on the form
+    of the set. gamma < 1 then includes stability of the loop with every plant of the set.
 
     Parameters
     ----------
     model : UncertaintyModel, control.StateSpace, TransferFunction
         Plant with one or several inputs and outputs, continuous or discrete.
     w_P : control system or float
-        Weight on S (`performance_weight`). Stable: a slow pole in place of an integrator. For
-        several channels this and the others are one weight for each channel, or a matrix for all of
-        them (`control.append`).
+        Weight on S (`performance_weight`). It must be stable: use a slow pole instead of an
+        integrator. For several channels each of w_P, w_u and w_T is one weight that is used for
+        every channel, or a matrix (`control.append`).
     w_u : control system or float, optional
         Weight on K S (`control_weight`).
     w_T : control system or float, optional
-        Weight on T, in addition to that of the model.
+        Weight on T, in addition to the weight of the model.
     dt : float
-        Sampling time [s] of the controller for a continuous plant: the design then uses the sampled
-        plant, hold and delay included; weights go through the bilinear map. 0: the time base of the
-        plant.
+        Sampling time [s] of the controller for a continuous plant. The design then uses the sampled
+        plant with hold and delay, and weights are converted by the bilinear map. 0: time base of
+        the plant.
     delay : float
-        Computation delay [s]; by a Padé approximation in continuous time.
+        Computation delay [s]. In continuous time it is a Padé approximation.
     gamma_min : float
-        Sufficient level: the search stops once it is reached.
+        Sufficient gamma: the search stops once gamma is this small.
     factor : float
-        gamma of the controller over the least one, at least 1.
+        Ratio of gamma of the controller to the least gamma found, at least 1.
     n_steps : int
-        Largest number of levels of gamma; the best controller found by then is returned.
+        Largest number of values of gamma that are tried. The best controller so far is returned.
 
     Returns
     -------
     Design
-        gamma recomputed from the closed loop; inf, with the reason, if no controller was found.
-        gamma_min is a lower bound for any controller; without a w_u the infimum is only approached,
-        by ever faster controllers.
+        gamma is recomputed from the closed loop; it is inf if no controller was found, and `reason`
+        states why. gamma_min is a lower bound for all controllers. Without w_u no controller
+        reaches the infimum; ever faster controllers approach it.
 
     Raises
     ------

@@ -26,14 +26,14 @@ _NEARLY_CANCELLED = 1e-2
 def ncfsyn(
     G: UncertaintyModel | Controller, W1: Weight = 1, W2: Weight = 1, *, factor: float = 1.1
 ) -> Design:
-    """Robustly stabilise the shaped plant W2 G W1 against perturbations of its normalised coprime
-    factors.
+    """Design a controller by H-infinity loop shaping for the shaped plant W2 G W1.
 
-    Use this if you can shape a loop but have no weights for S and T.
+    Use this if you can shape a loop but have no weights for S and T. The controller maximises
+    robust stability against perturbations of the normalised coprime factors of W2 G W1.
 
     Shape the loop first: choose W1 (usually gain and integral action) so that |W2 G W1| is high
-    where errors must be small and low where the plant is unknown. The controller keeps that shape;
-    a gamma_min below about 4 confirms that the shape is feasible.
+    where errors must be small and low where the plant is unknown. A gamma_min below about 4
+    confirms that the controller can keep this shape.
 
     Parameters
     ----------
@@ -41,17 +41,17 @@ def ncfsyn(
         Plant with one or several inputs and outputs, continuous or discrete. For a sampled
         controller give the sampled plant (`robust.sampled`).
     W1, W2 : control.StateSpace, TransferFunction, float or (n_u, n_u), (n_y, n_y) ndarray
-        Shaping functions at the input and output of the plant: matrices (`control.append`), or one
-        for all channels.
+        Shaping functions at the input and output of the plant: each is a matrix (`control.append`),
+        or one function that is used for every channel.
     factor : float
-        gamma of the controller over gamma_min, above 1: at gamma_min itself the loop may be
+        Ratio of gamma of the controller to gamma_min, above 1. At gamma_min itself the loop may be
         unstable.
 
     Returns
     -------
     Design
-        K = W1 K_inf W2. An unstable loop is a result: gamma = inf. gamma, the norm of the shaped
-        plant with K_inf, is certified, or the reason states that it is not.
+        K = W1 K_inf W2. gamma is the norm of the loop of the shaped plant and K_inf; it is inf for
+        an unstable loop. If gamma is not certified, `reason` states this.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def ncfsyn(
 
     References
     ----------
-    McFarlane & Glover 1992; SP 9.4.1, eq. 9.62 to 9.67, there with positive feedback.
+    McFarlane & Glover 1992; SP 9.4.1, eq. 9.62 to 9.67 (with positive feedback).
 
     Examples
     --------

@@ -78,55 +78,60 @@ def tune(
     rng: np.random.Generator | int | None = None,
     progress: Callable[[int, float, float], object] | None = None,
 ) -> TunedDesign:
-    """Tune blocks of fixed structure, anywhere in any loops, for every plant at once.
+    """Tune controller blocks of fixed structure in one or several loops, for several plants at
+    once.
 
-    Use this for several loops at once, for limits on any signals, or for a structure that
-    `design_frf` does not have.
+    Use this for several loops at once, for limits between any two signals, or for a structure that
+    `design_frf` does not offer.
 
-    The largest ratio of a soft limit to its bound is minimised while every hard limit is met. The
-    search is local and proves nothing; give the resulting controller to `check`.
+    Each limit compares a norm with a bound. `tune` minimises the largest ratio of norm to bound
+    over the soft limits, while every hard limit is met. The search is local and proves nothing, so
+    give the resulting controller to `check`.
 
     Parameters
     ----------
     system : list of control systems
         All fixed parts, with named inputs and outputs (`control.summing_junction`, filters,
-        weights). An input is the sum of all outputs of its name, as in `interconnection`.
+        weights). Each input is the sum of all outputs with the same name, as in `interconnection`.
     plant : Plants
-        One plant, or several that each have to meet every limit. If dt is given, hold and delay are
-        added to continuous ones.
+        One plant, or several plants, each of which has to meet every limit. If dt is given, hold
+        and delay are added to continuous plants.
     blocks : dict of str to block
         `robust.tuning.Pid`, `Gain`, `Notch`, `Lead`, `Lag`, `LowPass`, `Biquad` or `StateSpace`, by
-        name; their numbers are the first start. A sampled block is its own Tustin image.
+        name. Their numbers are the first start. For dt > 0 each block is discretised by the Tustin
+        method.
     hard, soft : list of Limit
-        Limits to be met, and limits to be minimised. A `FrictionLimit` is hard.
+        Limits that must be met, and limits whose largest ratio is minimised. A `FrictionLimit` is a
+        hard limit.
     decay : float
-        Least decay rate of every pole that a block moves [rad/s]; zero requires stability.
+        Least decay rate [rad/s] of every pole that depends on a block; zero requires stability
+        only.
     dt : float
         Sampling time of blocks and system [s]; 0 for continuous ones, or that of a sampled plant.
     delay : float
         Computation delay [s] at the plant inputs. In continuous time it is a Padé approximation of
         order 8.
     n_starts : int
-        Number of starts: the given blocks, and random ones around them. Local optima are common:
-        take three or more.
+        Number of starts: the given blocks, and random blocks around them. Local optima are common,
+        so use three or more.
     time_cap : float
         Time for all starts together [s].
     rng : numpy Generator or int, optional
         For the random starts.
     progress : callable, optional
-        Function of (loops evaluated, best ratio so far, seconds left).
+        Function that is called with (loops evaluated, best ratio so far, seconds left).
 
     Returns
     -------
     TunedDesign
-        The best design; also if interrupted or out of time.
+        The best design found, also after an interrupt or at the end of the time.
 
     Raises
     ------
     ValueError
-        Parts that do not fit each other; no free parameter; a limit on a channel that is zero, or
-        missed for all numbers of the blocks; an unstable part that no block reaches; a plant known
-        on lines that the start does not stabilise.
+        Parts that do not fit each other; no free parameter; a limit on a transfer function that is
+        zero, or that no choice of the blocks can meet; an unstable part that no block can
+        stabilise; a plant given as an FRF that the first start does not stabilise.
 
     References
     ----------
@@ -137,8 +142,8 @@ def tune(
 
     Examples
     --------
-    Position P over velocity PI on a mass, both at once: stiff against a force d, with |S| at the
-    actuator below 1.6.
+    A position loop with P and a velocity loop with PI on a mass, tuned together. The aim is a small
+    response to a force d, with |S| below 1.6 at the actuator.
 
     >>> import robust
     >>> mass = control.ss([[0, 1], [0, 0]], [[0], [1]], np.eye(2), np.zeros((2, 1)))
