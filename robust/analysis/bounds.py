@@ -14,14 +14,13 @@ from robust.models.sets.model import UncertaintyModel, require_one_channel
 
 
 def loop_bounds(model: UncertaintyModel, w_P: Weight) -> tuple[np.ndarray, np.ndarray]:
-    """Return bounds on |L| for shaping a loop by hand: at least `low`, at most `high`, on the lines
-    of the model.
+    """Return bounds on |L| for manual loop shaping: at least `low` and at most `high`.
 
-    Use this to draw the targets for |L| before you shape it, for instance with `design_frf`. Inside
-    the bounds the loop has robust performance at that frequency for every phase of L; outside of
-    them some phase fails. `low` is zero and `high` infinite if only the phase decides, as around
-    the crossover. If |w_P| and the uncertainty are both above one, no |L| is good enough: `low` is
-    infinite and `high` zero.
+    Use this to draw the targets for |L| before you shape it, for instance with `design_frf`. If |L|
+    meets the bound at a frequency, robust performance holds there for every phase of L; otherwise
+    it fails for some phase. Where no bound exists, as around the crossover, the phase decides:
+    `low` is zero and `high` infinite. If |w_P| and the uncertainty are both above one, no |L|
+    suffices: `low` is infinite and `high` zero.
 
     Parameters
     ----------
@@ -33,9 +32,9 @@ def loop_bounds(model: UncertaintyModel, w_P: Weight) -> tuple[np.ndarray, np.nd
     Returns
     -------
     low : (W,) ndarray
-        Least allowed |L|, on `model.omega`.
+        Lower bound of |L| at the frequencies `model.omega`.
     high : (W,) ndarray
-        Largest allowed |L|, on `model.omega`.
+        Upper bound of |L| at the frequencies `model.omega`.
 
     Raises
     ------
@@ -45,7 +44,8 @@ def loop_bounds(model: UncertaintyModel, w_P: Weight) -> tuple[np.ndarray, np.nd
 
     References
     ----------
-    SP eq. 7.63 to 7.66 for the multiplicative form; the others by the same triangle inequalities.
+    SP eq. 7.63 to 7.66 for the multiplicative form; the other forms by the same triangle
+    inequalities.
 
     Examples
     --------

@@ -27,20 +27,20 @@ class LoopFamily:
     omega : (W,) ndarray
         Frequencies [rad/s].
     S : (n, W) complex ndarray
-        Sensitivity with each plant; for several channels its largest singular value.
+        Sensitivity with each of the n plants; for several channels its largest singular value.
     stable : (n,) ndarray of bool
         Whether each loop is stable.
     nominal : (W,) complex ndarray
         Sensitivity with the nominal plant; for several channels its largest singular value.
     worst : (W,) ndarray
-        Largest |S_p| over the whole set; for several channels an upper bound, with its largest
-        value proved at all frequencies.
+        Largest |S_p| over the whole set. For several channels an upper bound, whose largest value
+        is proved to hold at all frequencies.
     band : (2,) ndarray or None
         First and last measured frequency [rad/s].
 
     References
     ----------
-    SP 7.4 (the set the plants are drawn from).
+    SP 7.4 (the set of plants).
 
     Examples
     --------

@@ -120,12 +120,13 @@ class StepSignal:
 
 @value
 class LoopSignals:
-    """Signals that act on a loop u = K (r - y - n), y = G (u + d); at least one.
+    """Signals r, d and n that act on the loop u = K (r - y - n), y = G (u + d).
 
     Fields
     ------
     reference, disturbance, noise : NoiseSignal, StepSignal or None
-        r and n in the unit of y, d in the unit of u at the plant input.
+        Reference r and measurement noise n, in the unit of y, and disturbance d at the plant input,
+        in the unit of u. At least one signal is required.
 
     Raises
     ------
@@ -184,7 +185,8 @@ _WIDE = 200  # further frequencies, over nine decades below the upper end of a n
 
 
 class LevelState(enum.Enum):
-    """Position of a predicted rms relative to the measured ones, with a tolerance of a factor 1.5.
+    """Position of a predicted rms relative to the measured levels, with a tolerance of a factor
+    1.5.
 
     Fields
     ------
@@ -227,23 +229,23 @@ class _SignalLevel:
 
 @value
 class LoopLevel:
-    """The level at which a loop moves the machine, compared with the measured levels.
+    """Predicted level (rms of plant input and output) in a loop, compared with the measured levels.
 
     Fields
     ------
     signals : tuple of SignalLevel
-        Level by each signal alone: name, rms of u and y, their bounds over the set, share of power
-        in the band.
+        Level caused by each signal alone: name, rms of u and y, their bounds over the set, and
+        share of the power in the measured band.
     u, y : float
-        Rms by all signals together at plant input and output [unit of u, unit of y], as if
-        independent.
+        Rms at plant input and output [unit of u, unit of y] caused by all signals together, which
+        are assumed to be independent.
     u_worst, y_worst : float
-        Upper bounds of u and y over the set; inf if the set contains an unstable loop, nan with a
-        step.
+        Upper bounds of the rms of u and y over the set; inf if a plant of the set makes the loop
+        unstable, nan if a signal is a step.
     u_measured, y_measured : (2,) ndarray
-        Lowest and highest rms of the records behind the set; nan if unknown.
+        Lowest and highest rms of u and y in the records behind the set; nan if unknown.
     u_state, y_state : LevelState
-        Position of u and y relative to the measured levels.
+        Position of the rms of u and y relative to the measured levels.
     unit : str
         Unit of the plant, y over u; empty if unknown.
 
@@ -275,12 +277,12 @@ class LoopLevel:
 
     @property
     def inside(self) -> bool:
-        """True if plant input and output both lie among the measured levels."""
+        """True if the rms of both plant input and output is among the measured levels."""
         return self.u_state is LevelState.INSIDE and self.y_state is LevelState.INSIDE
 
     def share_in_band(self, name: str) -> float:
-        """Return the share of the power of "u" or "y" in the measured band; nan with a step, or
-        without power.
+        """Return the share of the power of "u" or "y" in the measured band; nan for a step or no
+        power.
         """
         power = np.array([getattr(one, name) for one in self.signals])
         power = (power / max(power.max(), 1e-300)) ** 2
@@ -358,13 +360,12 @@ def predict_level(
     delay: float = 0.0,
     bla: Bla | Sequence[Bla] | None = None,
 ) -> LoopLevel:
-    """Predict the rms at plant input and output in closed loop, and whether the machine was
-    measured at that level.
+    """Predict the rms of plant input and output in a loop, and compare it with the measured levels.
 
     Use this before you trust a design for a machine with friction or another nonlinearity. Outside
     the measured levels the machine has another best linear approximation, so neither the prediction
-    nor a verdict on the set holds there. The prediction is that of the linear loop. Its bound over
-    the set excludes the aliases of the set in a sampled loop.
+    nor a verdict on the set holds there. The prediction is computed from the linear loop. In a
+    sampled loop its bound over the set does not include the aliases of the set.
 
     Parameters
     ----------
@@ -372,11 +373,11 @@ def predict_level(
         The plant, with a parametric nominal.
     K : control.StateSpace, TransferFunction or float
         Controller, negative feedback u = K (r - y). A sampled K acts on a continuous nominal
-        through its hold; the rms is then that at the sampling instants.
+        through a zero-order hold, and the rms is then that at the sampling instants.
     signals : LoopSignals
         Signals that act on the loop.
     delay : float
-        Computation delay [s] in addition to that of the model.
+        Computation delay [s], in addition to the delay of the model.
     bla : nlfrf.Bla or list of them, optional
         Records whose levels count as measured. Default: the records of the model.
 
@@ -397,8 +398,8 @@ def predict_level(
 
     Examples
     --------
-    Noise with density one from 0 to 100 rad/s at the input of 1/(s + 1) with K = 1: |G S|^2 =
-    1/(w^2 + 4).
+    Noise with density one from 0 to 100 rad/s at the input of the plant 1/(s + 1), with K = 1. Here
+    |G S|^2 = 1/(w^2 + 4).
 
     >>> from robust.analysis import LoopSignals, NoiseSignal
     >>> lag, w = control.tf([1], [1, 1]), control.tf([0.2], [1])

@@ -57,10 +57,11 @@ class _RobustGain:
 
 
 def robgain(system: UncertainSystem, level: float) -> _RobustGain:
-    """Find the factor on the uncertainty at which the gain from inputs to outputs reaches a level.
+    """Find the factor on all uncertainties at which the gain from inputs to outputs reaches a
+    level.
 
-    Use this for the reserve of a design: a factor of 2 means that twice the uncertainty still meets
-    the level.
+    Use this for the reserve of a design. A factor of 2 means that the gain stays below the level
+    with twice the uncertainty.
 
     Parameters
     ----------
@@ -73,10 +74,11 @@ def robgain(system: UncertainSystem, level: float) -> _RobustGain:
     Returns
     -------
     RobustGain
-        `proved` and `broken`: factors on the sizes of all blocks together. Up to `proved` the gain
-        is proved to stay below the level at every frequency, with the methods of `check_structure`.
-        At `broken` the perturbation `worst` brings the gain to the level at `omega`. Both are 0 if
-        the gain without perturbations reaches the level.
+        Its fields `proved` and `broken` are factors on the sizes of all blocks together. Up to
+        `proved` the gain is proved to stay below the level at every frequency, with the methods of
+        `check_structure`. With the factor `broken` the perturbation `worst` raises the gain to the
+        level at the frequency `omega`. Both factors are 0 if the gain reaches the level without
+        perturbations.
 
     Raises
     ------
@@ -89,7 +91,8 @@ def robgain(system: UncertainSystem, level: float) -> _RobustGain:
 
     Examples
     --------
-    s^2 + (1 + d) s + 1 with half of its damping has a gain of 1/(0.5 sqrt(1 - 1/16)):
+    1/(s^2 + (1 + d) s + 1) with d = -0.5, half of its damping, has a gain of 1/(0.5 sqrt(1 -
+    1/16)):
 
     >>> from robust.models import Block, interconnection
     >>> mode = control.ss(

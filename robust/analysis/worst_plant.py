@@ -226,26 +226,25 @@ def step_response(
     duration: float | None = None,
     reference: int = 0,
 ) -> StepResponse:
-    """Simulate a step in one reference through the loop u = K (r - y), for a plant, or for a set
-    with its worst plant.
+    """Simulate a reference step of the loop u = K (r - y), for a plant or for a set.
 
-    Use this to see overshoot, rise and settling time, and the plant input that the step needs.
+    Use this to see overshoot, rise time, settling time and the plant input during the step.
 
     Parameters
     ----------
     plant : control.StateSpace, TransferFunction or UncertaintyModel
-        One plant; or a set, for its nominal, with its plant of largest |S| (`worst_case`) in
-        `worst`.
+        One plant; or a set. For a set the response is that of the nominal, and the field `worst`
+        contains the response with the plant of largest |S| (`worst_case`).
     K : control.StateSpace, TransferFunction or float
         Controller. A sampled K acts on a continuous plant through its hold; the response is exact
         at the sampling instants. The delay of a continuous loop is a Padé approximation of order 8.
     delay : float
         Computation delay [s].
     duration : float, optional
-        Horizon [s]. Default: until y has settled.
+        Duration of the simulation [s]. Default: until y has settled.
     reference : int
-        For several outputs: the output whose reference steps, from 0. The numbers are those of this
-        output.
+        For several outputs: index (from 0) of the output whose reference steps. Overshoot, rise
+        time and settling time are those of this output.
 
     Returns
     -------
@@ -259,7 +258,7 @@ def step_response(
     Warns
     -----
     DesignWarning
-        A plant of the set makes the loop unstable: the step is that of the nominal plant alone.
+        A plant of the set makes the loop unstable; the result is then that of the nominal alone.
 
     References
     ----------
@@ -409,10 +408,10 @@ class _BreakingPerturbation:
 
 
 def breaking_perturbation(model: UncertaintyModel, K: Controller) -> _BreakingPerturbation:
-    """Find a smallest destabilising perturbation of the loop u = K (r - y) with several channels.
+    """Find a smallest destabilising perturbation of a loop u = K (r - y) with several channels.
 
-    Use this to simulate the failure of a loop, or to test how close the margin is: `plant(0.99)`
-    gives a plant with which the loop is stable, `plant(1.01)` one with which it is not. For one
+    Use this to simulate the failure of a loop, or to test how sharp the margin is. The loop is
+    stable with the plant `plant(0.99)` of the result, and unstable with `plant(1.01)`. For one
     channel use `worst_case`.
 
     Parameters
@@ -425,14 +424,16 @@ def breaking_perturbation(model: UncertaintyModel, K: Controller) -> _BreakingPe
     Returns
     -------
     BreakingPerturbation
-        `size`, the gain of the perturbation (below one it lies in the set); `omega` [rad/s], where
-        the loop becomes singular; `Delta`, the perturbation over its size; and `plant(factor)`.
+        Its fields are `size`, the gain of the perturbation (below one: the set contains it);
+        `omega` [rad/s], the frequency at which the loop becomes singular; and `Delta`, the
+        perturbation divided by its size. `plant(factor)` returns the plant with factor times the
+        perturbation.
 
     Raises
     ------
     ValueError
-        A model with one channel, a nominal loop that is not stable, a K that does not fit, a loop
-        that no perturbation breaks.
+        A model with one channel, a nominal loop that is not stable, a K that does not fit the
+        model, or a loop that no perturbation destabilises.
 
     References
     ----------

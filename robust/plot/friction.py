@@ -27,10 +27,10 @@ _SLIP_LENGTHS = 4.0
 
 
 def plot_friction_fit(fit: FrictionFit, *, ax: AxesLike | None = None) -> tuple[Axes, Axes]:
-    """Plot k_eq and c_eq of the friction over the rms of the motion: measured at every level, and
-    of the fit.
+    """Plot equivalent stiffness k_eq and damping c_eq of the friction over the rms of the motion.
 
-    A difference between the two shows another friction or another machine.
+    The plot shows the measured values at each level and the values of the fit. If they differ,
+    friction or machine are not as the fit assumes.
 
     Parameters
     ----------
@@ -77,9 +77,10 @@ def plot_friction_force(
     """Draw the friction force over the position of each record at rest, with the estimated
     friction.
 
-    In sticking the force runs along its presliding stiffness K0; in sliding it stays within the
-    break-away force. For fitted elements the virgin curve is drawn: the force of a first push from
-    rest. Numbers that the levels do not determine are not drawn.
+    While the friction sticks, the force follows a line with the presliding stiffness K0. While it
+    slides, the force stays within the break-away force. For an estimate with friction elements the
+    virgin curve is drawn, which is the force during a first push from rest. Numbers that the levels
+    do not determine are not drawn.
 
     Parameters
     ----------
@@ -174,14 +175,13 @@ def plot_rest(
     asked: float | None = None,
     ax: AxesLike | None = None,
 ) -> Axes:
-    """Draw the final distance of an axis from its set point, one bar for each case: at rest, or
-    moving for ever.
+    """Draw bounds on the final distance of an axis from its set point, one bar for each case.
 
     Parameters
     ----------
     cases : sequence of RestCase
-        The assumption or change, the verdict with it, and the largest distance from the set point
-        [m].
+        For each case its name (an assumption or a change of the drive), the verdict, and the
+        largest distance from the set point [m].
     unit : str
         Unit of the distance.
     asked : float, optional

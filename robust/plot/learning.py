@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 
 def plot_contraction(learning: Learning, *, ax: Axes | None = None) -> Axes:
-    """Plot the factor per trial over frequency, with Q and the bound of the final error.
+    """Plot the factor of the error per trial over frequency, with Q and the bound of the final
+    error.
 
     Parameters
     ----------

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
 def plot_loop(report: RobustnessReport | LoopGains, *, ax: Axes | None = None) -> Axes:
     """Plot loop gain, sensitivity and complementary sensitivity of the nominal loop.
 
-    For several channels the range of the singular values of L, S and T is drawn: strongest and
-    weakest direction.
+    For several channels the largest and smallest singular values of L, S and T are drawn.
 
     Parameters
     ----------
@@ -116,7 +115,8 @@ def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
     Parameters
     ----------
     report : RobustnessReport
-        Report on one uncertainty, or on several and on several channels: then bounds of mu.
+        Report of `check` or `check_structure`. For several uncertainties or channels, bounds of mu
+        are drawn.
     ax : matplotlib Axes, optional
         Where to draw; a new figure by default.
     """
@@ -183,8 +183,7 @@ def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_nyquist(report: RobustnessReport, *, n_discs: int = 25, ax: Axes | None = None) -> Axes:
-    """Plot the nominal L in the complex plane, with the disc of the set at some frequencies around
-    the crossover.
+    """Plot the nominal L in the complex plane, with discs of the set around the crossover.
 
     Parameters
     ----------
@@ -234,7 +233,7 @@ def plot_nyquist(report: RobustnessReport, *, n_discs: int = 25, ax: Axes | None
 
 
 def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
-    """Plot sensitivities of loops with sampled plants, under the worst case of the set.
+    """Plot sensitivities of loops with random plants of a set, and the worst case of the set.
 
     Parameters
     ----------
@@ -289,10 +288,9 @@ def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
 def plot_step(
     step: StepResponse, worst: StepResponse | None = None, *, unit: str = "", ax: Axes | None = None
 ) -> Axes:
-    """Plot the response of the loop to a step of its reference, with the nominal and with the worst
-    plant.
+    """Plot the response of a loop to a step of its reference, with nominal and worst plant.
 
-    For several outputs the one whose reference steps is a thick line, the others are thin.
+    For several outputs, the output whose reference steps is a thick line, and the others are thin.
 
     Parameters
     ----------

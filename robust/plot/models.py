@@ -70,18 +70,18 @@ _DECIBELS_ABOVE = 12.0
 
 
 def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes | np.ndarray:
-    """Plot the radius on the measured lines, its parts, and the weight over it, also outside the
-    band.
+    """Plot the radius on the measured lines, its parts, and the weight that covers it.
 
-    For several channels radii and weights are drawn in a matrix of axes, which is returned: for
-    "elements" entry by entry, for a full block W_l above W_r with one column for each channel;
-    missing weights are left empty.
+    For several channels radii and weights are drawn in a matrix of axes, which is returned. For the
+    form "elements" the axes are the entries of G. For other forms W_l is in the first row and W_r
+    in the second row, with one column for each channel.
 
     Parameters
     ----------
     model : UncertaintyModel
     ax : matplotlib Axes, optional
-        Where to draw; a new figure by default. The axes for several channels take its place.
+        Where to draw; a new figure by default. For several channels it is replaced by the matrix of
+        axes.
     """
     require_kind("model", model, UncertaintyModel)
     if not model.is_single:
@@ -128,11 +128,10 @@ def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes | np
 def plot_set(
     model: UncertaintyModel, bla: Bla | Sequence[Bla] | None = None, *, ax: Axes | None = None
 ) -> tuple[Axes, Axes] | np.ndarray:
-    """Plot measured points, nominal and set together: magnitude and phase over logarithmic
-    frequency.
+    """Plot measured points, nominal and set as a Bode plot.
 
-    For several channels every entry of the nominal is drawn with its range of gains over the set,
-    in a matrix of axes.
+    For several channels a matrix of axes shows the gain of each entry of the nominal, with its
+    range over the set.
 
     Parameters
     ----------
@@ -140,7 +139,7 @@ def plot_set(
     bla : nlfrf.Bla or list of them, optional
         The measurement, drawn as points with their 95 % bounds.
     ax : matplotlib Axes, optional
-        Where to draw: the returned axes take its place; a new figure by default.
+        Axes that are replaced by the returned ones; a new figure by default.
 
     Returns
     -------
@@ -306,11 +305,10 @@ def _magnitude_limits(*sizes: np.ndarray) -> tuple[float, float]:
 
 
 def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
-    """Draw the shares of the radius over frequency, and name what to measure; arguments as in
-    `plot_weight`.
+    """Draw the parts of the radius over frequency; arguments as in `plot_weight`.
 
-    The legend gives the share of each part, as the mean over the lines, and the measurement that
-    lowers this part.
+    The legend contains the mean share of each part over the lines, and the measurement that lowers
+    this part.
     """
     require_one_channel(
         model,
@@ -350,9 +348,7 @@ def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_fit(fit: NominalFit, *, ax: Axes | None = None) -> Axes:
-    """Plot the measured lines, the nominal model through them, and the residual; arguments as in
-    `plot_weight`.
-    """
+    """Plot measured FRF, nominal model and residual; arguments as in `plot_weight`."""
     require_kind("fit", fit, NominalFit)
     ax = axes_or_new(ax)
     f, measured = to_hertz(fit.omega), fit.response + fit.residual

@@ -22,8 +22,7 @@ _BETWEEN = 5  # operating points between two that were given
 
 
 def plot_schedule(model: LpvModel, *, ax: Axes | None = None) -> Axes:
-    """Plot the largest gain of a scheduled controller or plant over frequency: at each operating
-    point, and in between.
+    """Plot the largest gain of a scheduled controller or plant at and between its operating points.
 
     Parameters
     ----------

@@ -32,9 +32,9 @@ def plot_loop_bounds(
     delay: float = 0.0,
     ax: Axes | None = None,
 ) -> Axes:
-    """Plot |L| between its bounds, for manual shaping: change the controller, draw again.
+    """Plot |L| with its bounds from `loop_bounds`, for manual loop shaping.
 
-    The title gives the result of the check, without proofs. For live shaping use the page of
+    The title contains the result of the check, without proofs. For interactive shaping use
     `robust.shaping.shape`.
 
     Parameters

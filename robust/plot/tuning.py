@@ -26,11 +26,11 @@ _PLANT_STYLES = ("-", "--", "-.", ":")
 
 
 def plot_limits(design: Any, *, ax: Axes | None = None) -> Axes:
-    """Plot every limit over frequency as a ratio to its bound: with the given blocks, thin, and as
-    tuned.
+    """Plot the ratio of every limit to its bound over frequency, before and after tuning.
 
-    A dot shows the maximum of each limit, filled for a hard one. One colour for each limit, one
-    style for each plant; the line at one is the bound.
+    Each limit has a colour, and each plant a line style. Thin lines show the ratios with the given
+    blocks. A dot marks the maximum of each limit; it is filled for a hard limit. The line at one is
+    the bound.
 
     Parameters
     ----------

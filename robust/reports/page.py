@@ -56,16 +56,17 @@ def write_report(
     title: str = "Controller report",
     notes: str = "",
 ) -> RobustnessReport:
-    """Write a whole run as one HTML file: measurement, model, controller, check and proof.
+    """Write a report on a design as one HTML file: measurement, model, controller, check, proofs.
 
-    Use this to hand a design to a colleague, or to keep it. `robust report` writes the same file.
+    Use this to archive a design or to give it to a colleague. The command `robust report` writes
+    the same file.
 
     Parameters
     ----------
     path : path
         The ``.html`` file; written whole or not at all.
     model : UncertaintyModel
-        The plant and the set around it.
+        Nominal plant and the set around it.
     K : control.StateSpace, TransferFunction or float
         The controller, negative feedback u = K (r - y).
     bla : nlfrf.Bla or list of them, optional
@@ -73,32 +74,32 @@ def write_report(
     record : nlfrf.Record or list of them, optional
         The record behind the BLA.
     nominal : NominalFit, optional
-        The fit that gave the nominal plant; the file shows its cost.
+        Fit of the nominal plant; the report shows its cost.
     w_P : control.StateSpace or TransferFunction, optional
         Performance weight of the loop.
     delay : float
         Computation delay [s], as in `check`.
     report : RobustnessReport, optional
-        The check, if it was done before; it has its own demand and delay. If it is not given, the
-        loop is checked here.
+        Result of an earlier `check` of this loop, which contains its own demand and delay. By
+        default the loop is checked here.
     friction : FrictionProof, optional
-        The result of `prove_friction` for the same controller, shown beside the verdict of the
-        check.
+        Result of `prove_friction` for the same controller, which the report shows in addition.
     signals : LoopSignals, optional
-        Signals that act on the loop, as in `check`; not with a `report`, which has its own.
+        Signals that act on the loop, as in `check`. Not allowed together with `report`, which
+        contains its own signals.
     title, notes : str
-        Heading, and further text for the reader.
+        Heading of the report, and further text in it.
 
     Returns
     -------
     RobustnessReport
-        The check in the file.
+        Result of the check that the file shows.
 
     Raises
     ------
     ValueError
-        A path that does not end in .html, a report, delay or w_P of another loop, a friction that
-        is no proof, and the errors of `check`.
+        A path that does not end in .html; a `report`, `delay` or `w_P` of another loop; a
+        `friction` that is not a FrictionProof; and the errors of `check`.
     FileNotFoundError
         A folder that does not exist.
 

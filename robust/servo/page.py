@@ -47,9 +47,9 @@ def write_page(
     *,
     title: str = "Check of a drive",
 ) -> None:
-    """Write a check of the gains of a drive as one HTML file with pictures.
+    """Write the result of a check of a drive as one HTML file with pictures.
 
-    `robust servo check ... -o page.html` writes the same file.
+    The command `robust servo check ... -o page.html` writes the same file.
 
     Parameters
     ----------
@@ -58,14 +58,15 @@ def write_page(
     found : DriveCheck
         From `robust.servo.check`.
     records : sequence of nlfrf.Record
-        The traces that were checked, in their order.
+        Traces that were checked, in the same order.
     title : str
         Heading.
 
     Raises
     ------
     ValueError
-        A path that does not end in .html, or another number of records than of traces in the check.
+        A path that does not end in .html, or a number of records that differs from the number of
+        checked traces.
 
     Examples
     --------

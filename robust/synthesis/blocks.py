@@ -151,7 +151,7 @@ class TunableBlock(ABC):
             object.__setattr__(self, name, self.check_number(name, getattr(self, name)))
 
     def check_number(self, name: str, number: float) -> float:
-        """Return a number of the block; refuse a bad one."""
+        """Return a valid parameter value, else raise."""
         return require_positive(name, number) if name in self.LIMITS else require_real(name, number)
 
     def present(self) -> list[str]:
@@ -288,25 +288,27 @@ def with_parameters(
 
 @value
 class Gain(TunableBlock):
-    """A static gain, or a matrix of gains.
+    """Static gain or matrix of gains, as a tunable block.
 
-    Use it as a block for `tune`: a proportional gain, or a decoupling matrix.
+    Use it for `tune`, as a proportional gain or a decoupling matrix.
 
     Fields
     ------
     K : float or (n_u, n_y) ndarray
-        Start: drives = K reads. Entries may change sign.
+        Start value of the gain from the signals `reads` to the signals `drives`. Entries may change
+        sign.
     reads, drives : str or list of str
         Signals.
     fixed : tuple of str
-        ("K",) if nothing is tuned.
+        ("K",) to keep the gain at its start value.
     lower, upper : dict of str to float, optional
-        Bounds of every entry, by "K"; by default 1000 times the start, or 1000 if that is zero.
+        Bounds of every entry of K, with the key "K". The default bound of |K| is 1000 times the
+        start value, or 1000 if the start value is zero.
 
     Raises
     ------
     ValueError
-        A matrix that does not fit the signals, or is not of finite numbers.
+        A matrix that does not fit the signals or contains numbers that are not finite.
 
     References
     ----------
@@ -341,24 +343,24 @@ class Gain(TunableBlock):
 
 @value
 class Pid(TunableBlock):
-    """kp + ki/s + kd s/(filter_time s + 1), or some of these parts.
+    """PID controller kp + ki/s + kd s/(filter_time s + 1), or a part of it, as a tunable block.
 
-    Use it as a start for `tune` or `design_frf`, or as a PID that you have.
+    Use it as the start of `tune` or `design_frf`, or for an existing PID controller.
 
     Fields
     ------
     kp, ki, kd : float
-        Gains at the start of the search: unit of drives over reads, the same per second, the same
+        Gains at the start of the search, in the unit of `drives` over `reads`; ki per second, kd
         times seconds. A part with zero gain is left out. Each gain keeps its sign.
     filter_time : float
         Time constant of the derivative filter [s]; positive if kd is not zero.
     reads, drives : str
-        Signals: drives = Pid reads.
+        Names of the input signal (`reads`) and of the output signal (`drives`) of the block.
     fixed : tuple of str
-        Parameters that stay at their start.
+        Parameters that keep their start values.
     lower, upper : dict of str to float, optional
-        Bounds by name; by default a thousandth and a thousand times the start. When sampled,
-        filter_time stays above dt/10.
+        Bounds by name of the parameter; by default a thousandth of the start value, and a thousand
+        times the start value. In a sampled loop filter_time stays above dt/10.
 
     Raises
     ------
@@ -384,7 +386,7 @@ class Pid(TunableBlock):
 
     @classmethod
     def from_gains(cls, gains: object, *, reads: str, drives: str) -> Pid:
-        """Return the block for a `PidGains`: `pid_gains` reads those of a design of `design_frf`.
+        """Return the block for a `PidGains`, for example from `robust.io.pid_gains`.
 
         >>> from robust.io import PidGains
         >>> Pid.from_gains(PidGains(kp=2.0, ki=10.0), reads="e", drives="u").ki
@@ -410,7 +412,7 @@ class Pid(TunableBlock):
         return [*gains, "filter_time"] if self.kd else gains
 
     def state_space(self, numbers: Numbers, dt: float = 0.0) -> Matrices:
-        """Return integral and derivative in parallel."""
+        """Return the PID as a system with its parts in parallel."""
         rows: list[tuple[float | np.ndarray, ...]] = []
         D = numbers.get("kp", 0.0)
         if "ki" in numbers:
@@ -425,7 +427,7 @@ class Pid(TunableBlock):
         return A, B, C, np.array([[D]])
 
     def section(self, fs: float) -> np.ndarray:
-        """Return (6,) b0 b1 b2 1 a1 a2 of the PID sampled at fs [Hz], in powers of z^-1."""
+        """Return (6,) b0 b1 b2 1 a1 a2, in powers of z^-1, of the PID sampled at fs [Hz]."""
         kp, ki, kd, tau = self.kp, self.ki, self.kd, self.filter_time if self.kd else 0.0
         numerator, denominator = [kp * tau + kd, kp + ki * tau, ki], [tau, 1.0, 0.0]
         first, last = 0 if self.kd else 1, 3 if self.ki else 2
@@ -475,19 +477,19 @@ class Filter(TunableBlock):
 
 @value
 class Notch(Filter):
-    """(p^2 + depth width p + 1)/(p^2 + width p + 1), p = s/omega: a notch that removes a band
-    around a resonance.
+    """Notch filter for a resonance as a tunable block.
 
     Fields
     ------
     omega : float
-        Its frequency [rad/s].
+        Frequency of the notch [rad/s].
     depth : float
-        Gain at omega: 0 blocks it completely, a depth above one makes a peak. The default range for
-        tuning is 0.001 to 1.
+        Gain at omega. With 0 the frequency omega is blocked completely; a depth above one makes a
+        peak. The default range for tuning is 0.001 to 1.
     width : float
-        Relative width, 2 zeta of the poles: a notch of depth zero has a gain of 1/sqrt(2) at two
-        frequencies whose distance is width times omega. The default range for tuning is 0.01 to 4.
+        Relative width, which is twice the damping ratio of the poles. A notch of depth zero has a
+        gain of 1/sqrt(2) at two frequencies whose distance is width times omega. The default range
+        for tuning is 0.01 to 4.
     reads, drives, fixed, lower, upper : as for `Pid`
 
     Raises
@@ -504,7 +506,7 @@ class Notch(Filter):
 
     Examples
     --------
-    A notch at 83 Hz, 20 Hz wide, under a clock of 4 kHz.
+    A notch at 83 Hz, 20 Hz wide, at a sampling frequency of 4 kHz.
 
     >>> slot = Notch(omega=2 * np.pi * 83.0, depth=0.1, width=20.0 / 83.0)
     >>> b, a = slot.section(4000.0).reshape(2, 3)
@@ -521,7 +523,7 @@ class Notch(Filter):
     LIMITS = {"omega": (0.0, np.inf), "depth": (1e-3, 1.0), "width": (1e-2, 4.0)}  # noqa: RUF012
 
     def check_number(self, name: str, number: float) -> float:
-        """Return a number of the block; refuse a bad one. The depth may be zero."""
+        """Return a valid parameter value, else raise. The depth may be zero."""
         return (
             require_nonnegative(name, number)
             if name == "depth"
@@ -529,24 +531,24 @@ class Notch(Filter):
         )
 
     def polynomials(self, numbers: Numbers) -> Coefficients:
-        """Return coefficients in p."""
+        """Return the coefficients of numerator and denominator in p."""
         depth, width = numbers["depth"], numbers["width"]
         return [1.0, depth * width, 1.0], [1.0, width, 1.0]
 
 
 @value
 class Lead(Filter):
-    """(r p + 1)/(p + r), p = s/omega: phase lead at omega with gain one there, for phase margin at
-    the crossover.
+    """Lead element as a tunable block: phase lead at omega, where its gain is one.
 
-    r^2 = (1 + sin phase)/(1 - sin phase): the gain falls by r below omega and rises by r above it.
+    The transfer function is (r p + 1)/(p + r), with p = s/omega and r^2 = (1 + sin phase)/(1 - sin
+    phase). The gain is 1/r far below omega and r far above it.
 
     Fields
     ------
     omega : float
         Frequency of the largest lead [rad/s].
     phase : float
-        Lead at omega [rad], below pi/2. The default range for tuning is 0.01 to 1.5.
+        Phase lead at omega [rad], below pi/2. The default range for tuning is 0.01 to 1.5.
     reads, drives, fixed, lower, upper : as for `Pid`
 
     Raises
@@ -573,13 +575,13 @@ class Lead(Filter):
     LIMITS = {"omega": (0.0, np.inf), "phase": (1e-2, 1.5)}  # noqa: RUF012
 
     def check_number(self, name: str, number: float) -> float:
-        """Return a number of the block; refuse a bad one."""
+        """Return a valid parameter value, else raise."""
         if super().check_number(name, number) >= np.pi / 2 and name == "phase":
             raise ValueError(f"phase must be below pi/2 rad for one lead, got {number:g}. Take two")
         return float(number)
 
     def polynomials(self, numbers: Numbers) -> Coefficients:
-        """Return coefficients in p."""
+        """Return the coefficients of numerator and denominator in p."""
         sine = np.sin(numbers["phase"])
         r = np.sqrt((1 + sine) / (1 - sine))
         return [r, 1.0], [1.0, r]
@@ -587,16 +589,15 @@ class Lead(Filter):
 
 @value
 class Lag(Filter):
-    """(p + 1)/(p + 1/gain), p = s/omega: higher gain below omega, gain one above it; PI action for
-    an infinite gain.
+    """Lag element as a tunable block: higher gain below omega, gain one above it.
 
     Fields
     ------
     omega : float
-        Frequency below which the gain is raised [rad/s]; at a tenth of the crossover the lag costs
-        6 degrees of phase.
+        Frequency below which the gain is raised [rad/s]. With omega at a tenth of the crossover,
+        the lag costs 6 degrees of phase at the crossover.
     gain : float
-        Gain at zero frequency, above one; inf for an integrator, which is not tuned.
+        Gain at zero frequency, above one. inf: the block has PI action, and the gain is not tuned.
     reads, drives, fixed, lower, upper : as for `Pid`
 
     Raises
@@ -622,7 +623,7 @@ class Lag(Filter):
     LIMITS = {"omega": (0.0, np.inf), "gain": (1.0, np.inf)}  # noqa: RUF012
 
     def check_number(self, name: str, number: float) -> float:
-        """Return a number of the block; refuse a bad one. The gain may be infinite."""
+        """Return a valid parameter value, else raise. The gain may be infinite."""
         if name == "gain" and isinstance(number, float) and np.isposinf(number):
             return number
         if super().check_number(name, number) <= 1 and name == "gain":
@@ -634,22 +635,21 @@ class Lag(Filter):
         return ["omega", "gain"] if np.isfinite(self.gain) else ["omega"]
 
     def polynomials(self, numbers: Numbers) -> Coefficients:
-        """Return coefficients in p."""
+        """Return the coefficients of numerator and denominator in p."""
         return [1.0, 1.0], [1.0, 1 / numbers.get("gain", np.inf)]
 
 
 @value
 class LowPass(Filter):
-    """1/(p^2 + 2 zeta p + 1) or 1/(p + 1), p = s/omega: less gain for noise and unknown modes above
-    omega.
+    """Low-pass filter of first or second order as a tunable block.
 
     Fields
     ------
     omega : float
         Corner [rad/s].
     zeta : float
-        Damping ratio for second order; 1/sqrt(2) for the flattest gain (Butterworth). The default
-        range for tuning is 0.1 to 2.
+        Damping ratio of a filter of second order. Default: 1/sqrt(2), the Butterworth filter. The
+        default range for tuning is 0.1 to 2.
     order : int
         1 or 2.
     reads, drives, fixed, lower, upper : as for `Pid`
@@ -693,7 +693,7 @@ class LowPass(Filter):
         return ["omega", "zeta"][: self.order]
 
     def polynomials(self, numbers: Numbers) -> Coefficients:
-        """Return coefficients in p."""
+        """Return the coefficients of numerator and denominator in p."""
         if self.order == 1:
             return [0.0, 1.0], [1.0, 1.0]
         return [0.0, 0.0, 1.0], [1.0, 2 * numbers["zeta"], 1.0]
@@ -701,17 +701,17 @@ class LowPass(Filter):
 
 @value
 class Biquad(Filter):
-    """(p^2/q^2 + 2 numerator_zeta p/q + 1)/(p^2 + 2 zeta p + 1), p = s/omega, q =
-    numerator_omega/omega.
+    """Second-order filter with gain one at zero frequency, as a tunable block.
 
-    The general filter of second order with gain one at zero frequency.
+    The transfer function is (p^2/q^2 + 2 numerator_zeta p/q + 1)/(p^2 + 2 zeta p + 1), with p =
+    s/omega and q = numerator_omega/omega.
 
     Fields
     ------
     omega, numerator_omega : float
         Natural frequencies of denominator and numerator [rad/s].
     zeta, numerator_zeta : float
-        Damping ratios of denominator and numerator; that of the numerator may be zero.
+        Damping ratios of denominator and numerator. The damping ratio of the numerator may be zero.
     reads, drives, fixed, lower, upper : as for `Pid`
 
     Raises
@@ -747,7 +747,7 @@ class Biquad(Filter):
     }
 
     def check_number(self, name: str, number: float) -> float:
-        """Return a number of the block; refuse a bad one. The numerator may have no damping."""
+        """Return a valid parameter value, else raise; the damping of the numerator may be zero."""
         return (
             require_nonnegative(name, number)
             if name == "numerator_zeta"
@@ -755,7 +755,7 @@ class Biquad(Filter):
         )
 
     def polynomials(self, numbers: Numbers) -> Coefficients:
-        """Return coefficients in p."""
+        """Return the coefficients of numerator and denominator in p."""
         ratio = numbers["omega"] / numbers["numerator_omega"]
         return [ratio**2, 2 * numbers["numerator_zeta"] * ratio, 1.0], [
             1.0,
@@ -766,10 +766,10 @@ class Biquad(Filter):
 
 @value
 class StateSpace(TunableBlock):
-    """A system of a given order whose A, B, C and D are all free.
+    """System of a given order with free matrices A, B, C and D, as a tunable block.
 
-    Use it in `tune` for a controller without a prescribed structure, or to continue from another
-    design.
+    Use it in `tune` for a controller without a prescribed structure, or to improve the controller
+    of another design.
 
     Fields
     ------
@@ -779,11 +779,11 @@ class StateSpace(TunableBlock):
         Signals.
     A, B, C, D : (n_states, n_states), (n_states, n_y), (n_u, n_states), (n_u, n_y) ndarray,
     optional
-        Start. By default A is -1 on the diagonal, B and C are 0.1 everywhere and D is zero.
+        Start values. By default A is -I, all entries of B and C are 0.1, and D is zero.
     fixed : tuple of str
-        Matrices that stay at their start: ("D",) keeps the block strictly proper.
+        Matrices that keep their start values. For example, ("D",) keeps the block strictly proper.
     lower, upper : dict of str to float, optional
-        Bounds of every entry of a matrix, by its name.
+        Bounds of every entry of a matrix, by name of the matrix.
 
     Raises
     ------
@@ -813,8 +813,7 @@ class StateSpace(TunableBlock):
     def from_system(
         cls, K: control.StateSpace | control.TransferFunction, *, reads: Names, drives: Names
     ) -> StateSpace:
-        """Return a block that starts at a controller or filter K, continuous or sampled, from any
-        design.
+        """Return a block that starts at a given controller or filter K, continuous or sampled.
 
         >>> start = StateSpace.from_system(control.ss(-2.0, 1.0, 3.0, 0.0), reads="e", drives="u")
         >>> start.A.tolist(), start.C.tolist()

@@ -47,30 +47,34 @@ _END = 3  # time constants at the end of a trial over which the learned input fa
 
 @value
 class Learning:
-    """A learning filter for a loop whose trials repeat, with its effect on every plant of a set.
+    """Filters L and Q of an iterative learning control, with their effect on every plant of a set.
 
     Fields
     ------
     model : UncertaintyModel
         The set.
     K : control.StateSpace
-        The sampled controller, which stays in the loop.
+        The sampled feedback controller, which stays in the loop.
     delay : float
         Computation delay [s], in addition to the delay of the model.
     L : "set", "nominal" or control.StateSpace
-        Filter from the error to the input: the best for the set, 1/J of the nominal loop, or a
-        filter of the user.
+        Filter from the error to the input. "set": the best filter for the whole set. "nominal":
+        1/J, with the transfer function J from the learned input to the output of the nominal loop.
+        Or a filter of your own.
     omega_Q : float
-        Cut-off of the zero-phase low-pass Q [rad/s]: Q is 1 up to it, then falls as cos^2 to zero
-        at twice that.
+        Cut-off frequency of the zero-phase low-pass filter Q [rad/s]. Q is 1 up to omega_Q, and
+        then falls as cos^2 to zero at twice omega_Q.
     factor : float
-        Bound of the factor per trial, for every plant of the set, at every frequency if proved.
+        Bound on the factor by which the error changes in a trial, for every plant of the set; at
+        every frequency if `proved`.
     full : float
-        Largest x = rho/|c| at which L "set" is 1/c; L fades from there to x = 1.
+        Largest x = rho/|c| at which L "set" is 1/c, with centre c and radius rho of the disc of J
+        over the set. Above it L decreases, to zero at x = 1.
     u_max : float
-        Limit of |u|, inf for none.
+        Limit of |u|; inf without a limit.
     reason : str
-        Reason why the factor is not proved between the frequencies; empty if it is.
+        Reason why the factor is not proved between the frequencies of the grid; empty if it is
+        proved.
 
     References
     ----------
@@ -159,7 +163,7 @@ class Learning:
         return float(1 / max(slowest, 1e-300))
 
     def disc(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return centre and radius (W,) of the values of J_p over the set at omega [rad/s]."""
+        """Return centre and radius (W,) of the disc of J_p over the set at omega [rad/s]."""
         return _disc(self.loop, self.loop.curves(omega))
 
     def Q(self, omega: np.ndarray) -> np.ndarray:
@@ -184,12 +188,12 @@ class Learning:
         return np.asarray(np.abs(1 - L * centre) + np.abs(L) * radius)
 
     def contraction(self, omega: np.ndarray) -> np.ndarray:
-        """Return the factor per trial (W,): the largest |Q (1 - L J_p)| over the set."""
+        """Return the factor (W,) of the error per trial: max |Q (1 - L J_p)| over the set."""
         Q = self.Q(omega)
         return Q * np.where(Q > 0, self.without_Q(omega), 0.0)
 
     def left(self, omega: np.ndarray) -> np.ndarray:
-        """Return an upper bound (W,) of the final error, over the error without learning."""
+        """Return an upper bound (W,) of the final error, divided by the error without learning."""
         return (1 - self.Q(omega)) / (1 - self.contraction(omega))
 
     def update(self, u: np.ndarray, e: np.ndarray) -> np.ndarray:
@@ -198,8 +202,8 @@ class Learning:
         Parameters
         ----------
         u : (n,) or (n, 1) ndarray
-            Learned input of this trial, added to that of the controller at the plant input; zeros
-            in the first.
+            Learned input of this trial, which is added to the controller output at the plant input;
+            zeros in the first trial.
         e : (n,) or (n, 1) ndarray
             Error r - y of this trial, sampled at the same instants.
 
@@ -216,7 +220,7 @@ class Learning:
         Warns
         -----
         DesignWarning
-            A trial that is shorter than the longest time constant of the loop and the filters.
+            A trial shorter than the longest time constant of the loop and the filters.
         """
         samples, error = _trial("u", u), _trial("e", e)
         n = samples.size
@@ -314,10 +318,11 @@ def design_learning(
     delay: float = 0.0,
     u_max: float = np.inf,
 ) -> Learning:
-    """Design a learning filter for a loop whose trials repeat: u_next = Q (u + L e), with a factor
-    for the whole set.
+    """Design an iterative learning control, u_next = Q (u + L e), for a loop with repeated trials.
 
-    Use it if feedback alone leaves an error that is the same in every trial, as with friction.
+    Use this if feedback alone leaves an error that is the same in every trial, as with friction.
+    The error of a trial is reduced by at least a given factor from one trial to the next, for every
+    plant of the set.
 
     Parameters
     ----------
@@ -327,30 +332,32 @@ def design_learning(
         Sampled controller, u = K (r - y), that stabilises every plant of the set. It stays in the
         loop.
     factor : float
-        Required bound of the factor per trial, for every plant of the set, between 0 and 1.
+        Required bound on the factor by which the error changes in a trial, for every plant of the
+        set; between 0 and 1.
     L : "set", "nominal", control.StateSpace or TransferFunction
-        Filter from the error to the input: the best for the set (1/J of the centre of its disc),
-        1/J of the nominal loop, or a filter of your own on the sampling time of the loop.
+        Filter from the error to the input. J is the transfer function from the learned input to the
+        output. "set": the best filter for the set, 1/J at the centre of the disc of J. "nominal":
+        1/J of the nominal loop. Or a filter of your own with the sampling time of the loop.
     omega_Q : float, optional
-        Cut-off of Q [rad/s]; by default the highest one in the measured band for which the factor
-        stays below `factor`.
+        Cut-off frequency of Q [rad/s]. By default the highest frequency in the measured band up to
+        which the bound `factor` is met.
     delay : float
         Computation delay [s], in addition to the delay of the model.
     u_max : float
-        Limit of the learned input, in the unit of u; the factor holds for inputs within it.
+        Limit of the learned input, in the unit of u. The factor holds for inputs within this limit.
 
     Returns
     -------
     Learning
-        Its factor is proved for L "set", except in the coprime form; otherwise it holds on a grid
-        of the printed size.
+        Filters and factor. For L "set" the factor is proved, except for a set of the coprime form.
+        Otherwise it holds on a frequency grid, whose size is printed.
 
     Raises
     ------
     ValueError
-        A model that is not such a set, a continuous K, a loop that is not robustly stable, an
-        operator, an inverse form with a continuous nominal, an `omega_Q` with a factor of one or
-        more.
+        A model with several channels or with an FRF as nominal, a continuous K, a loop that is not
+        robustly stable, a set of class "operator", an inverse form with a continuous nominal, or an
+        `omega_Q` for which the factor is one or more.
 
     References
     ----------
@@ -359,7 +366,7 @@ def design_learning(
 
     Examples
     --------
-    A lag with an uncertain gain: at low frequency T is near 1/2, and x = 0.2/2/(1 - 0.04/2).
+    A lag with an uncertain gain. At low frequency T is near 1/2, and x = 0.2/2/(1 - 0.04/2).
 
     >>> import robust
     >>> lag, w = robust.sampled(control.tf([1], [1, 1]), 0.1), control.ss([], [], [], [[0.2]], 0.1)

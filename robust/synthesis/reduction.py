@@ -45,12 +45,14 @@ class Reduction:
     Fields
     ------
     K : control.StateSpace
-        The reduced controller; the given one if none of lower order keeps the proved properties.
+        The reduced controller; or the given controller, if no controller of lower order keeps the
+        proved properties.
     order : int
         Number of states of K.
     method : str
-        Method of reduction: "balanced", "weighted by the loop" or "coprime factors", truncated
-        (exact at high frequencies) or residualised (exact at zero); "not reduced" otherwise.
+        Method of the reduction: "balanced", "weighted by the loop" or "coprime factors", each
+        truncated (exact at high frequency) or residualised (exact at zero frequency); "not reduced"
+        if K is the given controller.
     kept : bool
         True if the check of K proves all that the check of the given controller proves.
     report, before : RobustnessReport
@@ -122,28 +124,30 @@ def reduce_controller(
     delay: float = 0.0,
     max_candidates: int = 300,
 ) -> Reduction:
-    """Find the controller of lowest order that keeps the properties that the check of a controller
-    proves.
+    """Reduce the order of a controller while its proved properties are kept.
 
-    Use this before you put a controller of high order on a target.
+    Use this before you implement a controller of high order.
 
-    Candidates come from balanced truncation, from the same weighted by the loop (G S before and S
-    after the error of K), and from truncation of the coprime factors of K, each truncated and
-    residualised. Starting at the lowest order, the best candidate of each order is checked in full
-    until one keeps the verdict, and robust performance if that was proved. Without a proved
-    performance K = 0 would keep the verdict on a stable plant: then max |T_r - T| must stay below
-    0.1 too.
+    Candidates come from three methods, each with truncation and with residualisation: balanced
+    reduction, balanced reduction weighted by the loop (G S before and S after the error of K), and
+    reduction of the coprime factors of K. From the lowest order upwards, the best candidate of each
+    order is checked in full. The first candidate that keeps the verdict is the result; if robust
+    performance was proved, it must be kept, too. Without proved performance, K = 0 would keep the
+    verdict for a stable plant. So max |T_r - T| must then be below 0.1, with T_r of the reduced
+    controller.
 
     Parameters
     ----------
     K : control.StateSpace, TransferFunction
         Controller, continuous or sampled, with one or several channels.
     model, w_P, delay
-        As for `check`; or only the plant of `mixsyn`: then stability and max |w_P S| < 1 are kept.
+        As for `check`. If `model` is a plant without uncertainty, as for `mixsyn`, stability and
+        max |w_P S| < 1 are kept.
     order : int, optional
-        Only this order: its best controller, kept or not.
+        Order of the reduced controller. The best controller of this order is then returned even if
+        it does not keep the properties.
     max_candidates : int
-        Largest number of reduced controllers to try; if none of them suffices, K is returned
+        Largest number of reduced controllers to check. If none of them suffices, K is returned
         unchanged.
 
     Returns
@@ -153,8 +157,8 @@ def reduce_controller(
     Raises
     ------
     ValueError
-        A controller for which the check proves nothing (give an order then), an order that is not
-        lower.
+        A controller for which the check proves nothing (give an `order` then), or an order that is
+        not lower than that of K.
 
     References
     ----------

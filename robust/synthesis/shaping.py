@@ -10,15 +10,15 @@ from robust.synthesis.blocks import Lag, Lead, LowPass, Notch, Pid
 
 
 def lead(omega: float, phase: float, *, dt: float = 0.0) -> control.StateSpace:
-    """Return phase lead at a frequency with gain one there, for phase margin at the crossover.
+    """Return a lead element: phase lead at omega, where its gain is one.
 
     Parameters
     ----------
     omega, phase : float
-        Frequency of the largest lead [rad/s], and the lead there [rad], as for `Lead`.
+        Frequency of the largest lead [rad/s], and largest lead [rad], as for `robust.tuning.Lead`.
     dt : float
-        Sampling time [s] of a sampled element, by the bilinear map that is exact at omega; 0 for
-        continuous.
+        Sampling time [s]; 0 for a continuous element. A discrete element comes from the bilinear
+        map that is exact at omega.
 
     Returns
     -------
@@ -39,13 +39,13 @@ def lead(omega: float, phase: float, *, dt: float = 0.0) -> control.StateSpace:
 
 
 def lag(omega: float, gain: float, *, dt: float = 0.0) -> control.StateSpace:
-    """Return higher gain below a frequency and gain one above it; PI action for an infinite gain.
+    """Return a lag element: higher gain below omega, gain one above it; PI for an infinite gain.
 
     Parameters
     ----------
     omega, gain : float
-        Frequency below which the gain is raised [rad/s], and the gain at zero frequency, as for
-        `Lag`.
+        Frequency below which the gain is raised [rad/s], and gain at zero frequency, as for
+        `robust.tuning.Lag`.
     dt : float
         Sampling time [s], as in `lead`.
 
@@ -68,12 +68,13 @@ def lag(omega: float, gain: float, *, dt: float = 0.0) -> control.StateSpace:
 def notch(
     omega: float, *, depth: float = Notch.depth, width: float = Notch.width, dt: float = 0.0
 ) -> control.StateSpace:
-    """Return a notch over a resonance, with gain one away from it.
+    """Return a notch filter for a resonance, with gain one far from it.
 
     Parameters
     ----------
     omega, depth, width : float
-        Its frequency [rad/s], the gain there, its relative width, as for `Notch`.
+        Frequency of the notch [rad/s], gain at this frequency, and relative width, as for
+        `robust.tuning.Notch`.
     dt : float
         Sampling time [s], as in `lead`.
 
@@ -99,13 +100,12 @@ def notch(
 def low_pass(
     omega: float, *, order: int = LowPass.order, zeta: float = LowPass.zeta, dt: float = 0.0
 ) -> control.StateSpace:
-    """Return a low-pass filter of first or second order: less gain for noise and unknown modes
-    above its corner.
+    """Return a low-pass filter of first or second order.
 
     Parameters
     ----------
     omega, order, zeta : float, int, float
-        Corner [rad/s], order and damping ratio, as for `LowPass`.
+        Corner frequency [rad/s], order and damping ratio, as for `robust.tuning.LowPass`.
     dt : float
         Sampling time [s], as in `lead`.
 
@@ -135,9 +135,9 @@ def pid(
     Parameters
     ----------
     kp, ki, kd, filter_time : float
-        Gains and time constant of the derivative filter [s], as for `Pid`.
+        Gains, and time constant of the derivative filter [s], as for `robust.tuning.Pid`.
     dt : float
-        Sampling time [s], by Tustin; 0 for continuous.
+        Sampling time [s] of a discrete controller, by the Tustin method; 0 for a continuous one.
 
     Returns
     -------

@@ -100,31 +100,31 @@ def prefilter(
     effort: float = 0.01,
     delay: float = 0.0,
 ) -> _ReferenceFilter:
-    """Find the prefilter that brings a loop nearest to a reference model, and bound its error over
-    the whole set.
+    """Design a prefilter for a reference model, and bound the error over the whole set.
 
-    Use this after the design of K, if the response to r has to follow a model.
+    Use this after the design of K, if the response to r has to follow a reference model T_ref. The
+    prefilter F minimises the difference between T F and T_ref.
 
     Parameters
     ----------
     model : UncertaintyModel
         Plant with its set, with a parametric nominal.
     K : control.StateSpace, TransferFunction
-        Controller, negative feedback; a sampled one on a continuous nominal as for `check`.
+        Controller, negative feedback. A sampled K on a continuous nominal is treated as in `check`.
     reference : control.StateSpace, TransferFunction
-        T_ref, stable: the wanted response from r to y. If the loop is sampled, a continuous T_ref
-        is converted by the bilinear map. For several channels a square matrix, or one transfer
-        function for every output.
+        Stable transfer function T_ref, the wanted response from r to y. For a sampled loop a
+        continuous T_ref is converted by the bilinear map. For several channels a square matrix, or
+        one transfer function for every output.
     effort : float
-        Weight on F against the error.
+        Weight of the prefilter F relative to the error.
     delay : float
         Computation delay [s].
 
     Returns
     -------
     ReferenceFilter
-        F has the fewest states that change T F by less than 0.01; at zero frequency T F = T_ref if
-        T has an inverse.
+        The prefilter F and the bound. F is reduced to the fewest states that change T F by less
+        than 0.01. At zero frequency T F = T_ref, if T has an inverse there.
 
     Raises
     ------
@@ -133,8 +133,8 @@ def prefilter(
 
     References
     ----------
-    SP 9.4.3 (there together with the feedback); Hoyle, Hyde & Limebeer 1991; Limebeer, Kasenally &
-    Perkins 1993.
+    SP 9.4.3 (where K and F are designed together); Hoyle, Hyde & Limebeer 1991; Limebeer, Kasenally
+    & Perkins 1993.
 
     Examples
     --------
@@ -334,23 +334,24 @@ def feedforward_filter(
     effort: float = 1e-3,
     delay: float = 0.0,
 ) -> _ReferenceFilter:
-    """Find the signal to add to u so that a loop follows a reference model, and bound its error
-    over the set.
+    """Design a feedforward filter from r to u for a reference model, and bound the error over a
+    set.
 
-    Use this for a stable plant; `prefilter` is for any stable loop.
+    Use this for a stable plant; `prefilter` is for any stable loop. The output F r of the filter is
+    added to the plant input u.
 
     Parameters
     ----------
     model : UncertaintyModel
         Plant with its set, with a stable parametric nominal.
     K : control.StateSpace, TransferFunction or float
-        Controller, negative feedback from T_ref r - y; a sampled one on a continuous nominal as for
-        `check`.
+        Controller, negative feedback from T_ref r - y. A sampled K on a continuous nominal is
+        treated as in `check`.
     reference : control.StateSpace, TransferFunction
-        T_ref, stable: the wanted response from r to y. If the loop is sampled, a continuous T_ref
-        is converted by the bilinear map.
+        Stable transfer function T_ref, the wanted response from r to y. For a sampled loop a
+        continuous T_ref is converted by the bilinear map.
     effort : float
-        Weight on F against the error, in units of error over those of u.
+        Weight of the filter F relative to the error, in the unit of the error over u.
     delay : float
         Computation delay [s].
 

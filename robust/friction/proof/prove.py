@@ -45,46 +45,46 @@ def prove_friction(
     Fs: float | Sequence[float] | None = None,
     saturation: float | None = None,
 ) -> FrictionProof:
-    """Prove that a loop comes to rest with every friction of a class, or refute it; sampler and
-    hold are included.
+    """Prove that a loop comes to rest with every friction law of a class, or refute it.
 
-    Use this for a machine whose friction law is unknown and whose limits are known: see "What can
-    be proved of a machine with friction" in the guide. A proof names its class and its linear
-    plant, and does not hold for others.
+    Use this for a machine whose friction law is unknown, but bounded by a known class (see "What
+    can be proved of a machine with friction" in the guide). Sampler and hold are part of the loop.
+    The proof holds for this linear plant and this class only.
 
     Parameters
     ----------
     machine : FrictionPlant
         The linear plant, from `friction_plant` or `two_mass_plant`.
     K : control.StateSpace, TransferFunction or float
-        Controller, u = K (r - y); sampled, or continuous and proper. It is used as given: nothing
-        is cancelled.
+        Controller, u = K (r - y); sampled, or continuous and proper. Poles and zeros are not
+        cancelled.
     friction : FrictionClass or sequence of FrictionClass
-        The class: `MaxwellSlip`, `Bristle`, `Bounded` or `Passive`. For a machine with several
-        friction ports, as on motor and load: one `MaxwellSlip` for each port.
+        Class of friction: `MaxwellSlip`, `Bristle`, `Bounded` or `Passive`. For a machine with
+        several friction ports, such as motor and load, one `MaxwellSlip` for each port.
     delay : float
-        Delay from the sample to the change of the force [s]; a fraction of a sample, or several
-        samples.
+        Delay [s] from the sampling instant to the change of the force. It may be a fraction of a
+        sample, or several samples.
     Fs : float or sequence of float, optional
-        Largest friction force [N], one for each port. It adds `error_bound`, a distance from rest,
-        and for one port `kick_sure`, an initial velocity from which the loop diverges.
+        Largest friction force [N], one for each port. The result then contains `error_bound`, a
+        bound on the final distance from rest, and for one port `kick_sure`, an initial velocity
+        from which the loop diverges.
     saturation : float, optional
-        Largest force of the actuator [N]. It must exceed Fs, which must then be given. The proof is
-        then for the loop with a saturated actuator: from every state, or up to an initial velocity.
-        Available for one port with `MaxwellSlip`. With `Bristle` the proof gives only the velocity
-        up to which the actuator does not saturate. K has no anti-windup.
+        Largest force of the actuator [N], for one port with `MaxwellSlip` or `Bristle`. It must
+        exceed Fs, which must be given. With `MaxwellSlip` the proof then holds for the loop with a
+        saturated actuator, from every state or up to an initial velocity. With `Bristle` the result
+        contains only the velocity up to which the actuator does not saturate. K has no anti-windup.
 
     Returns
     -------
     FrictionProof
-        After a numerical failure the verdict is "not decided", with its reason.
+        After a numerical failure the verdict is "not decided", with the reason.
 
     Raises
     ------
     ValueError
-        Not a friction plant, not a class of friction, a controller that is not proper, a delay with
-        a continuous controller, an `Fs` that differs from that of `Bounded`, a saturation that does
-        not exceed Fs, or a saturation with another class.
+        A value that is not a friction plant or not a class of friction, a controller that is not
+        proper, a delay with a continuous controller, an `Fs` that differs from that of `Bounded`, a
+        saturation that does not exceed Fs, or a saturation with another class.
 
     References
     ----------

@@ -517,8 +517,8 @@ class NominalFit:
         Estimated standard deviation of the model error on each line, which the weights of the fit
         contain. Zero if the variance of the FRF explains the residual.
     unlikelihood : float
-        Negative log likelihood of the fit including the model error, minus the negative log
-        likelihood that the variance of the FRF alone would give.
+        Negative log likelihood of the fit including the model error, up to a constant that depends
+        on the variance of the FRF only.
     omega_c : float
         Crossover [rad/s] of the loop for which the model was fitted; nan if none was given.
     uncertainty : FitUncertainty

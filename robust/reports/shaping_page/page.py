@@ -273,29 +273,31 @@ def write_shaping_page(
     delay: float = 0.0,
     title: str = "Shape a loop",
 ) -> None:
-    """Write a page to shape a loop by hand: drag gain, integrator, lead, notch and roll-off on |L|,
-    live.
+    """Write an interactive page on which a loop is shaped by hand.
 
-    Use this to design a controller by eye, or to change one. The page is one HTML file that runs in
-    any browser, needs no server and sends no request. It shows |L| between its bounds, Nyquist plot
-    with the discs of the set, rs, rp, S, T, step response and a verdict *on a grid*, for several
-    models at once. It gives PID gains, Python to paste, and the command that proves the loop. The
-    page itself proves nothing.
+    Use this to design a controller by eye, or to change one: drag gain, integrator, lead, notch and
+    roll-off in the plot of |L|. The page is one HTML file that runs in any browser, needs no server
+    and sends no request. It shows |L| with its bounds, the Nyquist plot with the discs of the set,
+    the measures rs and rp of robust stability and performance, S, T, the step response and a
+    verdict *on a frequency grid*, for several models at once. It also shows the PID gains, Python
+    code of the controller, and the command that proves the loop. The page itself proves nothing.
 
     Parameters
     ----------
     path : path
         The ``.html`` file; written whole or not at all.
     model : UncertaintyModel or list of them
-        The plant, or one for each level.
+        The uncertainty model, or one model for each level.
     w_P : control.StateSpace or TransferFunction, optional
         Performance weight.
     K : control.StateSpace, TransferFunction or float, optional
-        Controller at the start; the shaped elements are multiplied to it. The default is a gain,
-        with integrator, lead and roll-off if the plant needs them, that makes |L| = 1 near the end
-        of the demand or of the set.
+        Controller at the start, which is multiplied by the elements that you drag. The default is a
+        gain, with integrator, lead and roll-off if the plant needs them. Its crossover is near the
+        frequency with |w_P| = 1; without w_P, near half the frequency at which the radius of the
+        set reaches |G|.
     dt : float
-        Sampling time [s] of the controller; 0 for that of K or of a sampled model, else continuous.
+        Sampling time [s] of the controller. 0: sampling time of K or of a sampled model, otherwise
+        a continuous controller.
     delay : float
         Computation delay [s], as in `check`.
     title : str

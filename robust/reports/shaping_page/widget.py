@@ -39,30 +39,30 @@ def shape(
     dt: float = 0.0,
     delay: float = 0.0,
 ) -> anywidget.AnyWidget:
-    """Shape a loop by hand in a notebook, live: the page of `write_shaping_page` as the output of a
-    cell.
+    """Shape a loop by hand in a notebook: show the page of `write_shaping_page` in a cell.
 
-    Drag gain, integrator, lead, notch and roll-off on |L|; read the controller back as `.K` and
-    prove it with `check`.
+    Drag gain, integrator, lead, notch and roll-off in the plot of |L|. The field `K` of the result
+    is the present controller, which `check` can prove.
 
     Parameters
     ----------
     model : UncertaintyModel or list of them
-        The plant, or one for each level.
+        The uncertainty model, or one model for each level.
     w_P : control.StateSpace or TransferFunction, optional
         Performance weight.
     K : control.StateSpace, TransferFunction or float, optional
-        Controller at the start; the shaped elements are multiplied to it.
+        Controller at the start, which is multiplied by the elements that you drag.
     dt : float
-        Sampling time [s] of the controller; 0 for that of K or of a sampled model, else continuous.
+        Sampling time [s] of the controller. 0: sampling time of K or of a sampled model, otherwise
+        a continuous controller.
     delay : float
         Computation delay [s], as in `check`.
 
     Returns
     -------
     anywidget.AnyWidget
-        With `K`, the present controller of the page as control.StateSpace, and `state`, its gain
-        and elements.
+        Widget with the fields `K`, the present controller of the page as control.StateSpace, and
+        `state`, its gain and elements.
 
     Raises
     ------

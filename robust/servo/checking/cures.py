@@ -33,12 +33,13 @@ class FrictionCure:
     Fields
     ------
     change : str
-        The gain, its old and its new number.
+        Name of the gain, with its old and its new value.
     verdict : FrictionVerdict
         Verdict with the change.
     error : float
-        Largest final distance from the set point [m] or [rad], at rest or hunting, with every
-        friction of the class up to the force Fs; infinite if no bound is known.
+        Bound on the final distance from the set point [m] or [rad], with every friction of the
+        class up to the force Fs, whether the axis comes to rest or hunts (moves on in a limit
+        cycle). Infinite if no bound is known.
     unit : str
         Unit of the error.
 
@@ -76,22 +77,26 @@ def friction_cures(
     Fs: float | Sequence[float],
     output_unit: str = "",
 ) -> tuple[FrictionCure, ...]:
-    """Return the changes of a drive that improve its friction verdict, the best first.
+    """Return the changes of a drive that improve its friction verdict, best first.
 
     Use this if `prove_friction` does not prove that an axis comes to rest. The proof is repeated
-    with each of four changes: velocity gain times 1.5; reset time times 1.5; no integral action, as
-    with a large dead band or a leaky integrator; a compensation that leaves at most 30 % of the
-    friction. Nothing else is assumed of the remaining friction. A compensation that follows the set
-    point acts only while the set point moves.
+    with each of four changes:
+
+    - velocity gain times 1.5;
+    - reset time times 1.5;
+    - no integral action, as with a large dead band or a leaky integrator;
+    - a friction compensation that leaves at most 30 % of the friction. Nothing else is assumed
+      about the rest of the friction. A compensation computed from the set point acts only while the
+      set point moves.
 
     Parameters
     ----------
     machine : FrictionPlant
         The axis in the units of the velocity loop (m or rad).
     settings : Drive
-        The drive with its present gains.
+        Drive with its present gains.
     friction : FrictionClass or sequence of FrictionClass
-        The class of friction; for several friction ports one each.
+        Class of friction; for several friction ports one class for each.
     Fs : float or sequence of float
         Largest friction force [N] or [Nm], one for each friction port.
     output_unit : str
@@ -100,8 +105,8 @@ def friction_cures(
     Returns
     -------
     tuple of FrictionCure
-        First the changes with which the axis comes to rest, then those with a smaller error than
-        the present gains, each group in the order of its error. A change that does not help is left
+        First the changes with which the axis comes to rest, then the changes with a smaller error
+        than the present gains. Each group is sorted by error. Changes that do not help are left
         out.
 
     Raises

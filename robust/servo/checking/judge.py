@@ -94,56 +94,61 @@ def check(
     fit: FrictionFit | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> DriveCheck:
-    """Check the gains of a drive against traces of its axis.
+    """Check the gains of a drive with measured traces of its axis.
 
-    Use this before gains go into a drive. A trace in motion judges the linear loop. Traces at rest
-    at three levels or more show the friction. A trace with unknown conditions counts as at rest.
+    Use this before you enter gains in a drive. The linear loop is checked with a trace in motion.
+    The friction is identified from traces at rest, at three levels or more. A trace with unknown
+    conditions counts as a trace at rest.
 
     Parameters
     ----------
     records : sequence of nlfrf.Record
-        From `read_experiments` or `read_traces`: set point of force or current in, position out.
+        Traces from `read_experiments` or `read_traces`, with the set point of force or current as
+        input and the position as output.
     settings : Drive
         Gains, filters, sampling and units.
     names : sequence of str
         Names of the traces.
     actual : bool
         True if the input is the actual current or force. The traces then do not contain delay and
-        lag.
+        lag of the current loop.
     conditions : sequence of Conditions
-        Conditions of each trace, from `read_experiments`; unknown if not given.
+        Conditions of each trace (gains and motion during the recording), from `read_experiments`;
+        unknown by default.
     peak : float
-        |S| over the set above which a warning is given.
+        Limit of |S| over the set, above which a warning is given.
     stiction : float
-        Largest over smallest force of a slider, or the upper end of the interval that was read if
-        that is larger.
+        Ratio of the largest to the smallest slip force of a friction element, an assumption. The
+        upper end of the identified interval is used if it is larger.
     Fs : float, optional
-        Largest friction force [N] or [Nm]. It gives a bound of the error if the axis may not come
-        to rest. The default is the upper end of the break-away force that was read. If no friction
-        was read, the bound is that of `Bounded` around the linear model.
+        Largest friction force [N] or [Nm]. If rest is not proved, it gives a bound on the error.
+        The default is the upper end of the identified break-away force. If no friction was
+        identified, the bound is that of the class `Bounded` with the linear model.
     spring : bool
         True if a spring to ground, such as a balancer, is part of the machine.
     masses : int
-        2 for a motor and a load; to read Maxwell slip on both takes up to half a minute.
+        1 for one mass; 2 for a motor and a load, whose friction takes up to half a minute to
+        identify.
     within : float, optional
-        Distance [m] or [rad] within which the axis must finally stay; the page shows whether it
-        does.
+        Required bound on the final error [m] or [rad]; the result shows whether it is met.
     fit : FrictionFit, optional
-        `friction.fit` of a check of other gains with these traces, which saves the seconds of
-        reading them again. `spring` and `masses` are then those of the fit.
+        Field `friction.fit` of an earlier check with the same traces and other gains. It saves the
+        time of the identification. `spring` and `masses` are then those of the fit.
     progress : callable, optional
-        Called as progress(done steps, all steps).
+        Function that is called with (number of steps done, number of all steps).
 
     Returns
     -------
     DriveCheck
-        Verdict, margins, friction and doubts; printed, it is the page of `robust servo check`.
+        Verdict, margins, friction and doubts. `print` shows what the command `robust servo check`
+        prints.
 
     Raises
     ------
     ValueError
-        Two encoders; traces from which no model can be fitted; a delay that is longer than in the
-        traces; a fit in other units; a largest friction force for a loop in A.
+        Two encoders; traces from which no model can be fitted; a delay that is longer than the
+        delay in the traces; a fit in other units; an `Fs` for a loop whose output is a current in
+        A.
 
     References
     ----------

@@ -39,11 +39,10 @@ def read_traces(
     actual: bool = False,
     load: Callable[[Path], nlfrf.Record] = nlfrf.load_record,
 ) -> tuple[list[nlfrf.Record], list[str], list[Conditions]]:
-    """Read traces that were not designed by `robust.servo`: records, names and conditions for
-    `check`.
+    """Read traces of experiments that were not designed with `robust.servo`, for `check`.
 
-    Use `read_experiments` for traces with a design, because only a design shows gains and motion of
-    the recording.
+    Use `read_experiments` for traces with a design: the design contains gains and motion during the
+    recording.
 
     Parameters
     ----------
@@ -53,10 +52,10 @@ def read_traces(
         The drive. A position without a unit is in its `position_unit`, an input without a unit in
         its output unit.
     actual : bool
-        True if the input is the actual current or force, which is measured behind the hold. A set
-        point is held.
+        True if the input is the actual current or force. Its record contains no hold, while a set
+        point is held between the samples.
     load : callable
-        `nlfrf.load_record` with its options.
+        Function that reads one file: `nlfrf.load_record` with its options.
 
     Returns
     -------
@@ -134,29 +133,29 @@ def read_experiments(
         The drive. A position without a unit is in its `position_unit`, an input without a unit in
         its output unit.
     actual : bool
-        True if the input is the actual current or force, which is measured behind the hold. A set
-        point is held.
+        True if the input is the actual current or force. Its record contains no hold, while a set
+        point is held between the samples.
     n_levels : int
-        Number of levels to take from a pre-test, from sticking to sliding; motor and load need more
-        than three.
+        Number of levels to use from a pre-test, from sticking to sliding. Identification of a motor
+        and a load needs more than three.
     u, y, fs, start
         As for `nlfrf.io.load_trace`.
 
     Returns
     -------
     records : list of nlfrf.Record
-        One for each direction of a base motion, one for each level of a pre-test, or the one at
-        rest.
+        One record for each direction of a base motion, one for each level of a pre-test, or one for
+        an experiment at rest.
     names : list of str
-        Name of each record: its file, with direction or level.
+        Name of each record: its file name, with direction or level.
     conditions : list of Conditions
-        Gains and motion during each recording, by its design.
+        Gains and motion during each recording, from its design.
 
     Raises
     ------
     ValueError
-        A number of traces that does not fit the designs; pre-tests only, none of which shows three
-        levels; units or a sampling frequency that do not fit the drive; the errors of
+        A number of traces that does not fit the designs; only pre-tests, none of which contains
+        three usable levels; units or a sampling frequency that do not fit the drive; the errors of
         `nlfrf.io.load_trace`.
 
     Examples

@@ -47,27 +47,29 @@ def design_experiment(
     n_periods: int = 2,
     n_discard: int = 2,
 ) -> AxisExperiment:
-    """Design a multisine for a set point of a running drive, such that the force set point has a
-    wanted spectrum.
+    """Design a multisine to add to a set point of a running drive, for a given force spectrum.
 
-    Use this to identify an axis whose loop stays closed. The input of the BLA is the force set
-    point behind the loop, so the set point to play is the wanted spectrum over the transfer from
-    the port to the force. This transfer is computed from the gains and a rough plant, or measured
-    by a first multisine of low level at the same port. The computed one contains no friction: if
-    the axis sticks, design again from the first record.
+    Use this to identify an axis whose loop stays closed. The input of the identification is the
+    force set point, which is an output of the controller. The spectrum to play is therefore the
+    wanted force spectrum divided by the transfer function from the port to the force. This transfer
+    function is either computed from the gains and a rough plant, or measured with a first multisine
+    of low level at the same port. The computed transfer function contains no friction: if the axis
+    sticks, design again from the first record.
 
     Parameters
     ----------
     source : ServoAxis, Record, or pair of ServoAxis and Bla
-        Drive with its gains and a rough machine, whose friction is used for `peak_force` only. A
-        `Bla` from force set point to position replaces the FRF of the rough machine. Or a record at
-        the same port with its reference r, as `load_trace` returns it.
+        One of three: a drive with its gains and a rough machine, whose friction is used for
+        `peak_force` only; such a drive with a `Bla` from force set point to position, which
+        replaces the FRF of the rough machine; or a record at the same port with its reference r, as
+        `load_trace` returns it.
     ms : Multisine
-        Band, phases and spectrum of the force set point; its level is not used. It has the sampling
-        frequency of the drive or of the record. Each of its M realisations is a file to play.
+        Band, phases and spectrum of the force set point; the level of `ms` is not used. Its
+        sampling frequency must be that of the drive or of the record. Each of its M realisations
+        becomes one file to play.
     rms : float, optional
-        Root mean square of the force set point, in its unit. The default is the largest within the
-        limits.
+        Root mean square of the force set point, in its unit. The default is the largest value that
+        the limits allow.
     port : str
         Set point to which the multisine is added: "position", "velocity" or "force".
     limits : AxisLimits, optional
@@ -76,9 +78,10 @@ def design_experiment(
         Velocity of a base motion that keeps the friction sliding [m/s] or [rad/s]; zero for an axis
         at rest.
     strokes : int
-        Strokes forth and back, each of n_discard + n_periods periods; zero for one long stroke.
+        Number of strokes forth and back, each of n_discard + n_periods periods; zero for one long
+        stroke.
     n_periods, n_discard : int
-        Periods to keep of each stroke, and periods before them.
+        Number of periods to evaluate in each stroke, and of periods to discard before them.
 
     Returns
     -------
@@ -94,8 +97,8 @@ def design_experiment(
     Warns
     -----
     DataWarning
-        For a drive with a rough machine: a loop that is unstable, or crosses over far outside the
-        band; a `tn` above the period.
+        For a drive with a rough machine: an unstable loop, a crossover far outside the band, or a
+        reset time `tn` longer than the period.
 
     References
     ----------
@@ -139,12 +142,12 @@ def design_ramp(
     n_periods: int = 1,
     n_discard: int = 1,
 ) -> AxisExperiment:
-    """Design a pre-test at rest: one multisine at rising levels, from sticking through break-away
-    to sliding.
+    """Design a pre-test at rest: one multisine at rising levels, from sticking to sliding.
 
-    Use this to find the levels at which friction sticks, bends and slides; `find_levels` reads them
-    from its trace. The levels rise in equal ratios from `rms` / `span`, and each is held for a few
-    periods. If a drive stops at a limit, the complete levels before it are read.
+    Use this to find the levels at which friction sticks, bends (its stiffness falls) and slides;
+    `find_levels` finds them in the trace of the pre-test. The levels rise in equal ratios from
+    `rms` / `span` to `rms`, and each lasts a few periods. If a drive stops at a limit, the complete
+    levels before the stop are evaluated.
 
     Parameters
     ----------
@@ -159,14 +162,14 @@ def design_ramp(
     n_levels : int
         Number of levels.
     span : float
-        Highest over lowest level.
+        Ratio of the highest to the lowest level.
     n_periods, n_discard : int
-        Periods to keep of each level, and periods before them.
+        Number of periods to evaluate at each level, and of periods to discard before them.
 
     Returns
     -------
     AxisExperiment
-        With one realisation.
+        The pre-test, with one realisation.
 
     Raises
     ------

@@ -43,8 +43,7 @@ _CLIPPED = 2e-3  # largest share of samples at a limit of force for a level to b
 
 
 class FrictionRegime(Enum):
-    """State of the friction at a level: sticking, bending (its stiffness falls), sliding, or not
-    readable.
+    """State of the friction at a level: sticking, bending (stiffness falls), sliding, or unknown.
 
     References
     ----------
@@ -67,27 +66,29 @@ class FrictionRegime(Enum):
 
 @value
 class AxisLevels:
-    """The levels of a pre-test, and the three to take, or the reason why there are none.
+    """The levels of a pre-test, and the three levels to use for experiments on friction.
 
     Fields
     ------
     rms : (3,) ndarray
-        Rms of the force set point to design for, at which the axis sticks, bends and slides:
-        entries of `set_point_rms`. Empty if there is a reason.
+        Rms of the force set point to design for, at the three levels at which the friction sticks,
+        bends (its stiffness falls) and slides. They are entries of `set_point_rms`. Empty if
+        `reason` is not empty.
     records : tuple of Record
-        The three levels as measured, in the units of the design: the `source` of
-        `design_experiment` for each.
+        Records of the three levels, in the units of the design. Each is the `source` of
+        `design_experiment` for its level.
     reason : str
-        Reason why there are no three levels, and what to do; empty if there are.
+        Reason why three levels were not found, and what to do; empty if they were found.
     force_rms, position_rms : (L,) ndarray
-        Rms of force set point and position on the excited lines of every level, in the units of the
-        design. A current is converted to its force; a unit that cannot be converted is kept.
+        Rms of force set point and position on the excited lines at each level, in the units of the
+        design. A current is converted to a force, unless its unit cannot be converted.
     set_point_rms : (L,) ndarray
-        Rms to design for at every level, in the unit of force of the design: a multisine with the
-        spectrum of the design moves the axis as far at this rms. It is below `force_rms` if the
-        loop changed the spectrum of the force.
+        Rms to design for at each level, in the unit of force of the design. A multisine with this
+        rms and with the spectrum of the design moves the axis as far as the level did. The value is
+        below `force_rms` if the loop changed the spectrum of the force.
     stiffness : (L,) ndarray
-        Equivalent stiffness on the lowest lines [N/m], [Nm/rad] or in the units of the record.
+        Equivalent stiffness at each level from the lowest lines [N/m], [Nm/rad] or in the units of
+        the record.
     states : tuple of FrictionRegime
         State of the friction at each level.
     units : tuple of str
@@ -151,30 +152,29 @@ _TAKEN = ("sticks", "bends", "slides")
 
 
 def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLevels:
-    """Find the levels of a ramp at which the friction sticks, bends (its stiffness falls) and
-    slides.
+    """Find the levels of a pre-test at which the friction sticks, bends and slides.
 
-    Use this after a ramp by `design_ramp` was played, to choose the levels of the experiments from
-    which friction is read.
+    Use this after a pre-test from `design_ramp` was played, to choose the levels of the experiments
+    for `robust.friction.identify_friction`. Friction bends if its stiffness falls with the level.
 
     Parameters
     ----------
     records : sequence of Record
-        The records of the ramp, from `load_trace`.
+        Records of the pre-test, from `load_trace`.
     experiment : AxisExperiment
-        The ramp, from `design_ramp`.
+        Design of the pre-test, from `design_ramp`.
 
     Returns
     -------
     AxisLevels
-        It has a `reason` and no levels in these cases: the lowest level does not stick; the highest
-        does not slide; the stiffness rises with the level (backlash, a hardening spring); or too
-        many levels are below a step of the encoder or at a limit of the force.
+        No levels are found, and `reason` states why, if the lowest level does not stick; if the
+        highest level does not slide; if the stiffness rises with the level (backlash, a hardening
+        spring); or if too many levels are below one step of the encoder or at a limit of the force.
 
     Raises
     ------
     ValueError
-        Records without a reference or with several channels, or a design that is no ramp.
+        Records without a reference or with several channels, or a design that is not a pre-test.
 
     References
     ----------

@@ -30,34 +30,34 @@ def play_experiment(
 ) -> Trajectory:
     """Play a file of set points on a simulated axis, and write its trace.
 
-    Use this to try an experiment before it is played on the machine.
+    Use this to test an experiment in simulation before you play it on the machine.
 
     Parameters
     ----------
     axis : ServoAxis
-        Machine and drive.
+        Simulated machine and drive.
     path : path
-        Table to play, as `nlfrf.save` writes it for an experiment: time, and set points called
-        position, velocity or force.
+        Table to play, as `nlfrf.save` writes it for an experiment. Its columns are the time, and
+        set points with the names position, velocity or force.
     out : path
-        The trace to write, a ``.csv`` with set points and actual values of position, velocity,
-        current and force, each with its unit.
+        File of the trace to write, a ``.csv`` with set points and actual values of position,
+        velocity, current and force, each with its unit.
     limits : AxisLimits, optional
-        The trace ends at the first sample beyond a limit, as a drive that monitors them stops.
+        Limits that the drive monitors. The trace ends at the first sample beyond a limit.
     oversampling : int
         As in `nlfrf.rig.run`.
 
     Returns
     -------
     Trajectory
-        The trace, and signals that a drive does not measure.
+        Signals of the trace, and signals that a drive does not measure.
 
     Raises
     ------
     ValueError
         A file without a set point, or with another sampling frequency or other units than the
-        drive; gains that differ from those of the design (``.npz``) of the same name; a limit that
-        is passed at once; an output that is no .csv.
+        drive; gains that differ from the gains in the design (``.npz``) of the same name; a limit
+        that is exceeded at the first sample; an output file that is not a .csv.
     FileNotFoundError
         No such file.
 

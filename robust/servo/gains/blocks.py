@@ -33,10 +33,10 @@ _LEAST_DEPTH = 1e-3  # of a notch as a block, because `tune` searches for its lo
 def to_blocks(
     settings: Drive, *, output_unit: str = ""
 ) -> tuple[list[control.StateSpace], dict[str, TunableBlock]]:
-    """Return a drive as fixed parts and blocks for `robust.tune`, which starts at the present
-    gains.
+    """Return a drive as fixed systems and tunable blocks for `robust.tune`.
 
-    Use this to tune the gains of a drive; `with_blocks` gives the result as gains.
+    Use this to tune the gains of a drive, starting at its present gains; `with_blocks` converts the
+    tuned blocks back to gains.
 
     Parameters
     ----------
@@ -48,13 +48,15 @@ def to_blocks(
     Returns
     -------
     system : list of control.StateSpace
-        From the set point "r" and the plant outputs "position" (with two encoders "motor" and
-        "load") to the plant input "force" or "current", at which the disturbance "d" acts. Between
-        them "position error", "velocity set point", "velocity error" and "set point", in units of
-        the velocity loop.
+        Fixed systems, connected by the names of their signals. Their inputs are the set point "r",
+        the disturbance "d" at the plant input, and the plant output "position" (with two encoders
+        "motor" and "load"). Their output is the plant input "force" or "current". Internal signals,
+        in the units of the velocity loop, are "position error", "velocity set point", "velocity
+        error" and "set point".
     blocks : dict of str to block
-        "K_x" and "K_v", a `Pid` each, and "filter 1", ... for each filter. The depth of a notch
-        starts at 0.001 at least.
+        The position controller "K_x" and the velocity controller "K_v", a `Pid` each, and "filter
+        1", "filter 2", ... for the filters. The start value of the depth of a notch is at least
+        0.001.
 
     Raises
     ------
@@ -156,16 +158,17 @@ def _fixed_parts(settings: Drive, plant_input: str) -> list[control.StateSpace]:
 def with_blocks(
     settings: Drive, blocks: Mapping[str, TunableBlock], *, output_unit: str = ""
 ) -> Drive:
-    """Return the drive with the gains of tuned blocks: `kv`, `kp`, `tn` and the filters.
+    """Return a drive with the gains and filters of tuned blocks.
 
-    Use this after `tune`, to get the numbers that are typed into the drive.
+    Use this after `tune`, to get the values of `kv`, `kp`, `tn` and of the filters to enter in the
+    drive.
 
     Parameters
     ----------
     settings : Drive
         The drive that was given to `to_blocks`.
     blocks : dict of str to block
-        `design.blocks`, under the names that `to_blocks` gave.
+        Blocks of the tuned design (`design.blocks`), with the names from `to_blocks`.
     output_unit : str
         Unit of the plant input, as given to `to_blocks`.
 

@@ -74,20 +74,22 @@ class _DriveReading:
 
 
 def gains_from_controller(K: LinearSystem, *, like: Drive, output_unit: str = "") -> _DriveReading:
-    """Convert a controller to the gains kv, kp, tn and the velocity low-pass of a drive, or refuse
-    it with its misfit.
+    """Convert a controller to the gains kv, kp, tn and the velocity low-pass filter of a drive.
 
-    Use this to type a designed controller into a drive. A PID with filtered derivative is a cascade
-    if its two zeros are real, and slow compared with its filter.
+    Use this to enter a designed controller in a drive. A PID with a filtered derivative can be
+    written as a cascade if its two zeros are real and slow compared with its filter. A controller
+    that is no such cascade raises an error with the misfit.
 
     Parameters
     ----------
     K : control.StateSpace, TransferFunction or float
-        From `cascade`, `design_frf`, `tune` or by hand, with one position as input, or two if
-        `like` has two encoders. A continuous K is first sampled at `like.fs` by the bilinear map.
+        Controller with one position as input, or two if `like` has two encoders; for example from
+        `cascade`, `design_frf` or `tune`. A continuous K is first discretised at `like.fs` by the
+        bilinear map.
     like : Drive
-        The drive: sampling, units, filters, encoders. Its `kv`, `kp` and `tn` are not used. With
-        one encoder and differences, `velocity_lag` is read from K too.
+        Drive that defines sampling, units, filters and encoders. Its `kv`, `kp` and `tn` are not
+        used. If it has one encoder and computes the velocity by differences, `velocity_lag` is also
+        determined from K.
     output_unit : str
         Unit of the output of K, as for `cascade`.
 
@@ -99,7 +101,7 @@ def gains_from_controller(K: LinearSystem, *, like: Drive, output_unit: str = ""
     ------
     ValueError
         A controller that is no such cascade: complex zeros, a derivative filter that is too slow or
-        too fast, gains of both signs, or a misfit. The message gives the number.
+        too fast, gains of both signs, or a misfit. The message contains the number.
 
     References
     ----------

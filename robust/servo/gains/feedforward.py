@@ -173,20 +173,20 @@ def feedforward(
     Parameters
     ----------
     plant : control.StateSpace, TransferFunction, UncertaintyModel, FrictionPlant or MachineWithFriction, optional
-        1/(m s^2 + c s) from force [N] or [Nm] to position [m] or [rad]. A `MachineWithFriction`
-        gives its mass with three standard deviations to either side. Without a plant, `mass` is
-        needed.
+        Plant 1/(m s^2 + c s) from force [N] or [Nm] to position [m] or [rad]. Of a
+        `MachineWithFriction` the mass is used, with an interval of three standard deviations to
+        either side. Without a plant, `mass` is needed.
     mass, viscous : float or (low, high), optional
-        [kg] or [kg m^2], and [Ns/m] or [Nm s/rad]: a number or an interval, instead of those of the
-        plant.
+        Mass [kg] or inertia [kg m^2], and viscous friction [Ns/m] or [Nm s/rad], as a number or an
+        interval. They replace the values of the plant.
     coulomb, stiction : float or (low, high)
-        Friction while sliding and at standstill [N] or [Nm].
+        Friction force while sliding, and at standstill [N] or [Nm].
     stribeck_velocity : float or (low, high), optional
-        Velocity vs [m/s] or [rad/s]: friction falls from stiction to Coulomb as exp(-(v/vs)^2);
-        needed with `stiction`.
+        Velocity vs [m/s] or [rad/s] in exp(-(v/vs)^2), by which friction falls from `stiction` to
+        `coulomb`. Required with `stiction`.
     settings : Drive, optional
-        The drive. Its lag and delay give the jerk gain; its torque constant and units give the
-        units of the gains.
+        Drive. The jerk gain is computed from its lag and delay, and the gains are in its units
+        (with its torque constant).
 
     Returns
     -------
@@ -195,8 +195,8 @@ def feedforward(
     Raises
     ------
     ValueError
-        A plant that is not 1/(m s^2 + c s); no mass; an interval with its ends exchanged; stiction
-        below Coulomb.
+        A plant that is not 1/(m s^2 + c s); no mass; an interval whose lower end is above the upper
+        end; a stiction below the Coulomb friction.
 
     References
     ----------

@@ -15,16 +15,17 @@ from robust.synthesis.pid_file import read_filters
 
 
 def load_gains(path: str | os.PathLike[str]) -> Drive:
-    """Read the settings of a drive from a TOML file, in which every number has its unit.
+    """Read the settings of a drive from a TOML file, in which each number has a unit.
 
     Parameters
     ----------
     path : path
-        A file with `fs`, `kv`, `kp` and the other fields of `Drive`, but `delay` in ms instead of
-        periods. Each filter is a table [[filters]] with its frequency [Hz] as `notch`, `low_pass`
-        or `biquad`, and its other numbers: `bandwidth` and `depth` for a notch; `zeta` for a
-        low-pass; `zeta`, `numerator_frequency` and `numerator_zeta` for a biquad. Without `lag` and
-        `delay`, no lag and a delay of one period are assumed, and printed as assumed.
+        File with `fs`, `kv`, `kp` and the other fields of `Drive`; instead of `delay_periods` it
+        contains `delay` in ms. Each filter is a table [[filters]]. The key `notch`, `low_pass` or
+        `biquad` gives the type of the filter and its frequency [Hz]. The other keys are `bandwidth`
+        and `depth` for a notch; `zeta` for a low-pass; `zeta`, `numerator_frequency` and
+        `numerator_zeta` for a biquad. By default no lag and a delay of one period are assumed, and
+        printed as assumed.
 
     Returns
     -------

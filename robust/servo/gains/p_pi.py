@@ -25,7 +25,7 @@ from robust.synthesis.blocks import second_order_section
 def cascade(
     settings: Drive, *, output_unit: str = "", actuator: bool = False
 ) -> control.StateSpace:
-    """Return the drive as one controller.
+    """Return the P-PI cascade of a drive as one controller.
 
     Use this for every check, proof or plot that takes a controller K, such as `check` and
     `prove_friction`.
@@ -38,16 +38,16 @@ def cascade(
         Unit of u: "A", or "N" ("Nm" for a rotary axis). The default is the output unit of
         `kp_unit`. It must be the unit of the plant input.
     actuator : bool
-        False: u is the current set point, and the plant contains delay and lag of the current loop;
-        use this if the plant was identified from the set point. True: u is the actual current at
-        the sampling instants, and K contains delay and lag; use this if the plant was identified
-        from the actual current.
+        False if the plant was identified from the current set point: u is then the current set
+        point, and the plant contains delay and lag of the current loop. True if the plant was
+        identified from the actual current: u is then the actual current at the sampling instants,
+        and K contains delay and lag.
 
     Returns
     -------
     control.StateSpace
-        Discrete, u = -K y: from the position in `position_unit` to u. With two encoders it has two
-        inputs, "motor" in `position_unit` and "load" in `load_unit`.
+        Discrete controller from the position in `position_unit` to u, with u = -K y. With two
+        encoders it has two inputs, "motor" in `position_unit` and "load" in `load_unit`.
 
     Raises
     ------

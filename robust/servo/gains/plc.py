@@ -39,17 +39,16 @@ _RESERVED |= {"REAL", "THEN", "TO", "VAR", "XOR"}
 def structured_text(
     settings: Drive, *, name: str = "PositionController", output_unit: str = ""
 ) -> str:
-    """Return a function block in structured text that runs the cascade; call it once in every
-    velocity-loop period.
+    """Return a function block in IEC structured text that runs the cascade of a drive.
 
     Use this if a PLC closes the position and velocity loop, and the drive only controls the
-    current.
+    current. The PLC must call the block once in every period of the velocity loop.
 
-    Inputs are the position set point, the measured position (motor and load with two encoders), a
-    force or current that is added behind the filters, and `reset`. While the output is limited, an
-    error that would drive it further into the limit is not added to the integral (conditional
-    integration). In the first call, and while `reset` is true, the block takes the present position
-    as the previous one, and clears its integral and its filters.
+    The inputs of the block are the position set point, the measured position (of motor and load
+    with two encoders), a force or current that is added after the filters, and `reset`. While the
+    output is at its limit, an error that would increase the output further is not integrated
+    (conditional integration). In the first call, and while `reset` is true, the block uses the
+    present position as the previous one, and sets its integral and its filters to zero.
 
     Parameters
     ----------

@@ -48,91 +48,96 @@ def design_frf(
     n_iterations: int = 60,
     progress: Callable[[int, float], object] | None = None,
 ) -> Design:
-    """Design a controller of fixed structure directly from a measured FRF, without a parametric
-    model.
+    """Design a controller of fixed structure, such as a PID, directly from a measured FRF.
 
-    Use this for a PID or another low-order controller, if the FRF is all you have, or if a fit is
-    doubtful.
+    Use this for a PID or another low-order controller, if you have only an FRF, or if the fit of a
+    parametric model is doubtful.
 
-    Give the hard demands (M_S, M_T, M_u, omega_c, gain; stability of every plant of the set is
-    always one of them) and the aim: the weights (aim "gamma"), or, without weights, the gain at low
-    frequency.
+    The hard demands are M_S, M_T, M_u, omega_c and gain. Stability with every plant of the set is
+    always a hard demand. The aim is to minimise gamma, the norm with the weights; or, without
+    weights, to maximise the gain at low frequency.
 
     Parameters
     ----------
     plant : nlfrf.Bla, FrequencyResponseData, UncertaintyModel, control system, list of them
-        An FRF is known on its lines only. It is interpolated between two of them where the
-        controller has a mode, and continued below the first one by gain and phase of its first
-        lines. A list is a family: one controller for all. Discs of a Bla or model are part of every
-        demand, which then holds for each plant in them. For a matrix, with as many inputs as
-        outputs, the controller is diagonal: input k by output k, one loop after the other with
-        those before it closed. Each is then judged with all others closed, and designed again if it
-        misses a demand. The whole is checked last. A list for any of the next arguments has one
-        entry for each loop.
+        The plant. An FRF is known on its lines only. It is interpolated between two lines if the
+        controller has a mode there, and extrapolated below the first line by the gain and phase of
+        its first lines. The bound of a Bla or the radius of a model is part of every demand: the
+        demand holds for each plant in the discs. A list is a family of plants with one controller
+        for all.
+
+        For several channels, with as many inputs as outputs, the controller is diagonal: output k
+        controls input k. The loops are designed one after the other, with the earlier loops closed.
+        Each loop is then checked with all others closed, and designed again if it misses a demand.
+        At last the whole loop is checked. Any of the next arguments may be a list with one entry
+        for each loop.
     structure : str, int or ControllerStructure
-        "P", "I", "PI", "PD", "PID", "lead", "lead-lag" (real zeros and poles), or an order n
-        ("order-n"); or one of your own, with a given denominator.
+        "P", "I", "PI", "PD", "PID", "lead", "lead-lag" (real zeros and poles); "order-n" or n for a
+        controller of order n; or a ControllerStructure, for example with a given denominator.
     w_P, w_T, w_u : control system or float, optional
-        Weights on S, T and K S. gamma = max over frequency of the norm of [|w_P S| at worst over
-        the set; w_T T; w_u K S]: without uncertainty the H-infinity norm, with w_P alone the
-        structured singular value of robust performance.
+        Weights on S, T and K S. gamma is the maximum over frequency of the norm of [max |w_P S|
+        over the set; w_T T; w_u K S]. Without uncertainty it is an H-infinity norm. With w_P alone
+        it is mu of robust performance.
     M_S, M_T, M_u : float or control system, optional
-        Largest |S|, |T|, |K S| allowed, a number or a magnitude over frequency.
+        Largest |S|, |T| and |K S| allowed: a number, or a system whose magnitude is the limit.
     omega_c : float or (low, high), optional
-        Least crossover [rad/s]; with two numbers also the largest one: |L| <= 1 from there on, or
-        only at that line if the structure has a resonance. With one number the loop may cross over
-        far above it.
+        Smallest crossover frequency allowed [rad/s]. With one number the crossover may be far above
+        it. With two numbers, the second is the largest crossover allowed: |L| <= 1 at all
+        frequencies above it, or at this frequency only if the structure has a resonance.
     gain : (omega, least), optional
-        Least |L| at a frequency [rad/s]: tracking and disturbance rejection.
+        Smallest |L| allowed at a frequency omega [rad/s], for tracking and disturbance rejection.
     aim : str
-        "gamma": minimise gamma. "gain": maximise lim s^m K(s) at zero frequency, with the weights
-        as further demands (gamma <= 1). "auto": "gamma" if a weight is given.
+        "gamma": minimise gamma. "gain": maximise lim s^m K(s) at zero frequency (m integrators),
+        with gamma <= 1 as a further demand if weights are given. "auto": "gamma" if a weight is
+        given, otherwise "gain".
     dt : float
         Sampling time of the controller [s]; 0 for a continuous one. Hold and delay are added to the
         plant.
     delay : float
         Computation delay [s], in addition to the delay of the plant.
     fixed : control system
-        A known factor of K on the same time base: a notch, a roll-off, a filter
-        (`robust.shaping.notch`, ...).
+        A known factor of K with the sampling time dt, for example a notch or a low-pass filter
+        (`robust.shaping`).
     end_gain : float
-        Largest |L| from the last line of an FRF on; above it the plant is assumed to be no larger
-        than there.
+        Largest |L| allowed at the last line of an FRF and above it. Above the last line the gain of
+        the plant is assumed to be no larger than at this line.
     integrators : int
-        Number of integrators in an "order-n".
+        Number of integrators of a controller "order-n".
     filter_time : float, optional
-        Time constant of the derivative filter [s] of PD and PID; by default chosen by the design,
-        at least half a sample: with a shorter one a sampled derivative rings.
+        Time constant of the derivative filter of PD and PID [s]. By default it is designed, and at
+        least half a sample, because a sampled derivative with a shorter filter oscillates from
+        sample to sample.
     stable : bool
-        Keep the controller itself stable (integrators aside).
+        Keep the controller itself stable, except for its integrators.
     positive : bool
-        Keep Kp, Ki and Kd of a PID (or a part of one) positive: no PLC takes a negative time Ti =
-        Kp/Ki or Td = Kd/Kp. Without a given filter time it is then the best of six.
+        Keep Kp, Ki and Kd of a PID (or of a part of a PID) positive, because a PLC accepts no
+        negative time Ti = Kp/Ki or Td = Kd/Kp. If no filter time is given, the best of six values
+        is used.
     start : control system, optional
-        A stabilising controller of the structure as a start; by default it is searched for over the
-        band, in gain and roots, by differential evolution.
+        A stabilising controller of this structure, as start of the search. By default differential
+        evolution searches a start over gain, poles and zeros.
     n_starts : int
-        Number of evolved controllers that are refined, besides a simple one; more take longer and
-        may end better.
+        Number of controllers from differential evolution that are refined, in addition to a simple
+        start. More starts take longer and may give a better result.
     n_unstable : int
-        Number of unstable poles of a plant that is an FRF.
+        Number of unstable poles of the plant, for an FRF.
     plant_integrators : int, optional
-        Number of integrators of a plant that is an FRF. By default estimated, with the sign of the
-        plant, from slope and phase of its first lines. If their bound allows several values, the
-        design must hold for each; otherwise its stability is not decided.
+        Number of integrators of the plant, for an FRF. By default it is estimated, together with
+        the sign of the plant, from slope and phase of the first lines. If their bound allows
+        several numbers, the loop must be stable for each; otherwise its stability is not decided.
     prove : MachineWithFriction or (FrictionPlant, MaxwellSlip), optional
-        Class of friction with which the loop must be proved to come to rest: the gain is lowered
-        until the proof holds, and all else is judged again there.
+        Machine and class of friction with which the loop must be proved to come to rest. The gain
+        is lowered until the proof holds, and all demands are checked again.
     n_iterations : int
-        Largest number of convex steps from each start, on each choice of lines.
+        Largest number of convex optimisation steps from each start, for each choice of lines.
     progress : callable, optional
-        Function of (iteration, worst demand or gamma), called after every step.
+        Function that is called with (iteration, worst demand or gamma) after every step.
 
     Returns
     -------
     Design
-        With `met`, `reason` and `history`. `reason` names the demands that are not met, with the
-        best controller found.
+        The best controller found, with its fields `met`, `reason` and `history`. `reason` names the
+        demands that are not met.
 
     Warns
     -----
@@ -142,8 +147,8 @@ def design_frf(
     Raises
     ------
     ValueError
-        No stabilising controller to begin from, parts that do not fit each other, no demand at all,
-        no gain that is proved.
+        No stabilising controller was found as a start, parts that do not fit each other, no demand
+        at all, or no gain for which the friction proof holds.
 
     References
     ----------
@@ -152,7 +157,7 @@ def design_frf(
 
     Examples
     --------
-    SP Example 2.17: order 4 reaches gamma 1.366 at best, order 2 nearly so.
+    SP Example 2.17: the least gamma is 1.366 with order 4; order 2 is nearly as good.
 
     >>> import control
     >>> import numpy as np

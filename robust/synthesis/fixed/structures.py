@@ -41,20 +41,20 @@ PID_PARTS = ("P", "I", "PI", "PD", "PID")
 class ControllerStructure:
     """A controller structure of your own:
 
-    K = x(s) / (s^m y(s)), by its degrees, or with a given denominator.
+    K = x(s) / (s^m y(s)), defined by its degrees or by a given denominator.
 
-    The names in `design_frf` ("PID", "lead-lag", ...) are such structures too. A known numerator,
-    for example a notch or a filter of any order, goes to `design_frf(fixed=)`.
+    The names in `design_frf` ("PID", "lead-lag", ...) are such structures, too. Give a known factor
+    of K, for example a notch, to the argument `fixed` of `design_frf`.
 
     Fields
     ------
     n_zeros, n_integrators, n_poles : int
-        Degree of x, of the factor s in the denominator, and of y (the number of given poles).
+        Degree of x, number m of integrators, and degree of y (the number of given poles).
     poles : tuple of complex
-        Roots of y [rad/s] if the denominator is given: stable, complex ones in pairs; none: y is
-        free. A sampled controller has them at z = (1 + p dt/2)/(1 - p dt/2).
+        Roots of y [rad/s], if the denominator is given: stable, and complex roots in pairs. Empty
+        if y is free. A sampled controller has its poles at z = (1 + p dt/2)/(1 - p dt/2).
     real : bool
-        Every zero and pole is real and stable, as for "lead" and "lead-lag".
+        True if every zero and pole must be real and stable, as for "lead" and "lead-lag".
     name : str
         Name in messages.
 
@@ -70,7 +70,7 @@ class ControllerStructure:
 
     Examples
     --------
-    A PI with a resonant denominator at 50 rad/s, for a disturbance that is known to be there.
+    A PI controller with resonant poles at 50 rad/s, for a disturbance at this frequency.
 
     >>> from robust import design_frf
     >>> resonant = ControllerStructure(n_zeros=3, n_integrators=1, poles=(-0.5 + 50j, -0.5 - 50j))

@@ -519,30 +519,32 @@ _STEPS_UP = (1.0, 1.01, 1.03, 1.1, 1.3, 2.0, 5.0)
 
 @value
 class Synthesis(Unpacked):
-    """A controller, the norm it reaches, and a lower bound for any controller.
+    """A controller from `hinfsyn`, the norm it achieves, and a lower bound for all controllers.
 
     Unpacks as K, CL, gamma, info = hinfsyn(P, n_y, n_u).
 
     Fields
     ------
     K : control.StateSpace
-        u = K y, positive feedback through P (n_u outputs, n_y inputs); zero if none was found.
+        Controller u = K y (n_u outputs, n_y inputs), with positive feedback as usual for a
+        generalised plant; zero if none was found.
     gamma : float
-        Norm of F_l(P, K), recomputed from the closed loop; inf if that is not stable. With a
-        `certificate` that holds the norm is proved to be below it; otherwise it is only computed,
-        and `reason` states it.
+        Norm of F_l(P, K), recomputed from the closed loop; inf if the loop is not stable. If
+        `certificate` holds, the norm is proved to be below gamma. Otherwise gamma is only computed,
+        and `reason` states this.
     gamma_min : float
-        No controller reaches less: the largest level at which the existence conditions fail, in
-        multiple precision if the poles lie decades apart. 0 if no such level is known.
+        Lower bound of gamma over all controllers: the largest gamma at which the existence
+        conditions fail. They are evaluated in multiple precision if the poles are decades apart. 0
+        if no lower bound is known.
     level : float
         Least gamma at which the existence conditions hold; for a singular problem gamma_min.
     n_steps : int
-        Values of gamma tried.
+        Number of values of gamma that were tried.
     reason : str
-        Reason why nothing, or less than requested, was found, or gamma is not certified; empty
-        otherwise.
+        Reason why no controller or only a worse one than requested was found, or why gamma is not
+        certified; otherwise empty.
     certificate : Certificate or None
-        The proof of gamma, from P and K as given, or the reason why there is none; None if no
+        The proof of gamma for P and K as given, or the reason why there is no proof. None if no
         controller was found.
     CL : control.StateSpace or None
         F_l(P, K) from w to z; None if no controller was found.
@@ -577,7 +579,7 @@ class Synthesis(Unpacked):
 
     @property
     def found(self) -> bool:
-        """True if K stabilises the loop, beyond rounding."""
+        """True if K stabilises the loop by more than rounding errors."""
         return bool(np.isfinite(self.gamma))
 
     def __str__(self) -> str:

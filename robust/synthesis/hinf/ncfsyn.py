@@ -185,30 +185,30 @@ def _shaping_system(name: str, given: Weight, *, n: int, dt: float) -> control.S
 
 
 def crossover_weight(G: LinearSystem, omega_c: float) -> control.StateSpace:
-    """Return a first W1 for `ncfsyn`: integral action, with the gain for a given crossover.
+    """Return a first weight W1 for `ncfsyn`, with integral action and a given crossover.
 
-    For several channels a diagonal of such weights, each by the diagonal entry of the plant at its
-    input.
+    For several channels W1 is diagonal, and each entry is computed from the diagonal entry of the
+    plant.
 
-    If the plant is flat at omega_c, W1 = k / s, so that the shaped loop falls by 20 dB per decade
-    through the crossover; if the plant falls by itself, W1 = k (s + omega_c/5) / s.
+    If |G| is constant around omega_c, W1 = k / s, so that |G W1| falls by 20 dB per decade at the
+    crossover. If |G| already falls there, W1 = k (s + omega_c/5) / s.
 
     Parameters
     ----------
     G : control.StateSpace, TransferFunction or UncertaintyModel
-        Plant, continuous or discrete (then the sampled plant).
+        Plant, continuous or discrete.
     omega_c : float
         Requested crossover |G W1| = 1 [rad/s].
 
     Returns
     -------
     control.StateSpace
-        On the time base of G (by the bilinear map where discrete).
+        W1 with the sampling time of G; for a discrete G by the bilinear map.
 
     Raises
     ------
     ValueError
-        A crossover beyond Nyquist, or where the plant has no gain.
+        A crossover above the Nyquist frequency, or at a frequency where G is zero.
 
     References
     ----------

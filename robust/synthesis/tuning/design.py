@@ -103,38 +103,39 @@ class LimitValue:
 
 @value
 class TunedDesign:
-    """Blocks tuned together, with the properties of their loops.
+    """Result of `tune`: the tuned blocks, and the properties of their loops.
 
-    Nothing here is a proof: `check` proves.
+    Nothing here is proved; `check` gives proofs.
 
     Fields
     ------
     blocks : dict of str to block
         The given blocks with tuned numbers.
     met : bool
-        True if every loop is stable and every hard limit is met: at all frequencies for a norm,
-        otherwise on lines.
+        True if every loop is stable and every hard limit is met. A limit that is the norm of a
+        system is checked at all frequencies, any other limit on a frequency grid.
     stable : bool
-        True if every loop is stable beyond rounding, and has the required decay.
+        True if every loop is stable by more than rounding errors, and has the required decay rate.
     limits : tuple of LimitValue
-        Every limit on every plant, the worst first, hard ones before soft ones.
+        Every limit with every plant: hard limits before soft limits, and the worst first.
     excess : float
-        Largest real part of a pole that a block moves [rad/s], over all plants that are systems;
-        -inf without any.
+        Largest real part [rad/s] of the poles that depend on a block, over all plants that are
+        systems; -inf if there are none.
     ended : Ended
         Reason why the search ended.
     spread : tuple of float
-        Result of every start: the worst hard ratio while one is missed, otherwise the worst soft
-        one; inf if no stable loop was found. Different results are local optima: take more starts.
+        Result of every start: the worst ratio of the hard limits if one of them is missed,
+        otherwise the worst ratio of the soft limits; inf if no stable loop was found. If the
+        results differ, they are local optima, and more starts may help.
     at_bounds : tuple of str
-        Parameters at a bound: the bound may limit the design.
+        Parameters that have reached a bound, which may limit the design.
     not_asked : tuple of str
         Properties that no limit protects, and that the search may have sacrificed.
     n_evaluated : int
         Number of loops evaluated.
     broken_sets : tuple of str
-        For `worst` limits: plants whose set is not stable in the loop, by `worst_case`, with the
-        reason.
+        For limits with `worst`: plants whose loop is not stable with the whole set (by
+        `worst_case`), with the reason.
     system : tuple of control.StateSpace
         The fixed parts.
     plant : Plants
@@ -175,12 +176,12 @@ class TunedDesign:
 
     @property
     def gamma(self) -> float:
-        """Return the worst ratio of the soft limits over all plants; nan without soft limits."""
+        """Worst ratio of the soft limits over all plants; nan without soft limits."""
         return max((one.ratio for one in self.limits if not one.hard), default=float("nan"))
 
     @property
     def reason(self) -> str:
-        """Return the reason of the end, or the missed limits with their frequencies."""
+        """Reason why the search ended, or the missed limits with their frequencies."""
         missed = [one for one in self.limits if one.hard and not one.met]
         if not self.limits:
             return (
@@ -203,7 +204,7 @@ class TunedDesign:
     def controller(
         self, inputs: str | Sequence[str], outputs: str | Sequence[str]
     ) -> control.StateSpace:
-        """Return all blocks and fixed parts between two signals as one controller: outputs = -K
+        """Return all blocks and fixed parts between two signals as one controller, outputs = -K
         inputs.
 
         Use it for `check`, `controller_sections` and `pid_gains`: `controller("y", "u")` with the
@@ -237,7 +238,7 @@ class TunedDesign:
     def joined(
         self, more: Sequence[control.StateSpace], inputs: tuple[str, ...], outputs: tuple[str, ...]
     ) -> control.StateSpace:
-        """Return fixed parts, blocks and further systems joined by name."""
+        """Return fixed parts, blocks and further systems, connected by signal names."""
         parts = [*self.system, *(block.system(self.dt) for block in self.blocks.values()), *more]
         return with_names(
             join_by_name(parts, [], external=inputs, looked_at=outputs), inputs, outputs

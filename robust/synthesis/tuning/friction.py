@@ -49,27 +49,29 @@ _N_LINES, _LOWEST, _SLOWEST, _BELOW_NYQUIST = 450, 1e-5, 0.1, 0.999
 
 @value(kw_only=False)
 class FrictionLimit:
-    """Keep the loop provable for every friction of a class; use it in `hard`, and prove with
-    `prove_friction`.
+    """Hard limit for `tune` that allows a proof of rest with every friction of a class.
 
-    Each machine is one more plant, without any other limit: its sliding loop has to be stable, and
-    its mobility at the friction has to dissipate at every frequency by the margin.
+    Use it in `hard`, and prove the tuned controller with `prove_friction`. Each machine becomes a
+    further plant, for which no other limit applies. Its loop without friction has to be stable. Its
+    mobility at the friction port has to satisfy the dissipation inequality of the class at every
+    frequency, with the margin.
 
     Fields
     ------
     machine : FrictionPlant or MachineWithFriction
-        The machine without its friction, from `friction_plant`, in place of the plant of the
-        design; or a class estimated from levels, which contains its machines and its friction.
+        The machine without its friction, from `friction_plant`; or a `MachineWithFriction`, which
+        contains machines and friction.
     friction : MaxwellSlip, optional
-        Left out with a MachineWithFriction.
+        Class of friction. Not given with a MachineWithFriction.
     margin : float
-        Distance of the ratio below one. On a rig of 1 kg on 80 kN/m with a PID 0, 0.001 and 0.01
-        were all proved.
+        Distance below one that the ratio of the limit must keep. For 1 kg on 80 kN/m with a PID,
+        the tuned loops with margins of 0, 0.001 and 0.01 were all proved.
 
     Raises
     ------
     ValueError
-        No machine, a class that is not one of Maxwell slip, a margin outside its range.
+        A value that is not a machine, a class other than MaxwellSlip, or a margin outside its
+        range.
 
     References
     ----------
@@ -113,10 +115,10 @@ class FrictionLimit:
         )
 
     def weighting(self, dt: float) -> None:
-        """Return None: the ratio is not the gain of a system."""
+        """Return None, because the ratio is not the gain of a system."""
 
     def factor(self, omega: np.ndarray) -> np.ndarray:
-        """Return (W,) one over the bound of its ratio."""
+        """Return (W,) one divided by the bound of the ratio."""
         return np.full(np.size(omega), 1 / (1 - self.margin))
 
 

@@ -38,26 +38,25 @@ Asked = TypeVar("Asked")
 
 @value(kw_only=False)
 class Limit:
-    """The largest gain allowed from some signals to others: weight(omega) sigma(omega) <=
-    bound(omega).
+    """Limit on the gain between signals of a loop: weight(omega) sigma(omega) <= bound(omega).
 
     Fields
     ------
     inputs, outputs : str or list of str
-        Signals. Inputs act where a system, plant or block reads a signal of that name; an output is
-        the sum of all systems that drive it. The gain is the largest singular value over all of
-        them.
+        Names of signals. An input is added at every system, plant or block that has an input with
+        this name. An output is the sum of all outputs with this name. sigma is the largest singular
+        value from all inputs to all outputs.
     bound : float, control system or callable
-        Largest gain allowed [unit of outputs over inputs]: a number, |bound(j omega)|, or a
-        function of omega (W,) in rad/s. In `soft` it is the scale: the largest ratio of a gain to
-        its bound is minimised.
+        Largest gain allowed [unit of outputs over inputs]: a number, a system whose magnitude is
+        the bound, or a function of omega (W,) in rad/s. In the list `soft` of `tune` the bound is a
+        scale: the ratio of gain to bound is minimised.
     band : (float, float), optional
         Lowest and highest frequency of the limit [rad/s]; all by default.
     weight : float, control system or callable
         Factor on the gain, of the same types as `bound`. A system must be stable.
     worst : bool
-        If True, the limit is for every plant of the set and not for the nominal one. Every plant
-        has to be an UncertaintyModel, or a Bla with one input and output.
+        If True, the limit is for every plant of the set instead of the nominal. Each plant has to
+        be an UncertaintyModel, or a Bla with one input and one output.
 
     Raises
     ------
@@ -112,8 +111,8 @@ class Limit:
         return isinstance(self.bound, float) and isinstance(self.weight, float)
 
     def weighting(self, dt: float) -> control.StateSpace | None:
-        """Return the weight over the bound as a system on the time base of the loop; None if it is
-        not one.
+        """Return weight over bound as a system with the sampling time of the loop; None if
+        impossible.
         """
         found = []
         for part in (self.weight, self.bound):
@@ -130,15 +129,13 @@ class Limit:
 
     @property
     def systems(self) -> tuple[control.StateSpace, ...]:
-        """Return weight and bound if they are systems: their poles and zeros give frequencies for
-        the grid.
-        """
+        """Return weight and bound if they are systems; their poles and zeros refine the grid."""
         return tuple(
             part for part in (self.weight, self.bound) if isinstance(part, control.StateSpace)
         )
 
     def factor(self, omega: np.ndarray) -> np.ndarray:
-        """Return (W,) weight over bound at true frequencies [rad/s]."""
+        """Return (W,) weight over bound at the frequencies omega [rad/s]."""
         if self.is_constant:
             return np.full(np.size(omega), self.weight / self.bound)
         return _evaluate_magnitude("weight", self.weight, omega) / _evaluate_magnitude(

@@ -38,16 +38,16 @@ _UNBOUNDED_GAIN = 1e30
 
 @value(kw_only=False)
 class Plants:
-    """The plant of a design, or several plants that each have to meet every limit: levels,
-    positions, loads.
+    """The plant of a design by `tune`, or several plants, for instance with different loads.
 
     Fields
     ------
     models : control system, UncertaintyModel, nlfrf.Bla, FrequencyResponseData, or a list of them
-        An FRF is known on its lines only. For a model the nominal is tuned, and its set if a limit
-        is `worst`.
+        Each plant has to meet every limit. An FRF is known on its lines only. For an
+        UncertaintyModel a limit refers to the nominal, or to the whole set if `worst` is set in the
+        limit.
     inputs, outputs : str or list of str
-        Signals, in the order of the channels.
+        Names of the signals, in the order of the channels.
     n_unstable : int
         Number of unstable poles of plants that are FRFs.
 
