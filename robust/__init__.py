@@ -23,7 +23,7 @@ it is first used:
     robust.reports   pages
     robust.plot      pictures
 
-Each public name stands in one place.
+Each public name is in one module only.
 """
 
 import lazy_loader

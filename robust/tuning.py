@@ -1,6 +1,6 @@
 """The blocks, limits and plants of `robust.tune`, and its result.
 
-The public names of `robust.synthesis.tuning`, in one place.
+The names are defined in `robust.synthesis.blocks` and `robust.synthesis.tuning`.
 """
 
 from robust.synthesis.blocks import Biquad, Gain, Lag, Lead, LowPass, Notch, Pid, StateSpace

@@ -1,8 +1,7 @@
 """States of a decision as enums.
 
-Code branches on these; texts are made from them where they are printed.
-
-A sentence is for people: it may be reworded at any time, and no verdict may change with it.
+Code branches on these enums and never on a text, so that texts can be reworded without a change of
+any verdict.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""Types that many signatures of this package use, under one name each; as texts, so that nothing is
-imported.
-"""
+"""Type aliases that many signatures of this package use, written as strings to avoid imports."""
 
 from __future__ import annotations
 

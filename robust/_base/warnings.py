@@ -1,4 +1,4 @@
-"""The warning for a model or a design that is usable but suspicious."""
+"""`DesignWarning`: the warning about a model or a design that is usable but doubtful."""
 
 from __future__ import annotations
 

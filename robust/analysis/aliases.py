@@ -1,5 +1,5 @@
-r"""Robust stability and performance of a continuous set under a sampled controller: the sum over
-all aliases.
+r"""Robust stability and performance of a continuous set with a sampled controller, all aliases
+included.
 
 After hold and delay the sampled plant at omega is the sum over all aliases omega_k = omega + 2 pi
 k/T,
@@ -22,8 +22,8 @@ or time-varying Delta moves energy from one frequency to another, so its conditi
 of the path around it. By Cauchy-Schwarz the samples of F p have at most (1/T) sum_k |F_k|^2 of the
 energy of p, and the hold multiplies the energy of its samples by T. Both are attained at one
 frequency, so the gain of the path is exactly the square root above (Braslavsky, Middleton &
-Freudenberg 1998). If F does not fall off, neither sum is finite: the perturbation reaches the
-sampler unfiltered.
+Freudenberg 1998). If F does not fall off at high frequency, neither sum is finite, because the
+perturbation reaches the sampler unfiltered.
 
 Aliases near the band are summed one by one. The next ones are summed in blocks with the largest |F|
 of each, the last ones by their power law, so no alias is left out. `robust.proofs.exact.aliases`

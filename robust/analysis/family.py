@@ -1,4 +1,4 @@
-"""Closed loops around random plants of a set, as a picture of what a verdict covers; no proof."""
+"""Closed loops with random plants of a set, as an illustration of a verdict (not a proof)."""
 
 from __future__ import annotations
 

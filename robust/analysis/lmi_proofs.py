@@ -1,7 +1,8 @@
 """Prove robust stability and performance for one channel by a linear matrix inequality.
 
-The loop with its perturbation pulled out is one state space, assembled in floating point. cvxpy
-proposes P and a scaling, which are verified over the rationals (`robust.proofs.exact.scaled_kyp`).
+The loop, with its perturbation as an external block, is one state space that is assembled in
+floating point. cvxpy proposes P and a scaling for it, which are verified over the rationals
+(`robust.proofs.exact.scaled_kyp`).
 """
 
 from __future__ import annotations

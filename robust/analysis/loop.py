@@ -1,9 +1,8 @@
-"""The loop as it runs: plant, controller, hold and delay on one time base; its stability, curves
-and peaks.
+"""The loop of plant, controller, hold and delay on one time base: stability, curves and peaks.
 
 Curves are evaluated from the plant without its delay and the factor exp(-j omega delay). This is
-exact, while a Padé approximation or a delay line would add its own modes. Poles are those of the
-state space with the delay.
+exact, while a Padé approximation or a delay line would add its own modes. Poles are computed from
+the state space that contains the delay.
 """
 
 from __future__ import annotations

@@ -6,11 +6,11 @@ measured.
            +------------------------(+)<------+
                                      ^n
 
-A best linear approximation holds at its level: at a larger level a machine with friction slides
-more, at a smaller one it sticks. u is the whole plant input, as in the record; y is the plant
+A best linear approximation holds at its level: a machine with friction slides more at a larger
+level, and sticks at a smaller level. u is the whole plant input, as in the record; y is the plant
 output, without the noise of its sensor. Spectra are multiplied by the closed-loop gains of the
-nominal plant, and by the largest gain of any plant of the set at each frequency. The second gives
-an upper bound for every plant of the set; no plant need attain it at all frequencies.
+nominal plant, and by the largest gain of any plant of the set at each frequency. The largest gains
+give an upper bound for every plant of the set, which no single plant may attain.
 """
 
 from __future__ import annotations

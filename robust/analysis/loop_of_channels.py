@@ -1,5 +1,5 @@
-"""A set and a controller with several channels, with the perturbations pulled out for each form of
-the set.
+"""The loop of a set and a controller with several channels, with the perturbations as external
+blocks.
 """
 
 from __future__ import annotations

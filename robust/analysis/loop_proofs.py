@@ -1,8 +1,8 @@
 """Prove robust stability and robust performance of a loop at every frequency, in exact arithmetic.
 
-The claims are polynomial inequalities in omega (`robust.proofs.exact`); this module sets them up.
-For operators it also searches the one scaling for all frequencies; the search itself needs no
-proof.
+This module writes the claims as polynomial inequalities in omega, which `robust.proofs.exact`
+decides. For sets of class "operator" it also searches one scaling for all frequencies. The claim
+with this scaling is proved, so the search itself needs no proof.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 r"""A sampled set that contains a set of continuous plants with several channels, every alias
 included.
 
-After hold and delay a sampler sees G_d = sum_k h_k G_k, with |h_k| as in `aliases`, and a
-perturbation at each alias. An LTI Delta is independent at each frequency, so the sum of its parts
-lies in a set around the sampled plant:
+The sampled plant is G_d = sum_k h_k G_k, with |h_k| as in `aliases`, and with a perturbation at
+each alias. The values of an LTI Delta at different frequencies are independent. So the sum of the
+perturbations lies in a set around the sampled plant:
 
     elements  sum_k h_k w_ji Delta_ji       a disc of radius sum_k |h_k w_ji|, exactly
     additive  sum_k h_k W_l Delta_k W_r     M_k = W_l(omega_k)

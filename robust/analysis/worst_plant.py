@@ -1,8 +1,8 @@
 """The worst plant of a set, and the smallest destabilising perturbation, as systems to simulate.
 
 The worst perturbation is a complex number or matrix at one frequency (SP 7.6.3, 8.10.3). A
-first-order all-pass has any phase at one frequency and gain one at all of them, so a plant with
-all-passes as perturbation lies in the set.
+first-order all-pass can have any phase at this frequency, and has gain one at all frequencies. So
+the set contains the plant with this all-pass as perturbation.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Machines of a nominal model of an axis, damped and undamped.
 
-The damping of such a fit contains that of the friction at its level. A proof must not rely on it.
-So the same model with its poles and zeros moved onto the imaginary axis is a second machine.
+The damping of a fitted model contains damping by friction at the level of the record, on which a
+proof must not rely. So a second plant has the same poles and zeros, moved onto the imaginary axis.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A discrete controller as second-order sections, the form in which it runs on a target."""
+"""A discrete controller as second-order sections, the form in which it is implemented."""
 
 from __future__ import annotations
 

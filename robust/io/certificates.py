@@ -1,4 +1,4 @@
-"""Certificates in files: the claim of a check with its proof, so that others can prove it again."""
+"""Certificates in files: a claim with its proof, so that others can prove the claim again."""
 
 from __future__ import annotations
 

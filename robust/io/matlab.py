@@ -1,4 +1,4 @@
-"""Models, controllers and proofs for MATLAB: a file of plain structs, and a loader beside it."""
+"""Models, controllers and proofs for MATLAB: a file of plain structs, and a loader for it."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""A sampled controller as statements in the arithmetic of its target: coefficients, their order,
-and bounded rounding.
+"""A sampled controller as statements in the arithmetic of its target, with bounds on the rounding.
 
 A section is written in powers of q = z - 1, or of q = z if all its roots are nearer to 0. With x
 its input:
@@ -8,14 +7,14 @@ its input:
     s1 := b1 x - a1 y + s2 (+ s1)          the old s1 and s2 in brackets are added for q = z - 1
     s2 := b2 x - a2 y (+ s2)
 
-Slow poles have a small q, whose coefficients keep their digits: in powers of z the distance of a
-pole from 1 is the difference of numbers near 2 (Middleton & Goodwin 1990). A balanced state space
-is worse in single precision. For 49 random controllers of orders 1 to 20 its rounded coefficients
-changed K by 9 times as much (median; up to 2e7), and its operations moved u by 0.95 times as much
-(median), with n^2 products per step.
+A slow pole has a small q. The coefficients in powers of q represent it accurately, while in powers
+of z the distance of the pole from 1 is a difference of numbers near 2 (Middleton & Goodwin 1990). A
+balanced state space is worse in single precision. For 49 random controllers of orders 1 to 20 its
+rounded coefficients changed K by 9 times as much (median; up to 2e7). The rounding of its
+operations changed u by 0.95 times as much (median), with n^2 products per step.
 
-A single pole at z = 1 is split off by partial fractions. Its sum is compensated (Kahan 1965):
-otherwise single precision loses the part below 6e-8 of the integral.
+A single pole at z = 1 is split off by partial fractions. Its sum is compensated (Kahan 1965),
+because single precision would otherwise lose increments below 6e-8 of the integral.
 """
 
 from __future__ import annotations

@@ -10,8 +10,8 @@ modes and right-half-plane zeros, from the first line up,
 which is linear in its coefficients. Least squares with a prior for each gives nu, the slope below
 the first line, and alpha, the phase that the gain does not explain, with their covariance. The sign
 of the plant is positive for alpha zero, and negative for alpha of pi. It has at most nu
-integrators, because a corner below the first line reduces the slope. Every (nu, alpha) within the
-bound is a reading. A loop counts as stable if it is stable with each of them.
+integrators, because a corner below the first line reduces the slope. Every pair (nu, alpha) within
+the bound is possible. A loop counts as stable if it is stable with each possible pair.
 
 References
 ----------

@@ -1,4 +1,4 @@
-"""Linear systems inside this package: state spaces, their response, their roots."""
+"""Linear systems as state spaces: frequency response, poles and zeros."""
 
 from __future__ import annotations
 

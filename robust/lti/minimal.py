@@ -1,9 +1,9 @@
 """Sum the modes of the entries of a transfer matrix with a minimal number of states.
 
-Entries are split at their poles. Among poles of all entries that lie together, the states are kept
-that are reached from inputs and seen at outputs (Gilbert 1963 for simple poles, the staircase of
-Van Dooren 1981 for others). Each rank is decided among poles of one size, with scaled channels, so
-neither units nor the decades between poles matter.
+Each entry is split into modes. For each cluster of poles of all entries, only controllable and
+observable states are kept (Gilbert 1963 for simple poles, the staircase algorithm of Van Dooren
+1981 for others). Each rank decision is made with scaled channels and among poles of similar
+magnitude, so it depends neither on units nor on the decades between poles.
 """
 
 from __future__ import annotations

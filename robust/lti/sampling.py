@@ -1,6 +1,4 @@
-"""Discrete systems for a controller with a clock: plants with hold and delay, and discrete
-controllers.
-"""
+"""Discrete systems for a sampled controller: plants with hold and delay, and discrete controllers."""
 
 from __future__ import annotations
 

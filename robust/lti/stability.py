@@ -1,4 +1,4 @@
-"""Stability of a loop: its poles beyond rounding, and the effect of a delay on them."""
+"""Stability of a loop: poles with a bound on their rounding errors, and the effect of a delay."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
 """Model reduction by balanced truncation: of a system itself, with weights, or of its coprime
 factors.
 
-Gramians P (how far states are driven) and Q (how much they show) are made equal and diagonal; the
-states with the smallest entries are removed. Truncation leaves them out, and is exact at high
-frequencies. Residualisation takes them as settled, and is exact at zero frequency, so integral
-action of the factors is kept. Modes that are not stable are kept as they are (Moore 1981; Enns 1984
-for weights; Meyer 1990 for coprime factors; SP 11.2 to 11.4).
+The controllability Gramian P and the observability Gramian Q are made equal and diagonal, and the
+states with the smallest entries are removed. Truncation deletes these states, and is exact at high
+frequency. Residualisation replaces them by their steady state, and is exact at zero frequency, so
+that the integral action of the factors is kept. Modes that are not stable are kept as they are
+(Moore 1981; Enns 1984 for weights; Meyer 1990 for coprime factors; SP 11.2 to 11.4).
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""Systems joined by the names of their signals, with ports for parts that are tuned or known on
-lines.
-"""
+"""Systems connected by the names of their signals, with ports for tuned blocks and for FRFs."""
 
 from __future__ import annotations
 

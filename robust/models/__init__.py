@@ -1,10 +1,10 @@
 """Models: a nominal with weights, the set of plants around it, and its validation by records.
 
-fit         fits
+fit         fits of nominal models and weights
 lpv         `LpvModel`: matrices that are polynomials of an operating point
 operating_points  one model from BLAs at several operating points
 sets        uncertainty sets
-validation  does a record contradict a model, does another record confirm it
+validation  comparison of a second record with a model
 """
 
 import lazy_loader

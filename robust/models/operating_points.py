@@ -1,14 +1,14 @@
 """One model of a plant measured at several operating points: modes paired by frequency,
 polynomials, one weight.
 
-Local FRFs show the plant with the operating point held, up to a change of states that may itself go
-with the operating point. So a realisation has to be assumed (De Caigny, Camino & Swevers 2011; Tóth
-2010): displacement of each mode, and velocity,
+A local FRF determines the plant at a fixed operating point only up to a change of states, which may
+depend on the operating point. So a realisation has to be assumed (De Caigny, Camino & Swevers 2011;
+Tóth 2010). Here the states of each mode are its displacement and its velocity,
 
     x1' = -a1 x1 + x2 + c1 u,  x2' = -a0 x1 + c0 u,  y = sum of all x1,    (c1 s + c0)/(s^2 + a1 s + a0) for each pair
 
-with polynomials of the operating point for a0, a1, c1 and c0. Two real poles are a pair too; one
-that is left over has a section of its own.
+with polynomials of the operating point for a0, a1, c1 and c0. Two real poles are a pair, too; a
+single remaining real pole has a section of its own.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""Comparison of a second record, of another day or level, with a model: change and membership in
-the set.
-"""
+"""Comparison of a second record, from another day or level, with a model."""
 
 from __future__ import annotations
 

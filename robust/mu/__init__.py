@@ -3,7 +3,7 @@
 blocks         the structure: the blocks, and the scalings that commute with them
 both_bounds    both bounds of mu or of a worst gain in one call, for systems too
 certification  a level of mu proved at every frequency
-crossings      the smallest perturbation found that takes a pole to the stability boundary, by following poles
+crossings      the smallest perturbation found that moves a pole to the stability boundary
 gain           the worst gain over a set: its bound, and a perturbation that attains it
 intervals      the proof of a level with a scaling for each interval of the frequency
 parameters     margins and bounds for real parameters
@@ -11,7 +11,7 @@ pieces         the frequency ranges on which a scaling proves a level
 perturbations  lower bounds: a perturbation that makes the loop singular, verified
 scalings       upper bounds by scalings, refined around their peaks
 set_gain       the worst gain over a set, bounded at all frequencies by exact arithmetic
-skewed         the largest size of some blocks, at all frequencies: between a proof and a counter-example
+skewed         skewed mu at all frequencies, between a proof and a counterexample
 """
 
 import lazy_loader

@@ -1,7 +1,7 @@
 """The block structure of a perturbation, and the scalings that commute with it.
 
-N is partitioned as Delta^T: a block (rows, cols) reads `rows` outputs of N and drives `cols` inputs
-of it.
+N is partitioned as Delta^T: the input of a block (rows, cols) is `rows` outputs of N, and its
+output is `cols` inputs of N.
 """
 
 from __future__ import annotations

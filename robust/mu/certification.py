@@ -1,10 +1,11 @@
-"""A level for the structured singular value proved at every frequency, not only on a grid.
+"""Proof that the structured singular value is below a level at every frequency, not only on a grid.
 
-First one scaling for all frequencies is searched (`robust.proofs.search.scaled_kyp`); if none is
-found, one for each interval of the frequency axis (`robust.mu.intervals`). Anyone can repeat either
-proof over the rationals. Repeated parameters may need thousands of intervals. Then the scaling of
-one frequency is used on the whole range on which exact arithmetic proves the level with it
-(`robust.mu.pieces`). This is faster, but leaves no claim to repeat.
+First one scaling for all frequencies is searched (`robust.proofs.search.scaled_kyp`). If none is
+found, one scaling is searched for each interval of the frequency axis (`robust.mu.intervals`).
+Anyone can repeat either proof over the rationals. Repeated parameters may need thousands of
+intervals. In this case each scaling, computed at one frequency, is used on the whole frequency
+range on which exact arithmetic proves the level (`robust.mu.pieces`). This is faster, but the
+certificate cannot be verified again.
 """
 
 from __future__ import annotations

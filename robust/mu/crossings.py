@@ -1,12 +1,11 @@
 """The smallest perturbation found that takes a pole of a loop to its stability boundary.
 
 Real parameters make a loop singular at isolated frequencies only, which a grid of frequencies
-misses. Poles need no grid. They are followed from the nominal loop outwards: along the corners of
-the box of parameters, along directions inside it, along the perturbations that move each pole most,
-and from the best of these uphill (corners: de Gaston & Safonov 1988; first-order moves: Seiler
-2010; structured pseudospectral abscissa: Guglielmi, Rehman & Kressner 2017). The frequency is that
-of the pole, at its peak. A perturbation that is found is a fact about the loop; a search without
-result proves nothing.
+misses. Therefore the poles are followed as the perturbation grows from zero: towards the corners of
+the box of parameters, in directions inside it, and along the perturbations that move each pole
+most. The best of these is improved by gradient ascent (corners: de Gaston & Safonov 1988;
+first-order moves: Seiler 2010; structured pseudospectral abscissa: Guglielmi, Rehman & Kressner
+2017). A search without result proves nothing.
 """
 
 from __future__ import annotations

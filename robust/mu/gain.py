@@ -1,8 +1,8 @@
 """The worst gain over a set of perturbations: a bound by one semidefinite program, and a
 perturbation that attains it.
 
-With scalings X > 0 that commute with the perturbations and Hermitian G for the real blocks, the
-gain from the inputs to the outputs that no block closes stays below sqrt(gamma) if
+Let X > 0 be scalings that commute with the perturbations, and G Hermitian for the real blocks. The
+gain of the performance channel stays below sqrt(gamma) if
 
     N^H diag(X_L, I) N + j (G N - N^H G^H) <= diag(X_R, gamma I).
 

@@ -5,11 +5,11 @@ An interval of x, omega or tan(omega dt / 2), is mapped to [-1, 1] by v = (alpha
 
     X_R - N* X_L N + K N + N* K* - (1 - v^2) g* Q g > 0      at every real v, g the states,
 
-so that Q costs inside the interval and gains outside, where the scaling does not fit. Around v = 0
-N moves along C A^-1. With Q along C and C A^-1 the cost falls and the gain rises as the interval
-shrinks, so a level above mu is proved if the intervals are short enough. P is the solution of a
-Riccati equation. None of this is trusted: `robust.proofs.exact.interval_kyp` decides over the
-rationals.
+so Q makes the inequality harder inside the interval, and easier outside, where the scaling does not
+fit. Around v = 0 N moves along C A^-1. With Q along C and C A^-1 both effects improve as the
+interval shrinks, so a level above mu is proved if the intervals are short enough. P is the solution
+of a Riccati equation. All these numbers are only proposals: `robust.proofs.exact.interval_kyp`
+decides over the rationals.
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
-"""The worst gain over a set at all frequencies: bounded by scalings, each proved where it holds (SP
-8.10.3).
+"""A bound on the worst gain over a set at all frequencies, from several scalings (SP 8.10.3).
 
-The gain stays below gamma if mu of the blocks and a full one for the performance, with its inputs
-over gamma, stays below one. A scaling is computed where nothing is proved yet, and exact arithmetic
-gives the ranges of the axis on which it holds (`robust.mu.pieces`). The remaining ranges are
-covered by other scalings, each from a frequency inside. If no scaling proves gamma at a frequency,
-the bound there is the next gamma.
+The gain stays below gamma if mu with an additional full block for the performance, whose inputs are
+divided by gamma, stays below one. A scaling is computed where nothing is proved yet, and exact
+arithmetic gives the ranges of the axis on which it holds (`robust.mu.pieces`). The remaining ranges
+are covered by other scalings, each from a frequency inside. If no scaling proves gamma at a
+frequency, the bound there is the next gamma.
 """
 
 from __future__ import annotations

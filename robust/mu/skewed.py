@@ -1,15 +1,15 @@
-"""The largest size of some blocks of a perturbation: skewed mu at all frequencies, from a proof and
-a counter-example.
+"""Skewed mu at all frequencies: the largest size of some blocks, between a proof and a
+counterexample.
 
 The growing blocks have size t, the others at most one. The largest t for which mu stays below one
 at every frequency is 1/mu if all blocks grow, 1/(the worst gain) if only the performance grows, and
 the robust margin of a gain if all but the performance grow (Fan & Tits 1992; SP 8.10.3).
 
 The counter-example is a perturbation that takes a pole to the boundary (`robust.mu.crossings`).
-Upper bounds of mu with real blocks may be far above it. On smaller boxes both meet, because a small
-box around its own middle is nearly a point. A level is proved box by box (each with a certificate
-at all frequencies), or a box has a pole beyond the stability boundary (Balemi, Boyd & Balakrishnan
-1991; Newlin & Young 1997).
+Upper bounds of mu with real blocks may be far above it. On smaller boxes of the parameters the
+bounds approach each other, because a small box around its centre is nearly a point. So a level is
+proved box by box, each with a certificate at all frequencies, or a box is found that contains an
+unstable loop (Balemi, Boyd & Balakrishnan 1991; Newlin & Young 1997).
 """
 
 from __future__ import annotations

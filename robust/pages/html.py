@@ -1,7 +1,7 @@
 """Sections as one HTML file.
 
-The file holds its pictures, its style and a small script that enlarges them. Its content security
-policy forbids the browser every request, so that it reads the same in ten years, and on paper.
+The file contains its pictures, its style and a small script that enlarges the pictures. Its content
+security policy forbids every network request, so the page does not depend on other files.
 """
 
 from __future__ import annotations

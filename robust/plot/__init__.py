@@ -1,4 +1,4 @@
-"""Pictures. They compute nothing beyond units; the curves come from the values.
+"""Pictures of models, loops and results; they convert units and compute nothing else.
 
     models   pictures of models: nominal, set, weight, radius, fit, order scan
     loops    pictures of loops: gains, check, Nyquist with discs, family, step

@@ -1,4 +1,4 @@
-"""A learning filter: its factor per trial over frequency, and the error over the trials."""
+"""Pictures of iterative learning control: factor per trial over frequency, error over trials."""
 
 from __future__ import annotations
 

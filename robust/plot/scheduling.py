@@ -1,6 +1,4 @@
-"""A model that goes with an operating point: its gain over frequency at each point and in
-between.
-"""
+"""Picture of the gain of an `LpvModel` over frequency, at and between its operating points."""
 
 from __future__ import annotations
 

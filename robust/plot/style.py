@@ -1,6 +1,4 @@
-"""Colours, line styles, axis limits, and the measured band that every picture over frequency marks
-in white.
-"""
+"""Colours, line styles, axis limits, and the white background of the measured band."""
 
 from __future__ import annotations
 

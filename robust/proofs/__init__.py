@@ -1,5 +1,4 @@
-"""Proofs: one loop in exact arithmetic; matrices found in floating point, and where possible
-verified exactly.
+"""Proofs: search for certificates in floating point, and verification in exact arithmetic.
 
 exact   verification in exact arithmetic
 search  search for certificates

@@ -1,5 +1,5 @@
-"""Machine and class of friction from the files of a command; a refusal ends with the next command
-to run.
+"""Machine and class of friction from the files of a command; an error names the next command to
+run.
 """
 
 from __future__ import annotations

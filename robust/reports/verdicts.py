@@ -1,6 +1,4 @@
-"""Two verdicts side by side: that of a check at the measured levels, and that of a proof for a
-class of friction.
-"""
+"""Two verdicts side by side: the verdict of a check, and the verdict of a friction proof."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Gain scheduling: proofs for a controller that goes with an operating point while that point
-moves.
+"""Gain scheduling: proofs for a loop whose operating point moves.
 
 attack  trajectories on which a scheduled loop grows
 prove   `prove_schedule`: proved, refuted by a trajectory, or not decided

@@ -1,9 +1,9 @@
-"""Periodic trajectories of the operating point on which a scheduled loop grows: searched in
-doubles, proved in balls.
+"""Periodic trajectories of the operating point on which the state of a scheduled loop grows.
 
-theta goes to and fro as a triangle or a sine about a centre (parametric resonance: near twice the
-frequency of a mode, or a fraction of that), or jumps between two points. The growth over a period
-is the spectral radius of a product of transition matrices. Delta is 0, 1 or -1.
+The search is in floating point, the proof in ball arithmetic. theta oscillates about a centre as a
+triangle or a sine, or jumps between two points. Frequencies near twice the frequency of a mode, or
+a fraction of it, cause parametric resonance. The growth over a period is the spectral radius of a
+product of transition matrices. Delta is 0, 1 or -1.
 """
 
 from __future__ import annotations

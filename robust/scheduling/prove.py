@@ -1,6 +1,4 @@
-"""``prove_schedule``: a scheduled loop while its operating point moves: proved, refuted or not
-decided.
-"""
+"""``prove_schedule``: proof or refutation of stability of a loop whose operating point moves."""
 
 from __future__ import annotations
 

@@ -13,10 +13,11 @@ parameters for `tune`.
 with p = s/omega. Every frequency is an `omega` [rad/s], as in the rest of the package; 2 pi f for f
 in Hz. With a sampling time T an element is its bilinear image: a filter is exact at its own omega,
 p = (z - 1)/(z + 1)/tan(omega T/2), a PID at zero frequency, s = 2/T (z - 1)/(z + 1), which is the
-trapezoidal rule of a PLC. The tuned element is the one that runs.
+trapezoidal rule of a PLC. So the tuned element is exactly the one that is implemented.
 
-`tune` joins blocks by the signals that they read and drive; elsewhere these stay empty. A parameter
-that starts positive (or negative) keeps its sign, and its logarithm is searched for.
+`tune` connects blocks by the names of their input signals (`reads`) and output signals (`drives`),
+which other functions do not need. A parameter keeps the sign of its start value, and the search
+varies its logarithm.
 """
 
 from __future__ import annotations

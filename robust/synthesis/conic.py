@@ -1,6 +1,4 @@
-"""Convex programs in cones in the form of the solver: for small ones a modelling layer takes longer
-than solving.
-"""
+"""Cone programs in the form of the solver, without a modelling layer, which would take longer."""
 
 from __future__ import annotations
 

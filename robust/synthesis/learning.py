@@ -1,5 +1,4 @@
-r"""Iterative learning control: the next input of a repeating trial, from the error of the previous
-one.
+r"""Iterative learning control: the input of the next trial from the error of the previous trial.
 
     u_next = Q (u + L e),    e = S_p r - J_p u,    J_p = G_p S_p from u at the plant input to y; the feedback stays
 
@@ -10,8 +9,8 @@ Over the set G_p = (G + g Delta)/(1 + a Delta), |Delta| <= 1, with b of `robust.
 
 In each trial the distance to the final error is multiplied by Q (1 - L J_p), at most |Q| (|1 - L c|
 + |L| rho) over the set. For x = rho/|c| < 1 the best L is 1/c, with the factor x; for x >= 1 it is
-zero. A jump of L would ring for long, so L fades in between: L = k/c, k = min(1, (1 - x)/(1 -
-factor)); the factor is then 1 - k (1 - x).
+zero. A jump of L over frequency would make its impulse response long, so L decreases gradually: L =
+k/c with k = min(1, (1 - x)/(1 - factor)). The factor is then 1 - k (1 - x).
 """
 
 from __future__ import annotations

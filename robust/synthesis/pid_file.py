@@ -1,6 +1,4 @@
-"""A PID with its filters from a TOML file, every number with its unit, as blocks; the filters are
-those of a drive.
-"""
+"""A PID controller with the filters of a drive from a TOML file, as tunable blocks."""
 
 from __future__ import annotations
 

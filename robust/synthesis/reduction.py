@@ -1,6 +1,4 @@
-"""Controllers of lower order that keep the proved properties: candidates by model reduction, judged
-by the check.
-"""
+"""Controllers of lower order that keep the proved properties."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Elements for manual loop shaping: lead, lag, notch, low-pass, PID as systems, to be
-multiplied.
-"""
+"""Elements for manual loop shaping as systems: lead, lag, notch, low-pass, PID."""
 
 from __future__ import annotations
 

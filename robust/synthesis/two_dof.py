@@ -1,13 +1,12 @@
-"""Two degrees of freedom: a prefilter that makes a loop follow a reference model, with the error
-over the set.
+"""Two degrees of freedom: a prefilter for a reference model, with the error over the set.
 
     r --->[ F ]--->(+)-- e -->[ K ]-- u -->[ G ]---+--> y        y = T_p F r,   wanted: T_ref r
                    -^                              |
                     +------------------------------+
 
-F stands outside the loop: stability and its margins are those of K for any F. (SP 9.4.3 finds both
-at once.) Over a set, T_p F fills a disc at each frequency for one channel; for several channels the
-largest error is bounded by skewed mu (SP 8.10.3).
+F is outside the loop, so stability and margins depend on K alone. (SP 9.4.3 designs K and F
+together.) Over a set, T_p F fills a disc at each frequency for one channel; for several channels
+the largest error is bounded by skewed mu (SP 8.10.3).
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""Bristles that bend and creep: weights of their multipliers by a cone program, and their
-dissipation inequality.
-"""
+"""Bristles that bend and creep: multipliers from a cone program, and their dissipation inequality."""
 
 from __future__ import annotations
 

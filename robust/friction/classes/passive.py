@@ -1,4 +1,4 @@
-"""Every passive friction at once: the damping that a loop leaves at the friction port, over all
+"""Passive friction: the loop comes to rest if it has damping at the friction port at all
 frequencies.
 
 The damping is a quotient of polynomials in y = x^2, with x = omega in a continuous loop and

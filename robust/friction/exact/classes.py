@@ -1,9 +1,9 @@
 """Classes of friction in a claim: limits at a port, weights of a proof, and what they guarantee
 over the rationals.
 
-It is derived on the page on the theory of these proofs (T1, T2, T3). Nothing here is taken from the
-code that found the weights. A file tells the classes by their entries, so each class has other
-entries.
+The inequalities are derived in the guide on the theory of friction proofs (T1, T2, T3). This module
+is independent of the code that searches the weights. A certificate file identifies the class by the
+names of its entries, so no two classes have the same names.
 """
 
 from __future__ import annotations

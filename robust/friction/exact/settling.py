@@ -1,6 +1,4 @@
-"""A bound of the distance from rest for Maxwell slip with stiction (T7 of the theory), over the
-rationals.
-"""
+"""A bound on the final distance from rest for Maxwell slip with stiction, over the rationals (T7)."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
-"""Verification over the rationals: the stored energy of a claim falls with every friction of its
-class.
+"""Verification that the storage function of a claim decreases with every friction of its class.
 
-Between nodes the energy z'P(t)z is a cubic. The inequality [P' + A'P + PA + Q, PB + N; ., R] < 0 is
-then a convex combination of its four Bernstein coefficients. Coordinates are changed exactly, which
-changes no sign.
+Between two nodes the storage function z'P(t)z is a cubic in t. The inequality [P' + A'P + PA + Q,
+PB + N; ., R] < 0 is then a convex combination of its four Bernstein coefficients. Changes of
+coordinates are exact, so they change no sign.
 """
 
 from __future__ import annotations

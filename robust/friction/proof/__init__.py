@@ -5,8 +5,8 @@ dissipation         the dissipation inequality of the multipliers, in states tha
 multipliers         weights of filters on the friction, by a linear program
 ports               friction at several places: weights of the filters at each, and a bound
 prove               the entry point: a proof for every friction of a class
-protocol            what a proof asks of a class of friction, and the proof
+protocol            the interface of a class of friction, and `FrictionProof`
 saturation          a machine with friction whose actuator saturates
-settling            how far from rest friction with stiction can keep a loop
+settling            bounds on the final distance from rest, for friction with stiction
 storage             quadratic storage functions, and polynomials that keep their sign
 """

@@ -1,7 +1,8 @@
-"""What a proof asks of a class of friction, and the proof.
+"""The interface of a class of friction (`FrictionClass`), and the result of a proof
+(`FrictionProof`).
 
-A class is a value with its limits, and its methods decide a loop. A new class is one more module of
-`robust.friction.classes`.
+The fields of a class are its limits, and its methods decide whether a loop is proved. A new class
+is one more module of `robust.friction.classes`.
 """
 
 from __future__ import annotations

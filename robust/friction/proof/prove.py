@@ -1,5 +1,5 @@
-"""A proof for a given linear plant: with every friction of a class, from every state, the loop
-comes to rest.
+"""`prove_friction`: proof that a loop comes to rest from every state, with every friction of a
+class.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""The friction proof with an actuator that saturates: from every state, or up to an initial
-velocity.
-"""
+"""The friction proof for a saturated actuator, from every state or up to an initial velocity."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
-"""The largest distance from rest of a loop with stiction: the class with stiction 1, and a bounded
-rest force.
+"""Bound on the final distance from rest of a loop with stiction, from the class without stiction.
 
-The same elements with constant sliders, under the same motion, differ from a friction of the class
-by a force r of at most (1 - 1/rho) Fs/2, called the rest. Their own friction g makes the loop
-contract: with the states z of `dissipation` (rho = 1),
+Elements with constant sliders (stiction rho = 1) have a force g under the same motion. It differs
+from the force of a friction of the class by the rest r of at most (1 - 1/rho) Fs/2. With the force
+g alone the loop contracts: with the states z of `dissipation` (rho = 1),
 
     d/dt V + 2 lambda V <= r^2,      V = z'P(t) z + sum_j mu_j sum_i (g_i - gh_ij)^2/(2 k_i),
 

@@ -1,4 +1,4 @@
-"""``MachineWithFriction``: machine and friction assumed for a proof, made of estimates with their
+"""``MachineWithFriction``: machine and friction class of a proof, made from estimates and
 intervals.
 """
 

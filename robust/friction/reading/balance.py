@@ -11,10 +11,10 @@ along the measured motion of an element of unit stiffness that breaks away at D_
 displacements, the stiction, the Stribeck velocity, the delay tau and the lag T come from
 Gauss-Newton steps. Excited and detection lines count equally.
 
-Distortion is not noise here: the elements distort along the measured motion as the friction of the
-machine did, so no average over realisations is needed. The residual shows noise and model errors. A
-standard deviation is the larger of that from noise, and of that from a jackknife over blocks of
-neighbouring lines, whose model errors are correlated.
+Distortion is not noise here: along the measured motion the elements distort as the friction of the
+machine did, so no average over realisations is needed. The residual contains noise and model
+errors. Each standard deviation is the larger of two: one from the noise, and one from a jackknife
+over blocks of neighbouring lines, whose model errors are correlated.
 
 A load behind the motor adds its reaction N on the right, as one more element. The motion of the
 motor is measured, so the load is a mass m2 with its own elements, moved through a spring k and a
@@ -25,9 +25,9 @@ damper c,
 and the second period of a simulation from rest is N, except for a decayed transient (see
 `reaction_of_load`).
 
-The loop may be open or closed: U is the commanded force, whatever commands it. Noise of the
-position enters through the regressors: lines are weighted by their residual, and the motion is
-shrunk by the disagreement of the periods.
+The loop may be open or closed: U is the commanded force, whatever commands it. The regressors
+contain noise of the position. Therefore lines are weighted by their residual, and the motion is
+shrunk according to the difference between periods.
 """
 
 from __future__ import annotations

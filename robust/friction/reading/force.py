@@ -1,4 +1,4 @@
-"""Friction without a law: the command of a moving axis minus inertia and viscous force.
+"""Friction force without a friction law: the commanded force minus inertia and viscous force.
 
     f(t) = u(t - delay) - m x'' - c x'
 

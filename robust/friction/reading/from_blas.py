@@ -1,6 +1,4 @@
-"""Machine and stiffness of the friction from BLAs at several levels; levels that do not determine
-them are refused.
-"""
+"""Machine and friction stiffness from BLAs at several levels; insufficient levels raise an error."""
 
 from __future__ import annotations
 

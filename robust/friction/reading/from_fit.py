@@ -1,6 +1,4 @@
-"""Machine and friction of a fit, for one mass or for motor and load, with the interval ends that a
-proof assumes.
-"""
+"""Machine and friction class from a `FrictionFit`, at the ends of its intervals."""
 
 from __future__ import annotations
 

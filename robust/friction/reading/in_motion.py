@@ -1,6 +1,4 @@
-"""Mass, viscous and Coulomb friction of an axis in motion: its mean force is the friction while it
-slides one way.
-"""
+"""Mass, viscous and Coulomb friction of an axis that slides in one direction."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """Starts of the search for a motor and a load with friction on both.
 
-Each step uses the level that shows its part. Where friction slides, motor and load are linear
-except for Coulomb friction, and the antiresonance is that of the load on its spring. Where friction
-sticks, it is a spring at each mass, and the antiresonance has moved. Two strengths remain; they are
-tried on a grid.
+Each step uses the level that determines its parameters. At levels at which friction slides, motor
+and load are linear except for Coulomb friction, and the antiresonance is that of the load on its
+spring. At levels at which friction sticks, it is a spring at each mass, which shifts the
+antiresonance. The forces of the friction at motor and load remain; they are tried on a grid.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Fits: a nominal plant, its poles, weights.
 
-class_error      the error of a class of models, in addition to the scatter of the lines, and its size
+class_error      the model error of a class of models: its size, and its weight on each line
 fit_uncertainty  standard deviations of poles, zeros, gain and delay
 nominal          the nominal model: a rational function through a measured FRF
 rational         rational functions through complex data: vector fitting, starting poles, numerators

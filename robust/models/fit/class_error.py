@@ -1,8 +1,7 @@
-"""The error of a class of models, in addition to the scatter of the lines: its size, and its weight
-on each line.
+"""The model error of a class of models: its size, and its weight on each line.
 
-No machine has exactly four poles. The error of the class is not noise, and is no smaller on lines
-with small scatter:
+No machine has exactly four poles. The error e_k of a model with four poles is not noise, and does
+not become smaller if the measured FRF has less scatter n_k:
 
     G_k = G(theta)_k + n_k + e_k,    E|n_k|^2 = b_k^2 the variance of the line,    E|e_k|^2 = epsilon^2 m_k^2
 
@@ -11,11 +10,11 @@ The fit minimises the negative logarithm of the likelihood over theta and the on
     sum_k |G_k - G(theta)_k|^2 / (b_k^2 + epsilon^2 m_k^2) + ln(b_k^2 + epsilon^2 m_k^2)
 
 (stochastic embedding: Goodwin, Gevers & Ninness, IEEE Trans. Automatic Control 37, 1992). m_k is
-the tolerance of a loop: K S = T/G, so an error costs |T| |G_k - G(theta)_k|/|G|. |G| is smoothed,
-because |T| is small at an antiresonance too. On four machines with many modes the square of |T_c|
-served better than |T_c|: low frequencies matter more to a loop than the average over its band
-suggests (control-relevant identification: Schrama 1992; de Callafon & Van den Hof 1995; Oomen &
-Bosgra 2012).
+the error that a loop tolerates: because of K S = T/G, a model error has the effect |T| |G_k -
+G(theta)_k|/|G| on the loop. |G| is smoothed, because |T| is small at an antiresonance, too. For
+four machines with many modes the square of |T_c| gave better models than |T_c|, because low
+frequencies matter more to a loop than |T_c| itself suggests (control-relevant identification:
+Schrama 1992; de Callafon & Van den Hof 1995; Oomen & Bosgra 2012).
 """
 
 from __future__ import annotations

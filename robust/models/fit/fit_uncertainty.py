@@ -2,10 +2,9 @@
 cost.
 
 At the minimum of V = sum |G_k - model_k|^2 / var_k the parameters have the covariance c (J^T J)^-1
-/ 2. J is the Jacobian of the weighted residual, real over imaginary parts. c is the cost over its
-expectation for known variances: one for the right model and known variances, more if the cost
-exceeds its expectation. The formula holds for small deviations. It does not include the error of
-the class of models.
+/ 2. J is the Jacobian of the weighted residual, with the real parts above the imaginary parts. c is
+the cost divided by its expectation for known variances; it is one for a correct model with known
+variances. The formula holds for small deviations, and does not include the model error.
 """
 
 from __future__ import annotations

@@ -1,12 +1,11 @@
-"""Weights that are matrices:
-
-W stable and minimum phase, with W W* above a Hermitian matrix at every frequency.
+"""Matrix weights W, stable and minimum phase, with W W* above a Hermitian matrix at every
+frequency.
 
 W W* = Z + Z* with Z = M_0 + sum_k M_k/(s - p_k) is linear in the real M_k. So the smallest W_l W_l*
 and W_r* W_r that cover every matrix follow from one convex program. The factor W follows from a
 Riccati equation (the positive-real lemma; Anderson & Vongpanitlerd, Network Analysis and Synthesis,
-1973). W_l carries the size: a scalar weight w = prod (s - z)/(s - p) follows its trace, and W_l = w
-V, where V is near one in size and has its poles at the zeros z.
+1973). W_l contains the size of the uncertainty: W_l = w V, with a scalar weight w = prod (s - z)/(s
+- p) fitted to the trace of W_l W_l*, and V of size near one with its poles at the zeros z.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 allows.
 
 The fit works on log |W| over log frequency: W = k prod of second-order sections in (log omega, log
-zeta), stable and minimum phase for all parameters. The result is verified on the lines, on a ten
-times finer grid, at zero and at infinity, and lifted until nothing is violated.
+zeta), stable and minimum phase for all parameters. The result is checked on the lines, on a ten
+times finer grid, at zero and at infinity, and raised until it covers the radius everywhere.
 """
 
 from __future__ import annotations

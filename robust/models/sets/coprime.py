@@ -2,7 +2,7 @@
 
 G = N M^-1, both stable, N~ N + M~ M = 1 on the axis. For one input and output let [M~; -N~], made
 stable by an all-pass, be the complement of [N; M]. A plant whose factors differ by at most eps < 1
-at a frequency is there
+at a frequency is at this frequency
 
     G_p = (G + t Delta)/(1 - G* t Delta),     t = eps/sqrt(1 - eps^2),  |Delta| <= 1,
 

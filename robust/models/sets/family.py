@@ -1,11 +1,11 @@
-"""Sets from families of plants with several channels: systems, FRFs, or both; the nominal is given
-or found.
+"""Sets from families of plants with several channels, which are systems, FRFs, or both.
 
 At each frequency `block_weights` gives the smallest W_l and W_r that cover the deviation of every
 member; stable minimum-phase weights are fitted above them. The forms are compared by one measure:
 the largest sigma(W_r X W_l) over frequency. X is the transfer matrix seen by Delta in the loop: T,
-S, G^-1 T or S G, for T = omega_B/(s + omega_B) in every channel. Below one that loop is robust for
-the set (SP 8.6). The form with the smallest measure is the least demanding one for a controller.
+S, G^-1 T or S G, for T = omega_B/(s + omega_B) in every channel. If the measure is below one, that
+loop is robustly stable for the set (SP 8.6). The form with the smallest measure is the least
+demanding one for a controller.
 
 Members need not have stable deviations. If they have as many poles in the right half plane as the
 nominal (in an inverse form: zeros), det(I + L) of each has the winding number of the nominal, as in

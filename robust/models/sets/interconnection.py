@@ -1,11 +1,10 @@
-"""Several uncertainties at once: systems joined by the names of their signals, perturbations
-attached by name.
+"""Several uncertainties at once: systems and perturbations connected by the names of signals.
 
     systems   any control systems with named inputs and outputs: an input is the sum of all outputs with its name
-    blocks    drives = Delta (size reads), |Delta| <= 1: the signals that a perturbation reads and drives, its size
+    blocks    drives = Delta (size reads), |Delta| <= 1: perturbations from the signals `reads` to the signals `drives`
 
-The result is N with the perturbations pulled out, partitioned for `robust.mu.upper`,
-`robust.mu.certify` and `check_structure`.
+The result is the system N to which the perturbations are connected, partitioned for
+`robust.mu.upper`, `robust.mu.certify` and `check_structure`.
 """
 
 from __future__ import annotations

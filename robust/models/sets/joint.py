@@ -1,10 +1,11 @@
 """Probability that a whole FRF lies in a set, all its lines together, estimated by simulation from
 the record.
 
-A confidence per line is no confidence for all lines: 148 independent discs at 95 % would contain a
-whole FRF once in 2000 times. The probability depends on the slack of the weight over the radius, on
-the misfit, which is added to the scatter, on levels that err on the wide side, and on the power
-that all lines share. So whole FRFs are drawn, and those inside are counted:
+The confidence of one line is not the confidence of all lines: 148 independent discs of 95 % would
+contain a whole FRF once in 2000 times. The probability of a whole FRF depends on the distance
+between weight and radius, on the misfit, on distortion levels that are estimated conservatively,
+and on the power that all lines share. Therefore FRFs are drawn at random, and those inside the set
+are counted:
 
     G_new = G_0 + c + sqrt((v_c + s h) / g) z        G_bla = G_0 + c + sqrt(v_c / g) z
 

@@ -1,8 +1,8 @@
 """Membership of a plant in a set at every frequency: its smallest Delta, without the inverse of a
 plant.
 
-In every form E = X Delta Y with E = G_p - G up to its sign, X = L W_l and Y = W_r R, where L and R
-are one, the nominal or the plant. So a Delta of gain gamma exists if and only if
+In every form G_p - G = +-E with E = X Delta Y, X = L W_l and Y = W_r R, where L and R are one, the
+nominal or the plant. So a Delta of gain gamma exists if and only if
 
     [gamma^2 X X*  E; E*  Y* Y] >= 0,
 

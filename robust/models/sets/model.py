@@ -28,15 +28,15 @@ Several channels, with W_l and W_r diagonal or full:
               | d          |
               +--> W_l --> (+) with G
 
-(SP 7.4 and 8.2.3.) A set for several channels never has one scalar radius, which would cost a
-factor of ten where entries differ in size. "elements" is the smaller set if one channel is
+(SP 7.4 and 8.2.3.) A set for several channels never has one scalar radius, because entries of
+different size would make it ten times too large. "elements" is the smaller set if one channel is
 critical. A full block is the smaller one if all channels are critical, if outputs move together,
 and from 4 by 4 on. Choose the form before you see the verdict; trying two is a multiple test.
 
-A disc from the spread of a measured FRF is *statistical*: with a probability, the FRF of another
-realisation lies in it. The perturbation that caused the spread is nonlinear, and no theorem turns
-the disc into stability. "LTI" and "operator" are claims about the perturbation that only the user
-can make.
+A disc from the spread of a measured FRF is *statistical*: it contains the FRF of another
+realisation with a stated probability. The perturbation that caused the spread is nonlinear, and no
+theorem turns the disc into stability. "LTI" and "operator" are claims about the perturbation that
+only the user can make.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Sets for one channel that contain given plants: FRFs on their lines, systems at all frequencies.
 
-The radius is the largest deviation of a plant on the lines, and a weight is fitted over it. The
-response of a system between the lines is decided by exact polynomials: a frequency at which a
-system leaves the set is added to the weight, and the remainder after a few rounds lifts the whole
-weight.
+The radius is the largest deviation of a plant on the lines, and a weight is fitted over it. Between
+the lines exact polynomials decide whether a system is inside the set. A frequency at which it is
+outside is added to the fit of the weight. If that does not suffice after a few rounds, the whole
+weight is raised.
 """
 
 from __future__ import annotations

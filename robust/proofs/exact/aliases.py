@@ -12,7 +12,7 @@ sums over k != 0,
 (docs/guide/aliases.md derives them). On an interval each quotient is a maximum over a minimum of
 two Taylor models. Aliases beyond the first are taken in blocks, the last ones by their power law.
 The interval is cut until the sum of upper bounds stays below one. An upper bound of one or more
-disproves nothing: the result is then undecided.
+disproves nothing; the result is then undecided.
 """
 
 from __future__ import annotations

@@ -4,8 +4,9 @@ M is a Hermitian matrix on the axis, assembled from real systems and their adjoi
 With d the product of their denominators, d d~ det M is an even polynomial. It is found from its
 values at real points, where everything is rational, and its real roots cut the band into pieces.
 Inside a piece no eigenvalue of M changes its sign, so one point decides it. Poles and zeros on the
-axis, at zero and at infinity are roots like any others: nothing is inverted, and only the time
-limit leaves a question open. A discrete system is first moved onto the axis by z = (1 + s)/(1 - s).
+axis, at zero and at infinity need no special treatment, because nothing is inverted. Only the time
+limit can leave the inequality undecided. A discrete system is first moved onto the axis by z = (1 +
+s)/(1 - s).
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""Claims on loops with several channels, in a file: with one scaling or interval by interval, with
-all aliases.
-"""
+"""Files of claims on loops with several channels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Claims as plain numbers and words, field by field, and as files that others can check.
+"""Claims as JSON files that others can check.
 
 A file is JSON with every number as given, and a digest over all of it. A claim is a value with the
 class attributes SCHEMA, UNITS and LOOP: the kind of its files, and the texts in them for people.

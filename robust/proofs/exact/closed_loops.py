@@ -1,10 +1,9 @@
-"""The norm of a plant closed through a controller, over the rationals, from both as they are
-stored.
+"""The norm of the closed loop of a plant and a controller, computed over the rationals.
 
-If the states of a loop lie decades apart, or nearly cancel, its norm in doubles is wrong: the
-assembly of the closed loop rounds, its evaluation rounds, and so do the eigenvalues of its
-Hamiltonian matrix. Here the loop is assembled from rationals, and its poles and its norm are
-decided as those of any system (`robust.proofs.exact.bands`).
+If the poles of a loop are decades apart, or nearly cancel zeros, its norm in double precision is
+wrong because of rounding in the assembly of the loop and in the eigenvalues of the Hamiltonian
+matrix. Here the loop is assembled from rational numbers, and its poles and its norm are decided in
+exact arithmetic (`robust.proofs.exact.bands`).
 """
 
 from __future__ import annotations

@@ -1,5 +1,4 @@
-r"""The claim of a learning filter: its factor per trial stays below a level at every frequency, for
-a whole set.
+r"""The claim that the factor per trial of a learning filter is below a level, for a whole set.
 
 J = G S is the nominal loop from u to y, r the relative radius of the set (|w|, |w/G|, all aliases
 included). Over the set J_p/J is a disc with centre c and radius rho. The learning filter is L = F/J

@@ -1,10 +1,9 @@
-"""Proofs of the claims on a loop: exact arithmetic for its stability, balls rounded outward for its
-curves.
+"""Proofs of the claims on a loop: stability in exact arithmetic, curves in ball arithmetic.
 
-Only the stored matrices are used: no curve and no pole in floating point. If plant, controller and
-weights share one time base, a claim is a polynomial in one variable, positive from zero to
-infinity. A delay in a continuous loop, or a continuous weight around a sampled one, is treated
-exactly, interval by interval.
+The proofs use only the stored matrices, and no curve or pole computed in floating point. If plant,
+controller and weights share one time base, a claim is a polynomial in one variable, positive from
+zero to infinity. A delay in a continuous loop, or a continuous weight around a sampled one, is
+treated exactly, interval by interval.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""Matrix inequalities decided over the rationals: positive definite or not, in every case.
+"""Matrix inequalities decided over the rationals.
 
-An inequality that holds at the Bernstein coefficients of an interval of a parameter holds on the
-interval. Build these from `to_rational_matrix` and exact sums and products, and decide each.
+An inequality that holds at the Bernstein coefficients on an interval of a parameter holds on the
+interval. Compute these coefficients from `to_rational_matrix` by exact sums and products, and
+decide each of them.
 """
 
 from __future__ import annotations

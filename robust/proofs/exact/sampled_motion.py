@@ -14,8 +14,8 @@ eps, |Q(t)| <= nu kappa t. With p = (T/t) Q c xi, and zeta_0 = c exp(M t) xi:
     L L' + delta_L^2 >= int exp(A(T-t)) b b' exp(A'(T-t)) (t/T)^2 dt
 
 Both integrals are polynomials of theta, from Taylor series with their remainder, so R and L are
-verified at every theta in [-1, 1]. Doubles propose b, c, R and L. Everything is in units in which A
-is balanced, powers of two.
+verified at every theta in [-1, 1]. b, c, R and L are proposed in floating point. The states are
+scaled by powers of two that balance A.
 """
 
 from __future__ import annotations

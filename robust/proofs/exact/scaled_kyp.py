@@ -8,8 +8,8 @@ repeated real blocks, and P > 0, the inequality
     X_R] < 0
 
 (in discrete time its counterpart) proves that the system is stable, and that no perturbation of the
-structure with a gain of up to 1/level makes its loop unstable. It is assembled over the rationals
-from the stored numbers. It does not matter how these were found.
+structure with a gain of up to 1/level makes its loop unstable. The inequality is assembled over the
+rationals from the stored numbers, so the proof does not depend on how these numbers were found.
 """
 
 from __future__ import annotations

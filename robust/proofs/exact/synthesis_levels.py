@@ -1,11 +1,11 @@
-"""Levels of H-infinity synthesis that no controller reaches, in many digits.
+"""Lower bounds on gamma of H-infinity synthesis, in multiple precision.
 
-If states lie decades apart, rounding makes the existence conditions fail at levels that can be
-reached. Here the plant is used as given. The two Riccati equations are solved by the sign of their
-Hamiltonian matrices (Roberts 1980), with as many digits as needed. A level fails if a Hamiltonian
-has eigenvalues on the axis, if a solution is not semidefinite, or if the spectral radius of their
-product reaches the level squared; then every lower level fails too (Doyle, Glover, Khargonekar &
-Francis 1989). The result is a number with many digits, and not a proof.
+If the poles are decades apart, rounding makes the existence conditions fail at values of gamma that
+a controller can achieve. Here the plant is used as given. The two Riccati equations are solved by
+the sign of their Hamiltonian matrices (Roberts 1980), with as many digits as needed. A level fails
+if a Hamiltonian has eigenvalues on the axis, if a solution is not semidefinite, or if the spectral
+radius of their product reaches the level squared; then every lower level fails too (Doyle, Glover,
+Khargonekar & Francis 1989). The result is a number with many digits, and not a proof.
 """
 
 from __future__ import annotations

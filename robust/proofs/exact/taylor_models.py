@@ -1,5 +1,4 @@
-"""Taylor models: a smooth function on a short interval as a polynomial and a ball for the
-remainder.
+"""Taylor models: a smooth function on an interval as a polynomial and a ball for the remainder.
 
 A jet is a polynomial of degree `_ORDER` in x, |x| <= 1, on the interval middle + x half. The terms
 of a product or a composition beyond that degree are bounded by the sum of their coefficients and

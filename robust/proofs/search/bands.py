@@ -1,10 +1,10 @@
 """The largest gain of a system in a band of frequencies, bounded from both sides by one exact
 arithmetic.
 
-A level is tried. If the gain exceeds it, exact arithmetic gives the frequencies between which it
-does, and the gain inside is the next level (Bruinsma & Steinbuch 1990). If the gain exceeds it
-nowhere, the level is proved. There is no grid and no Hamiltonian in floating point, so modes over
-decades or near the axis cannot hide.
+A level is tried. If the gain exceeds the level, exact arithmetic gives the frequency intervals in
+which it does, and the gain inside an interval is the next level (Bruinsma & Steinbuch 1990). If the
+gain exceeds it nowhere, the level is proved. Neither a frequency grid nor a Hamiltonian matrix in
+floating point is used, so narrow modes and poles that are decades apart are not missed.
 """
 
 from __future__ import annotations

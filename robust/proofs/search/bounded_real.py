@@ -1,8 +1,8 @@
 """Proofs that a norm bound holds at every frequency: the bounded-real lemma, or a determinant, over
 the rationals.
 
-The perturbation is one full block, for which the structured singular value is the norm: P is that
-of `robust.proofs.search.scaled_kyp`. If no P is found, or the level does not hold,
+For one full block the structured singular value is the norm, so P is searched as in
+`robust.proofs.search.scaled_kyp`. If no P is found, or the level does not hold,
 `robust.proofs.exact.bands` decides.
 """
 

@@ -1,4 +1,4 @@
-"""``Certificate``: a proof for every frequency, and how it was made."""
+"""``Certificate``: a proof that holds at every frequency, with its method."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Magnitudes of single-loop systems bounded on intervals, and responses that are free of
-rounding.
-"""
+"""Bounds on the magnitude of a single-loop system on frequency intervals, and exact responses."""
 
 from __future__ import annotations
 

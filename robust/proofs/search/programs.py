@@ -1,4 +1,4 @@
-"""Convex programs, solved under a time cap by solvers that may fail in any way."""
+"""Convex programs, solved with a time limit and with protection against solver failures."""
 
 from __future__ import annotations
 

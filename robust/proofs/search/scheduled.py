@@ -1,8 +1,8 @@
 """Search for P(theta) and the scalings of a `ScheduleClaim`: an LMI at nodes of theta, then a check
 at every theta.
 
-cvxpy proposes the matrices in balanced coordinates; no solver status is used. Where the check fails
-between the nodes, more nodes are tried.
+cvxpy proposes the matrices in balanced coordinates; the solver status is not used. If the check
+fails between two nodes, more nodes are tried.
 """
 
 from __future__ import annotations

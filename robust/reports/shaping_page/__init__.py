@@ -1,7 +1,7 @@
-"""The page on which a loop is shaped live.
+"""The interactive page for loop shaping.
 
 beginning       the controller at the start, if none is given
-command         write the page from files, with their paths in its texts
+command         write the page from files
 elements        gain and elements of the page as one state space
 generated_text  the Python script and the commands on the page
 page            the entry point: one HTML file, from models and a demand

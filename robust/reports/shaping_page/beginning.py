@@ -1,6 +1,4 @@
-"""The controller at the start of the page, if none is given: a gain, and the elements that G
-needs.
-"""
+"""The start controller of the page if none is given: a gain, and the elements that the plant needs."""
 
 from __future__ import annotations
 

@@ -3,9 +3,9 @@
 cures       changes of the drive that improve a friction verdict
 doubts      reasons to distrust a check, or gains with a good verdict
 findings    the result of a check, and its page as text
-friction    friction in the loop of a drive, read from traces at rest, and the proof with it
+friction    friction identified from traces at rest, and the proof with it
 judge       the entry point: gains checked against traces
-machine     the machine behind delay and lag of the drive, and its fit
+machine     the machine without delay and lag of the drive, and its fit
 read        traces as records in the units of the velocity loop
 simulation  simulation of the identified axis under its drive: rest or hunting, and the gain to change
 """

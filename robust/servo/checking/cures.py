@@ -1,6 +1,4 @@
-"""Changes of a drive that improve its friction verdict: the proof is repeated with each, the most
-useful first.
-"""
+"""Changes of a drive that improve its friction verdict, best first."""
 
 from __future__ import annotations
 

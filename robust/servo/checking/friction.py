@@ -1,8 +1,8 @@
-"""Friction in the loop of a drive: read from traces at rest, and the loop proved with it.
+"""Friction in the loop of a drive: identification from traces at rest, and the proof with it.
 
 Viscous friction belongs to the machine and not to the class of friction. A proof for one mass and
-one viscous friction does not hold for others, so it is repeated at the ends of both intervals. That
-of viscous friction begins at zero.
+one viscous friction does not hold for other values, so it is repeated at the ends of both
+intervals. The interval of viscous friction begins at zero.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""The machine without delay and lag of its drive: both are removed from a trace, and the rest is
-fitted.
-"""
+"""Model of the machine from a trace, after delay and lag of the drive are removed."""
 
 from __future__ import annotations
 

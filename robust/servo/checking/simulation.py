@@ -2,7 +2,7 @@
 not refute.
 
 A simulation proves nothing: with another history or another friction law the axis may behave
-otherwise.
+differently.
 """
 
 from __future__ import annotations

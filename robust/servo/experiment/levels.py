@@ -1,4 +1,4 @@
-"""The three levels to take from a pre-test: one that sticks, one that bends, one that slides.
+"""Three levels from a pre-test, at which the friction sticks, bends (stiffness falls) and slides.
 
 At each level the lowest lines obey U = (k - m w^2 + j c w) Y. While friction sticks, k is its
 presliding stiffness, the same at every level. k falls as elements slip. When the axis slides, k is

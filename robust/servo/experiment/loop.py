@@ -1,5 +1,4 @@
-"""The transfer from a port of a running drive to force and position: from gains and a rough plant,
-or measured.
+"""The transfer function from a port of a running drive to force and position.
 
     u = transfer * multisine,  y = G * u;   transfer = C_port / (1 + G C),  C_force = 1
 

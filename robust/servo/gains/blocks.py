@@ -1,9 +1,8 @@
-"""The gains of a drive as blocks of `robust.tune`, and the blocks of a design as gains of the
-drive; both exact.
+"""Exact conversion between the gains of a drive and blocks of `robust.tune`.
 
-The integral of the velocity loop adds the previous error, while a block is sampled by Tustin's
-rule. They agree: kp (1 + Ts/tn z^-1/(1 - z^-1)) = kp_b + ki Ts/2 (z + 1)/(z - 1) with ki = kp/tn
-and kp_b = kp - ki Ts/2. A filter is a block without conversion.
+The integral of the velocity loop adds the previous error, while a block is discretised by the
+Tustin method. Both are equal with other gains: kp (1 + Ts/tn z^-1/(1 - z^-1)) = kp_b + ki Ts/2 (z +
+1)/(z - 1) with ki = kp/tn and kp_b = kp - ki Ts/2. A filter is a block without conversion.
 """
 
 from __future__ import annotations

@@ -10,8 +10,8 @@ zero belongs to the velocity loop and is 1 - a. The other, z, belongs to the pos
     kv = (1 - b)(1 - z)/(Ts (z - b)).
 
 In continuous time: (Kp Tf + Kd) s^2 + (Kp + Ki Tf) s + Ki = kp (1 + kv Tf)(s + 1/tn)(s + kv/(1 + kv
-Tf)). Real zeros need (Kp + Ki Tf)^2 >= 4 Ki (Kp Tf + Kd). The zeros may change places: the
-controller stays the same.
+Tf)). Real zeros need (Kp + Ki Tf)^2 >= 4 Ki (Kp Tf + Kd). Either zero may be assigned to either
+loop; the controller is the same.
 """
 
 from __future__ import annotations

@@ -1,5 +1,4 @@
-"""The convex-concave iteration: from a stabilising controller, step by step, to one that no convex
-step improves.
+"""The convex-concave iteration from a stabilising controller to a local optimum.
 
 K = F X/Y,  P = Y + G F X.  |P|^2 >= 2 Re(P P_c*) - |P_c|^2 with the previous iterate P_c turns every demand into
 a convex one that holds at P_c, and P keeps the winding number of P_c: a stable loop stays stable.

@@ -1,6 +1,4 @@
-"""The entry point to controllers of fixed structure from an FRF: one loop by itself, several one
-after the other.
-"""
+"""`design_frf`: controllers of fixed structure from an FRF, for one loop or several."""
 
 from __future__ import annotations
 
@@ -66,8 +64,8 @@ def design_frf(
         demand holds for each plant in the discs. A list is a family of plants with one controller
         for all.
 
-        For several channels, with as many inputs as outputs, the controller is diagonal: output k
-        controls input k. The loops are designed one after the other, with the earlier loops closed.
+        For several channels, with as many inputs as outputs, the controller is diagonal: input k
+        controls output k. The loops are designed one after the other, with the earlier loops closed.
         Each loop is then checked with all others closed, and designed again if it misses a demand.
         At last the whole loop is checked. Any of the next arguments may be a list with one entry
         for each loop.

@@ -1,10 +1,9 @@
-"""A global search over the few parameters of a structure: differential evolution from simple
-controllers.
+"""Global search over the parameters of a controller structure by differential evolution.
 
-A convex step leads to the nearest optimum, and never passes an obstacle between two of them (a
-resonance, a demand that is missed in between). The search moves roots and gain in logarithms, so
-its controllers are stable. It compares as the design does: demands first, then the goal; a wrong
-winding number excludes a candidate.
+Convex steps lead to the nearest local optimum, and cannot pass an obstacle between two optima, such
+as a resonance. The search varies the logarithms of gain, poles and zeros, so its controllers are
+stable. Candidates are compared by the demands first, then by the aim. A wrong winding number
+excludes a candidate.
 """
 
 from __future__ import annotations

@@ -6,9 +6,9 @@ With the loops C closed by K_C, the plant of loop k is
     G_k = G_kk - G_kC H G_Ck,     H = K_C (1 + G_CC K_C)^-1,
 
 and a change dG of the matrix changes it, to first order, by x' dG z with x' = (1, -G_kC H) and z =
-(1, -H G_Ck) on the channels (k, C). This gives the discs for the design of each loop. They neglect
-the second order, and that all loops have the same dG; the check of the whole includes both. If it
-fails, the discs are widened and the design is repeated.
+(1, -H G_Ck) on the channels (k, C). This gives the discs for the design of each loop. The discs
+neglect second-order terms, and the fact that dG is the same in all loops; the final check includes
+both. If this check fails, the discs are widened and the design is repeated.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""A controller to begin from: simple shapes tried over the band, or a given one, in the requested
-structure.
-"""
+"""A stabilising start controller in the requested structure: found by trial, or given."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Fixed controller structures K = X/Y, linear in their parameters:
-
-PID and its parts, lead, lead-lag, any order.
+"""Fixed controller structures K = X/Y, with X and Y linear in their parameters.
 
 X and Y are polynomials in s over (s + a)^n, with integrators as factors of Y: K = F x(s) / (s^m
 y(s)), F a known factor. Sampled controllers have the same form in the plane of the bilinear map, s

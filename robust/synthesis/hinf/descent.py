@@ -1,10 +1,9 @@
-"""Scalings of D-K iteration moved along the gradient of the norm that the best controller for them
-reaches.
+"""Scalings of D-K iteration, improved along the gradient of the least norm over all controllers.
 
-Synthesis and scalings in turn make ever smaller steps even where the norm would fall if both moved
-together. The least norm over all controllers is a function of the scalings alone. It is lowered by
-quasi-Newton steps (BFGS) in the logarithms of their gains and of the frequencies and dampings of
-their zeros and poles, with difference quotients.
+D-K iteration alternates between synthesis and scalings. Its steps become small even if the norm
+would decrease by a change of both together. The least norm over all controllers is a function of
+the scalings alone. It is lowered by quasi-Newton steps (BFGS) in the logarithms of their gains and
+of the frequencies and dampings of their zeros and poles, with difference quotients.
 """
 
 from __future__ import annotations

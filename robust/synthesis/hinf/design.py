@@ -1,4 +1,4 @@
-"""``Design``: a controller and the level it reaches."""
+"""``Design``: a controller and the norm that it achieves."""
 
 from __future__ import annotations
 

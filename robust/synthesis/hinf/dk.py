@@ -1,11 +1,10 @@
-"""D-K iteration: a controller for several uncertainties and a performance, by synthesis and
-scalings in turn.
+"""D-K iteration: a controller for several uncertainties and robust performance.
 
-Each round synthesises for D_L P D_R^-1, finds the scalings of least bound for the loop with that
-controller, and fits them by stable, minimum-phase functions of limited order. Neither half
-increases the bound, but their progress becomes slow; then the scalings are moved along the gradient
-of the least norm (`robust.synthesis.hinf.descent`). The result is the best loop found, judged by mu
-with the original structure.
+Each round designs a controller for D_L P D_R^-1, computes the scalings with the least upper bound
+of mu for the loop with this controller, and fits the scalings by stable, minimum-phase functions of
+limited order. Neither step increases the bound, but progress becomes slow. Then the scalings are
+improved along the gradient of the least norm (`robust.synthesis.hinf.descent`). The result is the
+loop with the smallest mu for the original structure.
 """
 
 from __future__ import annotations

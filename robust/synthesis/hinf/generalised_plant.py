@@ -1,8 +1,7 @@
-"""The generalised plant of a synthesis in the form that its equations require, and the way back for
-the controller.
+"""Transformation of a generalised plant to the form of the Riccati equations, and of K back.
 
-Continuous time, numbers near one, no path from u to y without dynamics, D12 = [0; I] and D21 = [0
-I].
+The transformed plant is continuous and scaled to numbers near one, with D22 = 0, D12 = [0; I] and
+D21 = [0 I].
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """H-infinity synthesis: the output-feedback controller of least closed-loop norm, from two Riccati
 equations.
 
-The bracket on gamma is closed by the existence conditions; the result is judged by its own closed
-loop.
+The existence conditions decide in the bisection on gamma. The result is judged by its closed loop.
 """
 
 from __future__ import annotations

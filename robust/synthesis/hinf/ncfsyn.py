@@ -1,6 +1,4 @@
-"""Controllers by H-infinity loop shaping (Glover & McFarlane): a shaped loop, robustly
-stabilised.
-"""
+"""Controllers by H-infinity loop shaping (Glover & McFarlane)."""
 
 from __future__ import annotations
 

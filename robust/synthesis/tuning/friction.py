@@ -1,5 +1,4 @@
-"""A limit that keeps the proof of `prove_friction`: the mobility at a friction dissipates at every
-frequency.
+"""A limit that keeps the proof of `prove_friction`, as a condition on the mobility at the friction.
 
 With the friction f at its port, the mobility M = v/f of the closed loop there, and multipliers mu
 >= 0 of filters a,

@@ -1,11 +1,11 @@
-"""The search: first for stability, then for the smallest worst level.
+"""The search: first for stability, then for the minimum of the largest limit ratio.
 
     find_stable   spectral abscissa over all plants by BFGS with weak Wolfe steps (Lewis & Overton 2013)
     improve       in turns until a round gains nothing: sequential quadratic programs for the minimax of all peaks
                   (after Curtis, Mitchell & Overton 2017), then BFGS on the exact penalty
 
-A quadratic program stalls if peaks come and go; BFGS is slow if they stay. Each continues from the
-other.
+A quadratic program stalls if peaks appear and vanish between the steps; BFGS is slow if they
+remain. So both methods are used in turn.
 """
 
 from __future__ import annotations

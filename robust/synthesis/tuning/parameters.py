@@ -1,5 +1,4 @@
-"""All blocks side by side as one static matrix M(x) = [[A, B], [C, D]] of the coordinates of the
-search, and dM/dx.
+"""All blocks as one static matrix M(x) = [[A, B], [C, D]] of the search variables x, and dM/dx.
 
 The derivatives are complex steps (Squire & Trapp 1998), block by block: exact to rounding.
 """

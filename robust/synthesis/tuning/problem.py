@@ -1,6 +1,4 @@
-"""The objective of the search: poles, peaks of every limit on every plant, and their gradients, at
-coordinates x.
-"""
+"""The objective of the search: poles and peaks of all limits with all plants, and their gradients."""
 
 from __future__ import annotations
 
