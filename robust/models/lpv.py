@@ -226,7 +226,7 @@ class LpvModel:
         point = require_real("point", point)
         if not self.points[0] <= point <= self.points[-1]:
             raise ValueError(f"point must lie in {self.describe_range()}, got {point:g}")
-        powers = _theta(point, self.points) ** np.arange(len(self.A))
+        powers = to_theta(point, self.points) ** np.arange(len(self.A))
         matrices = (np.tensordot(powers, getattr(self, name), 1) for name in "ABCD")
         return control.StateSpace(*matrices, self.dt, remove_useless_states=False)
 
@@ -281,7 +281,7 @@ def polynomials_through(
     span : operating points whose ends are the range. What is the same at all points does not go
     with theta, exactly.
     """
-    powers = _theta(at, span)[:, None] ** np.arange(degree + 1)
+    powers = to_theta(at, span)[:, None] ** np.arange(degree + 1)
     known = np.nan_to_num(values.reshape(len(at), -1))
     flat = np.linalg.lstsq(powers, known, rcond=None)[0]
     constant = np.all(known == known[0], axis=0)
@@ -291,7 +291,8 @@ def polynomials_through(
     return flat.reshape(degree + 1, *values.shape[1:])
 
 
-def _theta(point: ArrayLike, at: np.ndarray) -> np.ndarray:
+def to_theta(point: ArrayLike, at: np.ndarray) -> np.ndarray:
+    """Return theta of operating points: -1 and 1 at the ends of the range of `at`."""
     return np.asarray((2 * np.asarray(point, dtype=float) - at[0] - at[-1]) / (at[-1] - at[0]))
 
 

@@ -18,6 +18,11 @@ trapezoidal rule of a PLC. So the tuned element is exactly the one that is imple
 `tune` connects blocks by the names of their input signals (`reads`) and output signals (`drives`),
 which other functions do not need. A parameter keeps the sign of its start value, and the search
 varies its logarithm.
+
+A scheduled number is a polynomial of the operating point, theta in [-1, 1] on its range, in the form
+of Bernstein: the sum over k of c_k binom(d, k) ((1 + theta)/2)^k ((1 - theta)/2)^(d - k). c_0 and c_d
+are the number at the ends of the range, and everywhere it lies between the least and the largest c_k,
+so that sign and bounds of the c_k are those of the number.
 """
 
 from __future__ import annotations
@@ -29,6 +34,7 @@ from typing import Any, ClassVar, TypeAlias, TypeVar
 
 import control
 import numpy as np
+from scipy.special import comb
 
 from nlfrf._base.arguments import (
     require_integer,
@@ -53,6 +59,7 @@ Coefficients: TypeAlias = tuple[list[float | np.ndarray], list[float | np.ndarra
 #: only.
 BoundsField: TypeAlias = Any
 Coordinate = TypeVar("Coordinate", float, complex)
+Block = TypeVar("Block", bound="TunableBlock")
 #: Default range of a parameter, as a factor about its start.
 _RANGE_RATIO = 1000.0
 #: The fastest pole of a sampled block over 2/T, as in `design_frf`: a faster one rings.
@@ -113,6 +120,7 @@ class TunableBlock(ABC):
     fixed: Names = ()
     lower: BoundsField = None
     upper: BoundsField = None
+    scheduled: BoundsField = None
 
     def __post_init__(self) -> None:
         for name in ("reads", "drives"):
@@ -137,6 +145,17 @@ class TunableBlock(ABC):
                 name,
                 {key: require_real(f"{name}[{key!r}]", number) for key, number in bounds.items()},
             )
+        scheduled, names = self.scheduled or {}, () if self.matrix_block else self.NUMBERS
+        if not isinstance(scheduled, Mapping) or not set(scheduled) <= set(names):
+            raise ValueError(
+                f"scheduled must give degrees by name ({', '.join(names) or 'none here: take Pid'}),"
+                f" got {short_form(scheduled)}"
+            )
+        degrees = {
+            key: require_integer(f"scheduled[{key!r}]", degree, least=1)
+            for key, degree in scheduled.items()
+        }
+        object.__setattr__(self, "scheduled", degrees)
         self.check_numbers()
 
     matrix_block = False
@@ -149,7 +168,44 @@ class TunableBlock(ABC):
                 f" {len(self.drives)}"
             )
         for name in self.NUMBERS:
-            object.__setattr__(self, name, self.check_number(name, getattr(self, name)))
+            check = self.check_coefficients if name in self.scheduled else self.check_number
+            object.__setattr__(self, name, check(name, getattr(self, name)))
+
+    def check_coefficients(self, name: str, number: ArrayField) -> np.ndarray:
+        """Return the coefficients of a scheduled number, all alike if one number is given."""
+        count = self.scheduled[name] + 1
+        found = require_real_array(name, np.atleast_1d(np.asarray(number)), ndim=1)
+        if found.size not in (1, count) or abs(np.sign(found).sum()) != found.size:
+            raise ValueError(
+                f"{name} must start at one number that is not zero, or at {count} coefficients of"
+                f" one sign for its degree {count - 1}, got {short_form(number)}"
+            )
+        checked = [self.check_number(name, float(one)) for one in found]
+        return _read_only(np.array(np.broadcast_to(checked, count)))
+
+    def numbers_at(self, numbers: Numbers, theta: float) -> Numbers:
+        """Return numbers of the block with scheduled ones at theta in [-1, 1]."""
+        return {
+            name: _bernstein(self.scheduled[name], theta) @ number
+            if name in self.scheduled
+            else number
+            for name, number in numbers.items()
+        }
+
+    def at(self: Block, theta: float) -> Block:
+        """Return the block with its scheduled numbers at theta: -1 and 1 are the ends of the range of
+        the operating point.
+        """
+        theta = require_real("theta", theta)
+        if not -1 <= theta <= 1:
+            raise ValueError(
+                f"theta must lie between -1 and 1, the ends of the range, got {theta:g}"
+            )
+        numbers = {name: getattr(self, name) for name in self.scheduled}
+        held: dict[str, Any] = {
+            name: float(one) for name, one in self.numbers_at(numbers, theta).items()
+        }
+        return replace(self, scheduled=None, **held)
 
     def check_number(self, name: str, number: float) -> float:
         """Return a valid parameter value, else raise."""
@@ -215,7 +271,7 @@ class TunableBlock(ABC):
         Use it as a start for `design_frf`; `pid_gains` reads its gains.
         """
         dt = require_nonnegative("dt", dt)
-        self.require_below_nyquist(dt)
+        self.require_system(dt)
         A, B, C, D = (
             np.asarray(part, dtype=float) for part in self.state_space(parameter_values(self), dt)
         )
@@ -223,8 +279,15 @@ class TunableBlock(ABC):
         names = {"inputs": list(self.reads) or None, "outputs": list(self.drives) or None}
         return control.StateSpace(A, B, C, D, dt, remove_useless_states=False, **names)
 
-    def require_below_nyquist(self, dt: float) -> None:
-        """Refuse a frequency above the Nyquist frequency of a sampling time dt [s]."""
+    def require_system(self, dt: float) -> None:
+        """Refuse scheduled numbers, and a frequency above the Nyquist frequency of a sampling time dt
+        [s].
+        """
+        if self.scheduled:
+            raise ValueError(
+                f"scheduled must be empty for one system, got {self.scheduled}: take block.at(theta), or"
+                " design.schedule for the whole controller"
+            )
         omega = getattr(self, "omega", 0.0)
         if omega * dt >= np.pi:
             raise ValueError(
@@ -235,7 +298,13 @@ class TunableBlock(ABC):
     @property
     def order(self) -> int:
         """Return the number of states."""
-        return int(self.state_space(parameter_values(self))[0].shape[0])
+        return int(self.state_space(self.numbers_at(parameter_values(self), 0.0))[0].shape[0])
+
+
+def _bernstein(degree: int, theta: float) -> np.ndarray:
+    """Return (degree + 1,) the Bernstein polynomials on [-1, 1] at theta."""
+    k = np.arange(degree + 1)
+    return np.asarray(comb(degree, k) * ((1 + theta) / 2) ** k * ((1 - theta) / 2) ** (degree - k))
 
 
 def signal_names(name: str, given: Names) -> tuple[str, ...]:
@@ -305,6 +374,9 @@ class Gain(TunableBlock):
     lower, upper : dict of str to float, optional
         Bounds of every entry of K, with the key "K". The default bound of |K| is 1000 times the
         start value, or 1000 if the start value is zero.
+    scheduled : None
+        Only for numbers, not for a matrix: take a `Pid` for a gain that goes with the operating
+        point.
 
     Raises
     ------
@@ -362,6 +434,10 @@ class Pid(TunableBlock):
     lower, upper : dict of str to float, optional
         Bounds by name of the parameter; by default a thousandth of the start value, and a thousand
         times the start value. In a sampled loop filter_time stays above dt/10.
+    scheduled : dict of str to int, optional
+        Degrees by name of the numbers that are polynomials of the operating point. Their fields are
+        then the coefficients (d + 1,): the first and the last are the number at the ends of the
+        range, and everywhere it lies between the least and the largest. One number starts all alike.
 
     Raises
     ------
@@ -400,8 +476,8 @@ class Pid(TunableBlock):
     def check_numbers(self) -> None:
         """Check the gains, and the filter of a derivative."""
         super().check_numbers()
-        require_nonnegative("filter_time", self.filter_time)
-        if self.kd and not self.filter_time:
+        require_nonnegative("filter_time", float(np.min(self.filter_time)))
+        if np.any(self.kd) and not np.any(self.filter_time):
             raise ValueError(
                 "filter_time must be positive [s] if kd is not zero: a derivative needs a filter,"
                 " got 0"
@@ -409,15 +485,17 @@ class Pid(TunableBlock):
 
     def present(self) -> list[str]:
         """Return the names of the nonzero gains, and the filter of a derivative."""
-        gains = [name for name in ("kp", "ki", "kd") if getattr(self, name)]
-        return [*gains, "filter_time"] if self.kd else gains
+        gains = [name for name in ("kp", "ki", "kd") if np.any(getattr(self, name))]
+        return [*gains, "filter_time"] if np.any(self.kd) else gains
 
     def state_space(self, numbers: Numbers, dt: float = 0.0) -> Matrices:
-        """Return the PID as a system with its parts in parallel."""
+        """Return the PID as a system with its parts in parallel; ki is in front of the integrator, so
+        that the integral stays when a scheduled ki moves.
+        """
         rows: list[tuple[float | np.ndarray, ...]] = []
         D = numbers.get("kp", 0.0)
         if "ki" in numbers:
-            rows.append((0.0, 1.0, numbers["ki"]))
+            rows.append((0.0, numbers["ki"], 1.0))
         if "kd" in numbers:
             kd, tau = numbers["kd"], numbers["filter_time"]
             rows.append((-1 / tau, 1 / tau, -kd / tau))
@@ -429,6 +507,7 @@ class Pid(TunableBlock):
 
     def section(self, fs: float) -> np.ndarray:
         """Return (6,) b0 b1 b2 1 a1 a2, in powers of z^-1, of the PID sampled at fs [Hz]."""
+        self.require_system(0.0)
         kp, ki, kd, tau = self.kp, self.ki, self.kd, self.filter_time if self.kd else 0.0
         numerator, denominator = [kp * tau + kd, kp + ki * tau, ki], [tau, 1.0, 0.0]
         first, last = 0 if self.kd else 1, 3 if self.ki else 2
@@ -469,11 +548,12 @@ class Filter(TunableBlock):
         """Return (6,) b0 b1 b2 1 a1 a2 of the filter sampled at fs [Hz], in powers of z^-1, as in a
         drive.
         """
-        self.require_below_nyquist(1 / require_positive("fs", fs))
+        self.require_system(1 / require_positive("fs", fs))
         return second_order_section(*self.polynomials(vars(self)), 1 / np.tan(self.omega / fs / 2))
 
     def __str__(self) -> str:
-        return f"{type(self).__name__.lower()} at {self.omega / _TWO_PI:g} Hz"
+        hertz = " to ".join(f"{one / _TWO_PI:g}" for one in np.atleast_1d(self.omega))
+        return f"{type(self).__name__.lower()} at {hertz} Hz"
 
 
 @value
@@ -491,7 +571,7 @@ class Notch(Filter):
         Relative width, which is twice the damping ratio of the poles. A notch of depth zero has a
         gain of 1/sqrt(2) at two frequencies whose distance is width times omega. The default range
         for tuning is 0.01 to 4.
-    reads, drives, fixed, lower, upper : as for `Pid`
+    reads, drives, fixed, lower, upper, scheduled : as for `Pid`
 
     Raises
     ------
@@ -550,7 +630,7 @@ class Lead(Filter):
         Frequency of the largest lead [rad/s].
     phase : float
         Phase lead at omega [rad], below pi/2. The default range for tuning is 0.01 to 1.5.
-    reads, drives, fixed, lower, upper : as for `Pid`
+    reads, drives, fixed, lower, upper, scheduled : as for `Pid`
 
     Raises
     ------
@@ -599,7 +679,7 @@ class Lag(Filter):
         the lag costs 6 degrees of phase at the crossover.
     gain : float
         Gain at zero frequency, above one. inf: the block has PI action, and the gain is not tuned.
-    reads, drives, fixed, lower, upper : as for `Pid`
+    reads, drives, fixed, lower, upper, scheduled : as for `Pid`
 
     Raises
     ------
@@ -633,7 +713,7 @@ class Lag(Filter):
 
     def present(self) -> list[str]:
         """Return the names of the numbers; an infinite gain is not one of them."""
-        return ["omega", "gain"] if np.isfinite(self.gain) else ["omega"]
+        return ["omega", "gain"] if np.all(np.isfinite(self.gain)) else ["omega"]
 
     def polynomials(self, numbers: Numbers) -> Coefficients:
         """Return the coefficients of numerator and denominator in p."""
@@ -653,7 +733,7 @@ class LowPass(Filter):
         default range for tuning is 0.1 to 2.
     order : int
         1 or 2.
-    reads, drives, fixed, lower, upper : as for `Pid`
+    reads, drives, fixed, lower, upper, scheduled : as for `Pid`
 
     Raises
     ------
@@ -713,7 +793,7 @@ class Biquad(Filter):
         Natural frequencies of denominator and numerator [rad/s].
     zeta, numerator_zeta : float
         Damping ratios of denominator and numerator. The damping ratio of the numerator may be zero.
-    reads, drives, fixed, lower, upper : as for `Pid`
+    reads, drives, fixed, lower, upper, scheduled : as for `Pid`
 
     Raises
     ------
@@ -785,6 +865,8 @@ class StateSpace(TunableBlock):
         Matrices that keep their start values. For example, ("D",) keeps the block strictly proper.
     lower, upper : dict of str to float, optional
         Bounds of every entry of a matrix, by name of the matrix.
+    scheduled : None
+        Not for a matrix.
 
     Raises
     ------

@@ -5,16 +5,19 @@ demands.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from enum import Enum
+from typing import Any
 
 import control
 import numpy as np
 
 from nlfrf._base.arguments import format_hertz, format_small_count, join_names, require_integer
 from nlfrf._base.values import value
-from robust.lti.lti import with_names
+from robust.lti.lti import axis_points, evaluate_transfer, timebase, to_s_plane, with_names
 from robust.lti.realisation import structurally_minimal
 from robust.lti.wiring import join_by_name
+from robust.models.lpv import LpvModel
 from robust.synthesis.blocks import TunableBlock, parameter_values, signal_names
 from robust.synthesis.tuning.friction import FrictionLimit
 from robust.synthesis.tuning.limits import Limit
@@ -22,6 +25,10 @@ from robust.synthesis.tuning.plants import MeasuredPlant, Plants, see_plants
 
 #: Units of parameters that have a unit of their own.
 _UNITS = {"omega": "rad/s", "filter_time": "s", "phase": "rad"}
+#: Operating points at which a schedule is compared with its blocks, its largest relative error
+#: there, and the largest degree that is tried.
+_BETWEEN, _LARGEST_ERROR, _MAX_DEGREE = np.linspace(-1, 1, 17), 1e-4, 12
+_ROUNDING = 1e-14
 
 
 class Ended(Enum):
@@ -99,6 +106,30 @@ class LimitValue:
             f"{kind}  {self.limit} on plant {self.plant}: {self.ratio:.5g} of its bound at {where},"
             f" {how}"
         )
+
+
+def _without_rounding(K: LpvModel) -> LpvModel:
+    """Return a schedule without coefficients that are only rounding beside their entry or row."""
+    parts: dict[str, Any] = {}
+    for name in "ABCD":
+        M = getattr(K, name)
+        size = np.abs(M).max(axis=0)
+        noise = _ROUNDING * np.maximum(size, 0.01 * size.max(axis=1, keepdims=True, initial=0.0))
+        parts[name] = np.where(np.abs(M) <= noise, 0.0, M)
+    return replace(K, **parts)
+
+
+def _response_error(K: control.StateSpace, wanted: control.StateSpace) -> float:
+    """Return the largest error of a response over its size, over the speeds of the poles."""
+    dt = timebase(wanted)
+    speeds = np.abs(to_s_plane(wanted.poles(), dt))
+    speeds = np.append(
+        speeds[speeds > 1e-9 * speeds.max(initial=1e-300)], 1.0 if not dt else 0.1 / dt
+    )
+    omega = np.geomspace(0.1 * speeds.min(), 10 * speeds.max(), 200)
+    points = axis_points(np.minimum(omega, 0.99 * np.pi / dt) if dt else omega, dt)
+    found, right = (evaluate_transfer(G.A, G.B, G.C, G.D, points) for G in (K, wanted))
+    return float((np.abs(found - right).max((1, 2)) / np.abs(right).max((1, 2))).max())
 
 
 @value
@@ -210,12 +241,59 @@ class TunedDesign:
         Use it for `check`, `controller_sections` and `pid_gains`: `controller("y", "u")` with the
         outputs and inputs of the plant.
         """
+        return self.controller_at(inputs, outputs, None)
+
+    def controller_at(
+        self, inputs: str | Sequence[str], outputs: str | Sequence[str], theta: float | None
+    ) -> control.StateSpace:
+        """Return `controller` at an operating point theta in [-1, 1]; None for blocks that are not
+        scheduled.
+        """
         inputs, outputs = signal_names("inputs", inputs), signal_names("outputs", outputs)
-        open_chain = self.joined((), inputs, outputs)
+        open_chain = self.joined((), inputs, outputs, theta)
         K = structurally_minimal(
             (open_chain.A, open_chain.B, -open_chain.C, -open_chain.D), self.dt
         )
         return with_names(K, inputs, outputs)
+
+    def schedule(
+        self,
+        inputs: str | Sequence[str],
+        outputs: str | Sequence[str],
+        *,
+        degree: int | None = None,
+    ) -> LpvModel:
+        """Return `controller` as a polynomial of the operating point, in one realisation: for
+        `prove_schedule` and `export_c`.
+
+        The numbers of the blocks are polynomials; the matrices of a filter whose frequency moves are
+        nearly. Theirs go through d + 1 nodes, with the least degree d whose response differs by less
+        than 1e-4 of it anywhere, or with `degree`. What is returned is the controller that is proved
+        and runs.
+
+        Raises
+        ------
+        ValueError
+            Plants without operating points.
+        """
+        at = self.plant.at
+        if at is None:
+            raise ValueError(
+                "plant must have operating points for a schedule, got none: Plants(models, ...,"
+                " at=points), or an LpvModel"
+            )
+        least = max((d for one in self.blocks.values() for d in one.scheduled.values()), default=0)
+        tried = range(least, max(least, _MAX_DEGREE) + 1)
+        if degree is not None:
+            tried = range(require_integer("degree", degree, least=0), degree + 1)
+        wanted = [self.controller_at(inputs, outputs, theta) for theta in _BETWEEN]
+        for d in tried:
+            theta = -np.cos(np.pi * np.arange(max(d, 1) + 1) / max(d, 1))
+            systems = [self.controller_at(inputs, outputs, float(one)) for one in theta]
+            K = _without_rounding(LpvModel.from_points(systems, at=theta, degree=d))
+            if max(map(_response_error, map(K.at, _BETWEEN), wanted)) < _LARGEST_ERROR:
+                break
+        return replace(K, points=at, over=self.plant.over, unit=self.plant.unit)
 
     def loop(
         self, inputs: str | Sequence[str], outputs: str | Sequence[str], plant: int = 0
@@ -233,13 +311,21 @@ class TunedDesign:
             )
         G = seen.system
         G = control.StateSpace(G.A, G.B, G.C, G.D, self.dt, remove_useless_states=False)
-        return self.joined((with_names(G, self.plant.inputs, self.plant.outputs),), inputs, outputs)
+        machine = with_names(G, self.plant.inputs, self.plant.outputs)
+        return self.joined((machine,), inputs, outputs, float(self.plant.thetas[plant]))
 
     def joined(
-        self, more: Sequence[control.StateSpace], inputs: tuple[str, ...], outputs: tuple[str, ...]
+        self,
+        more: Sequence[control.StateSpace],
+        inputs: tuple[str, ...],
+        outputs: tuple[str, ...],
+        theta: float | None = None,
     ) -> control.StateSpace:
-        """Return fixed parts, blocks and further systems, connected by signal names."""
-        parts = [*self.system, *(block.system(self.dt) for block in self.blocks.values()), *more]
+        """Return fixed parts, blocks (scheduled ones at theta) and further systems, connected by signal
+        names.
+        """
+        blocks = [one if theta is None else one.at(theta) for one in self.blocks.values()]
+        parts = [*self.system, *(block.system(self.dt) for block in blocks), *more]
         return with_names(
             join_by_name(parts, [], external=inputs, looked_at=outputs), inputs, outputs
         )

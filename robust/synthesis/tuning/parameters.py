@@ -43,17 +43,26 @@ class Controller:
             [p.from_coordinate(float(one)) for (_, p), one in zip(self.parameters, x, strict=True)]
         )
 
-    def matrix(self, x: np.ndarray) -> np.ndarray:
-        """Return M at the coordinates x."""
-        return self.assemble(x, None)
+    @property
+    def scheduled(self) -> dict[str, int]:
+        """Return the degrees of the scheduled numbers, by their names with those of their blocks."""
+        return {
+            f"{name}.{number}": degree
+            for name, block in self.blocks.items()
+            for number, degree in block.scheduled.items()
+        }
 
-    def slopes(self, x: np.ndarray) -> np.ndarray:
+    def matrix(self, x: np.ndarray, theta: float = 0.0) -> np.ndarray:
+        """Return M at the coordinates x and an operating point theta in [-1, 1]."""
+        return self.assemble(x, theta, None)
+
+    def slopes(self, x: np.ndarray, theta: float = 0.0) -> np.ndarray:
         """Return (p, rows, columns) dM/dx."""
-        return np.array([self.assemble(x, k) for k in range(len(x))]).reshape(
+        return np.array([self.assemble(x, theta, k) for k in range(len(x))]).reshape(
             len(x), self.n_states + self.n_out, self.n_states + self.n_in
         )
 
-    def assemble(self, x: np.ndarray, along: int | None) -> np.ndarray:
+    def assemble(self, x: np.ndarray, theta: float, along: int | None) -> np.ndarray:
         """Return M, or its derivative by one coordinate, from the block of that coordinate
         alone.
         """
@@ -74,7 +83,7 @@ class Controller:
                 numbers = {
                     key: array if array.ndim else array[()] for key, array in numbers.items()
                 }
-                parts = block.state_space(numbers, self.dt)
+                parts = block.state_space(block.numbers_at(numbers, theta), self.dt)
                 A, B, C, D = (
                     np.asarray(part) if along is None else np.imag(part) / _COMPLEX_STEP
                     for part in parts

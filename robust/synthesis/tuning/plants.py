@@ -5,14 +5,15 @@ discs around it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, TypeAlias, TypeGuard
 
 import control
 import numpy as np
 
 from nlfrf import Bla
-from nlfrf._base.arguments import format_hertz, require_integer, short_form
-from nlfrf._base.values import value
+from nlfrf._base.arguments import format_hertz, require_integer, require_real_array, short_form
+from nlfrf._base.values import ArrayField, value
 from robust._base.channels import is_known_on_lines, is_matrix, is_single
 from robust._base.types import AnySystem, SystemField
 from robust.analysis.loop import Loop, assemble_loop
@@ -20,10 +21,18 @@ from robust.analysis.sampled_set import sampled_set
 from robust.friction.plant import FrictionPlant
 from robust.lti.connections import block_diagonal
 from robust.lti.low_frequency import Reading, radius_below, read_below
-from robust.lti.lti import one_sampling_time, response, response_by_channel, timebase
+from robust.lti.lti import (
+    one_sampling_time,
+    poles,
+    response,
+    response_by_channel,
+    timebase,
+    to_s_plane,
+)
 from robust.lti.realisation import multivariable
 from robust.lti.sampling import delay_samples, delayed, sampled
 from robust.models.fit.nominal import frd
+from robust.models.lpv import LpvModel, require_increasing, to_theta
 from robust.models.sets.forms import DEFAULT_FORM, ELEMENTS, FORMS, INPUT, plant_numerator
 from robust.models.sets.measured import hold_and_delay_factor, parts_on_lines, warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel, require_record_form
@@ -42,20 +51,25 @@ class Plants:
 
     Fields
     ------
-    models : control system, UncertaintyModel, nlfrf.Bla, FrequencyResponseData, or a list of them
+    models : control system, UncertaintyModel, nlfrf.Bla, FrequencyResponseData, LpvModel, or a list
         Each plant has to meet every limit. An FRF is known on its lines only. For an
         UncertaintyModel a limit refers to the nominal, or to the whole set if `worst` is set in the
-        limit.
+        limit. An LpvModel stands for its plants at operating points, each with its weight.
     inputs, outputs : str or list of str
         Names of the signals, in the order of the channels.
     n_unstable : int
         Number of unstable poles of plants that are FRFs.
+    at : (N,) array_like, optional
+        Operating points of the plants, increasing, for blocks with scheduled numbers; for an
+        `LpvModel` its own points by default, or others with the same ends.
+    over, unit : str
+        Name and unit of the operating point; for an `LpvModel` its own.
 
     Raises
     ------
     ValueError
         A value that is not a plant, signals that do not fit its channels, an FRF that is not
-        finite.
+        finite, operating points that do not fit the plants.
 
     References
     ----------
@@ -73,6 +87,9 @@ class Plants:
     inputs: Names
     outputs: Names
     n_unstable: int = 0
+    at: ArrayField = None
+    over: str = "operating point"
+    unit: str = ""
 
     def __post_init__(self) -> None:
         for name in ("inputs", "outputs"):
@@ -80,12 +97,36 @@ class Plants:
         object.__setattr__(
             self, "n_unstable", require_integer("n_unstable", self.n_unstable, least=0)
         )
+        lpv, at = self.models if isinstance(self.models, LpvModel) else None, self.at
+        at = lpv.points if lpv is not None and at is None else at
+        if at is not None:
+            at = require_real_array("at", at, ndim=1)
+            require_increasing(at)
         models = tuple(self.models) if isinstance(self.models, list | tuple) else (self.models,)
+        if lpv is not None:
+            if not np.array_equal(at[[0, -1]], lpv.points[[0, -1]]):
+                raise ValueError(
+                    f"at must begin and end with the range of the model, {lpv.describe_range()}, got"
+                    f" {at[0]:g} to {at[-1]:g}"
+                )
+            models = tuple(_local_model(lpv, point) for point in at)
+            object.__setattr__(self, "over", lpv.over)
+            object.__setattr__(self, "unit", lpv.unit)
+        object.__setattr__(self, "at", at)
+        if at is not None and len(models) != at.size:
+            raise ValueError(
+                f"at must have one operating point for each plant, got {at.size} for {len(models)}"
+            )
         if not models:
             raise ValueError("models must hold at least one plant, got an empty list")
         for k, model in enumerate(models):
             self.check_channels(f"models[{k}]", model)
         object.__setattr__(self, "models", models)
+
+    @property
+    def thetas(self) -> np.ndarray:
+        """Return (N,) operating points in [-1, 1]; zeros without any."""
+        return np.zeros(len(self.models)) if self.at is None else to_theta(self.at, self.at)
 
     def check_channels(self, name: str, model: PlantModel) -> None:
         """Refuse a value that is not a plant, or one with other channels."""
@@ -112,11 +153,33 @@ class Plants:
             )
 
 
+def _local_model(plant: LpvModel, point: float) -> PlantModel:
+    """Return the plant at an operating point; with a weight for one channel its set, on the time base
+    of the weight.
+    """
+    G, weight = plant.at(point), plant.weight
+    if weight is None or (G.ninputs, G.noutputs) != (1, 1):
+        return G
+    if timebase(weight) and not plant.dt:
+        G = sampled(G, timebase(weight))
+    size = np.abs(to_s_plane(poles(G), timebase(G)))
+    size = size[size > 0] if size.any() else np.ones(1)
+    top = min(10 * size.max(), 0.99 * np.pi / (timebase(G) or 1e-99))
+    return UncertaintyModel(
+        nominal=G,
+        weight=weight,
+        form=plant.form,
+        omega=np.geomspace(min(0.1 * size.min(), top / 2), top, 100),
+        perturbation="operator",
+    )
+
+
 @value(copy=False)
 class ModelledPlant:
     """A plant that is known at every frequency, in front of the blocks."""
 
     system: control.StateSpace  # system, hold and delay included
+    theta: float = 0.0  # operating point
     lines: np.ndarray  # (.,) frequencies [rad/s] for the grid
     # True frequencies (W,) [rad/s] -> ports of the perturbation of the set
     perturbation: Callable[[np.ndarray], Perturbation] | None = None
@@ -143,6 +206,8 @@ class MeasuredPlant:
         Possible continuations below its first line; for several channels those of the determinant.
     first : float
         First measured line [rad/s].
+    theta : float
+        Operating point.
     """
 
     omega: np.ndarray
@@ -152,6 +217,7 @@ class MeasuredPlant:
     readings: tuple[Reading, ...]
     first: float
     blocks: Blocks = ONE_DISC
+    theta: float = 0.0
 
     @property
     def on_lines(self) -> np.ndarray:
@@ -164,8 +230,11 @@ def see_plants(
 ) -> list[ModelledPlant | MeasuredPlant]:
     """Return every plant behind hold and delay, with its set if a limit needs it."""
     return [
-        _see_plant(f"models[{k}]", model, plants=plants, dt=dt, delay=delay, worst=worst)
-        for k, model in enumerate(plants.models)
+        replace(
+            _see_plant(f"models[{k}]", model, plants=plants, dt=dt, delay=delay, worst=worst),
+            theta=theta,
+        )
+        for k, (model, theta) in enumerate(zip(plants.models, plants.thetas, strict=True))
     ]
 
 

@@ -120,8 +120,7 @@ class TuningProblem:
 
     def evaluate_in_time(self, x: np.ndarray, *, peaks: bool, pole_slopes: bool) -> Evaluation:
         """Return `evaluate` until the time is over."""
-        M = self.controller.matrix(x)
-        loops = self.close_loops(M)
+        loops = self.close_loops(x)
         if loops is None:
             return Evaluation(x=x, excess=np.inf, poles=[], peaks=[])
         rows: list[tuple[float, int, int]] = []
@@ -133,30 +132,39 @@ class TuningProblem:
             ]
         rows.sort(reverse=True)
         excess = rows[0][0] if rows else -np.inf
-        slopes = self.controller.slopes(x)
+        slopes = self.at_points(self.controller.slopes, x)
         seen = rows[:_N_POLES] if pole_slopes else []
         pole_rows = [
-            self.pole_gradient(loops[k], place, value_, slopes) for value_, k, place in seen
+            self.pole_gradient(loops[k], place, value_, slopes[k]) for value_, k, place in seen
         ]
         if not peaks or not excess < 0:
             return Evaluation(x=x, excess=excess, poles=pole_rows, peaks=[])
         found: list[Peak] = []
-        for scene, loop in zip(self.scenes, loops, strict=True):
-            found += scene.peaks(loop, slopes)
+        for scene, loop, slope in zip(self.scenes, loops, slopes, strict=True):
+            found += scene.peaks(loop, slope)
         return Evaluation(x=x, excess=excess, poles=pole_rows, peaks=found)
 
-    def close_loops(self, M: np.ndarray) -> list[Any] | None:
+    def at_points(
+        self, function: Callable[[np.ndarray, float], np.ndarray], x: np.ndarray
+    ) -> list[np.ndarray]:
+        """Return `controller.matrix` or `slopes` for each scene, at its operating point."""
+        thetas = [scene.plant.theta for scene in self.scenes]
+        found = {theta: function(x, theta) for theta in set(thetas)}
+        return [found[theta] for theta in thetas]
+
+    def close_loops(self, x: np.ndarray) -> list[Any] | None:
         """Return the loop of each scene; None if one has no solution, or an unstable winding
         number.
         """
-        if not np.isfinite(M).all():
+        matrices = self.at_points(self.controller.matrix, x)
+        if not all(np.isfinite(M).all() for M in matrices):
             return None
-        loops = [scene.close(M) for scene in self.scenes]
+        loops = [scene.close(M) for scene, M in zip(self.scenes, matrices, strict=True)]
         return None if any(loop is None for loop in loops) else loops
 
     def loops_at(self, x: np.ndarray) -> list[tuple[ModelledLoop | MeasuredLoop, Any]]:
         """Return every scene with its loop, at coordinates at which there is one."""
-        loops = self.close_loops(self.controller.matrix(x))
+        loops = self.close_loops(x)
         assert loops is not None
         return list(zip(self.scenes, loops, strict=True))
 
@@ -199,11 +207,11 @@ class TuningProblem:
         tried = []
         for _ in range(2):
             x = self.controller.start + rng.uniform(-0.7, 0.7, low.size)
-            tried.append(self.controller.matrix(np.clip(x, low, high)))
+            tried.append(self.at_points(self.controller.matrix, np.clip(x, low, high)))
         for k, scene in enumerate(self.scenes):
             if isinstance(scene, MeasuredLoop):
                 continue
-            loops = [scene.close(M) for M in tried]
+            loops = [scene.close(matrices[k]) for matrices in tried]
             open_poles = (
                 np.linalg.eigvals(scene.fixed.A) if len(scene.fixed.A) else np.zeros(0, complex)
             )

@@ -183,6 +183,7 @@ def tune(
         raise ValueError(f"progress must be callable, got {short_form(progress)}")
     parts = fixed_parts(system, dt)
     controller = controller_of_blocks(blocks, dt)
+    _require_points(plant, controller, limits)
     scenes = make_loops(parts, plant, controller=controller, limits=limits, dt=dt, delay=delay)
     began = time.monotonic()
     problem = TuningProblem(
@@ -203,6 +204,22 @@ def tune(
         dt=dt,
         delay=delay,
     )
+
+
+def _require_points(plant: Plants, controller: Controller, limits: Limits) -> None:
+    """Refuse scheduled numbers for plants without operating points, or with too few."""
+    for name, degree in controller.scheduled.items():
+        if plant.at is None or degree > len(plant.at) - 1:
+            count = "no" if plant.at is None else f"{len(plant.at)}"
+            raise ValueError(
+                f"plant must have at least {degree + 1} operating points for {name} of degree"
+                f" {degree}, got {count}: Plants(models, ..., at=points), or an LpvModel"
+            )
+    if controller.scheduled and any(isinstance(limit, FrictionLimit) for limit, _ in limits):
+        raise ValueError(
+            "hard must hold no friction limit for scheduled blocks, whose proof is for one"
+            " controller, got one"
+        )
 
 
 def fixed_parts(system: object, dt: float) -> list[control.StateSpace]:
@@ -364,18 +381,19 @@ def _require_paths(problem: TuningProblem, limits: Limits) -> None:
     controller = problem.controller
     rng = np.random.default_rng(1)
     tried = [
-        controller.matrix(
+        problem.at_points(
+            controller.matrix,
             np.clip(
                 controller.start + rng.uniform(-0.5, 0.5, controller.start.size),
                 controller.lower,
                 controller.upper,
-            )
+            ),
         )
         for _ in range(2)
     ]
-    for scene in problem.scenes:
+    for k, scene in enumerate(problem.scenes):
         responses = []
-        for M in tried:
+        for M in (matrices[k] for matrices in tried):
             if isinstance(scene, MeasuredLoop):
                 responses.append(scene.responses(M))
             else:
@@ -469,7 +487,8 @@ def _starting_point(problem: TuningProblem, k: int, rng: np.random.Generator) ->
     measured = [scene for scene in problem.scenes if isinstance(scene, MeasuredLoop)]
     if k == 0:
         for scene in measured:
-            stable, clear = scene.stability_by_winding(controller.matrix(controller.start))
+            start = controller.matrix(controller.start, scene.plant.theta)
+            stable, clear = scene.stability_by_winding(start)
             if not clear:
                 raise ValueError(
                     "plant must have lines close enough for the winding number of its loop, got an"
@@ -489,8 +508,11 @@ def _starting_point(problem: TuningProblem, k: int, rng: np.random.Generator) ->
         for _ in range(8 if measured else 1):
             step = rng.normal(size=signs.size) * np.where(signs != 0, 1.2, 1.0) * width
             x = np.clip(controller.start + step, controller.lower, controller.upper)
-            M = controller.matrix(x)
-            if all(all(scene.stability_by_winding(M)) for scene in measured):
+            matrices = [controller.matrix(x, scene.plant.theta) for scene in measured]
+            if all(
+                all(scene.stability_by_winding(M))
+                for scene, M in zip(measured, matrices, strict=True)
+            ):
                 return np.asarray(x)
     return None
 
@@ -575,9 +597,9 @@ def _make_design(
 
 def _find_broken_sets(design: TunedDesign) -> tuple[str, ...]:
     """Describe the plants whose set is not stable with the whole controller, by `worst_case`."""
-    K = design.controller(design.plant.outputs, design.plant.inputs)
     found = []
     for k, model in enumerate(design.plant.models):
+        K = design.controller_at(design.plant.outputs, design.plant.inputs, design.plant.thetas[k])
         if not isinstance(model, UncertaintyModel) or model.measured_only:
             continue
         try:
@@ -597,11 +619,12 @@ def _limit_curves(
     """Return the ratio of a limit over frequency, for the design and for the given blocks."""
     scene: Any = problem.scenes[plant]
     channel = next(channel for channel in scene.channels if channel.index == limit)
-    loop, start = scene.close(problem.controller.matrix(x)), problem.controller.start
+    theta, start = scene.plant.theta, problem.controller.start
+    loop = scene.close(problem.controller.matrix(x, theta))
     omega = scene.frequencies(channel, loop)
     before = np.full(omega.size, np.nan)
     if problem.evaluate(start, peaks=False, pole_slopes=False).stable:
-        before = scene.curve(channel, scene.close(problem.controller.matrix(start)), omega)
+        before = scene.curve(channel, scene.close(problem.controller.matrix(start, theta)), omega)
     return {
         "omegas": true_frequency(omega, problem.dt),
         "curve": scene.curve(channel, loop, omega),
@@ -611,8 +634,8 @@ def _limit_curves(
 
 def _is_surely_stable(problem: TuningProblem, x: np.ndarray) -> bool:
     """Return True if the loop of every plant is stable beyond rounding, on its own time base."""
-    M = problem.controller.matrix(x)
-    for scene in problem.scenes:
+    of_blocks = problem.at_points(problem.controller.matrix, x)
+    for scene, M in zip(problem.scenes, of_blocks, strict=True):
         loop = scene.close(M)
         if loop is None:
             return False
