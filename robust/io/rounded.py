@@ -19,7 +19,7 @@ because single precision would otherwise lose increments below 6e-8 of the integ
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import control
 import numpy as np
@@ -34,7 +34,7 @@ from nlfrf._base.arguments import (
     short_form,
 )
 from nlfrf._base.values import ArrayField, value
-from robust._base.types import Controller
+from robust._base.types import Controller, SystemField
 from robust._base.warnings import DesignWarning
 from robust.io.biquads import comparison_angles, group_roots, roots_and_gain
 from robust.lti.connections import in_parallel
@@ -47,16 +47,24 @@ _INTEGRATOR_TOLERANCES = (
 )  # |z - 1| of one pole at 1, and of two: they come out with a distance of 1e-8
 _LARGEST_ERROR = 1e-3  # error over |K| before rounding, above which the roots are not those of K
 _NEGLIGIBLE_GAIN = 1e-6  # share of the median |K|, the least unit for errors
-_NOTABLE_ERROR = (
-    0.01  # of |K| by rounding, or of the largest output, above which there is a warning
-)
+NOTABLE_ERROR = 0.01  # of |K| by rounding, or of the largest output, above which there is a warning
 
 
 class Statement(NamedTuple):
-    """A sum of products, added from left to right: target := c1 name1 + c2 name2 + ..."""
+    """A sum of products, added from left to right: target := c1 name1 + c2 name2 + ...
+
+    In a schedule a factor may be the name of a `Polynomial`.
+    """
 
     target: str
-    terms: tuple[tuple[float, str], ...]
+    terms: tuple[tuple[Any, str], ...]
+
+
+class Polynomial(NamedTuple):
+    """A coefficient of a schedule, lowest power of theta first, evaluated by Horner's rule."""
+
+    target: str
+    coefficients: tuple[float, ...]
 
 
 @value
@@ -66,12 +74,12 @@ class RoundedController:
 
     Fields
     ------
-    K : control.StateSpace
-        The controller with the rounded coefficients, for `check`. Its matrices are computed from
-        these coefficients and rounded to float64.
+    K : control.StateSpace or LpvModel
+        The controller with the rounded coefficients, for `check`, or for `prove_schedule` if it is a
+        schedule. Its matrices are computed from these coefficients and rounded to float64.
     dtype : str
         "float32" or "float64".
-    before, after : tuple of Statement
+    before, after : tuple of Statement, Polynomial
         Statements of the code: from the error e to the unlimited output v, and those after v has
         been limited to u.
     limit : (2,) ndarray
@@ -80,13 +88,16 @@ class RoundedController:
         Largest relative error |dK|/|K| over frequency caused by rounded coefficients.
     gain : float
         l1 norm from e to u, which is the largest |u| for |e| <= 1. A pole that the code treats
-        separately is not counted: an integrator, and with a limit also the slowest real lag.
+        separately is not counted: an integrator, and with a limit also the slowest real lag. nan for
+        a schedule.
     rounding : float
         Bound on the error of u by rounding in all operations, divided by the largest |e|. It is the
         sum of the l1 norms from each operation to u. Infinite if another pole than these lies on or
-        outside the unit circle.
+        outside the unit circle; nan for a schedule.
     facts : tuple of str
         These numbers with their conditions, as text.
+    theta : (middle, scale) or None
+        theta = scale (p - middle) of a schedule, clamped to -1 and 1.
 
     References
     ----------
@@ -102,15 +113,16 @@ class RoundedController:
     ([1.0], 2.0015)
     """
 
-    K: control.StateSpace
+    K: SystemField
     dtype: str
-    before: tuple[Statement, ...]
+    before: tuple[Statement | Polynomial, ...]
     after: tuple[Statement, ...]
     limit: ArrayField
     coefficient_error: float
     gain: float
     rounding: float
     facts: tuple[str, ...]
+    theta: tuple[float, float] | None = None
 
     @property
     def states(self) -> list[str]:
@@ -137,7 +149,7 @@ def round_controller(
     rest, gain, pole = _split_slowest(K, limited=limited)
     z, p, scale = roots_and_gain(rest)
     groups = group_roots(z, np.where(_are_integrators(p), 0.0, p)) or [((), ())]
-    error, omega = _largest_error(K, _realise(K, _chain(groups, scale), gain, pole))
+    error, omega = largest_error(K, _realise(K, _chain(groups, scale), gain, pole))
     if not error <= _LARGEST_ERROR:
         raise ValueError(
             f"K must be accurate as sections made of its roots, got an error of {error:.2g} of |K|"
@@ -149,9 +161,9 @@ def round_controller(
     ]
     after = [_round_statement(row, kind) for row in _integral(gain, pole, tracking)] if gain else []
     found = _realise(K, chain, float(kind(gain)), float(kind(pole)))
-    (error, omega), (total, noise) = _largest_error(K, found), _bound_rounding(chain, unit)
+    (error, omega), (total, noise) = largest_error(K, found), _bound_rounding(chain, unit)
     share = noise / total if np.isfinite(noise) and total else 0.0
-    if not max(error, share) <= _NOTABLE_ERROR:
+    if not max(error, share) <= NOTABLE_ERROR:
         data_warning(
             f"K changes by up to {error:.2g} of |K| with coefficients in {dtype}, and u by up to"
             f" {share:.2g} of its largest value by rounded operations"
@@ -347,17 +359,22 @@ def _round_statement(statement: Statement, kind: type[np.floating]) -> Statement
     """Return a statement with rounded coefficients, without terms that vanish; refuse one too
     large.
     """
-    largest, limit = max(abs(number) for number, _ in statement.terms), float(np.finfo(kind).max)
-    if not largest <= limit:
-        raise ValueError(
-            f"K must have coefficients of at most {limit:.2g} in {np.dtype(kind)}, got"
-            f" {largest:.3g}"
-        )
+    require_representable(np.array([number for number, _ in statement.terms]), kind)
     terms = [(float(kind(number)), name) for number, name in statement.terms]
     return Statement(
         statement.target,
         tuple(term for term in terms if term[0]) or ((0.0, statement.terms[0][1]),),
     )
+
+
+def require_representable(numbers: np.ndarray, kind: type[np.floating]) -> None:
+    """Refuse coefficients that are too large for a type."""
+    largest, limit = float(np.abs(numbers).max(initial=0.0)), float(np.finfo(kind).max)
+    if not largest <= limit:
+        raise ValueError(
+            f"K must have coefficients of at most {limit:.2g} in {np.dtype(kind)}, got"
+            f" {largest:.3g}"
+        )
 
 
 def _propagate(chain: list[Statement]) -> tuple[np.ndarray, list[np.ndarray]]:
@@ -451,7 +468,7 @@ def _order_sections(
     return found
 
 
-def _largest_error(K: control.StateSpace, found: control.StateSpace) -> tuple[float, float]:
+def largest_error(K: control.StateSpace, found: control.StateSpace) -> tuple[float, float]:
     """Return the largest |found - K|/|K| over all speeds of K and at its resonances, and its
     frequency [rad/s].
     """

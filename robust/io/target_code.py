@@ -15,7 +15,9 @@ from nlfrf._base.arguments import inverse_unit, one_line, require_kind
 from nlfrf._base.files import command_signature, to_path, write_text
 from robust._base.types import Controller
 from robust.io.models import PathLike
-from robust.io.rounded import RoundedController, Statement, round_controller
+from robust.io.rounded import Polynomial, RoundedController, Statement, round_controller
+from robust.io.rounded_schedule import round_schedule
+from robust.models.lpv import LpvModel
 
 _WIDTH = 100
 _TYPES = {
@@ -25,7 +27,7 @@ _TYPES = {
 
 
 def export_c(
-    K: Controller,
+    K: Controller | LpvModel,
     path: PathLike,
     *,
     dtype: str = "float32",
@@ -36,12 +38,14 @@ def export_c(
     no allocation.
 
     Use this for a controller on a microcontroller. The coefficients are rounded to the arithmetic
-    of the target. Check the returned controller: it is the one that runs.
+    of the target. Check the returned controller: it is the one that runs. A schedule has `step(p, e)
+    -> u`, with the operating point p in its unit, clamped to its range.
 
     Parameters
     ----------
-    K : control.StateSpace or TransferFunction
-        Discrete controller with one input and one output.
+    K : control.StateSpace, TransferFunction or LpvModel
+        Discrete controller with one input and one output. A schedule is written in the realisation
+        that `prove_schedule` proves, with polynomials of the operating point.
     path : path
         The ``.h`` file. Its name is also that of the struct and the two functions.
     dtype : str
@@ -49,7 +53,7 @@ def export_c(
     limit : float or (2,) sequence, optional
         Largest |u|, or the least and the largest u, in the unit of u. An integrator then follows a
         limited u (anti-windup by back-calculation), and so does a lag with most of the gain at zero
-        frequency.
+        frequency. None for a schedule.
     unit : str
         Unit of the plant, y over u, as in `UncertaintyModel.origin`; for the comment.
 
@@ -62,9 +66,9 @@ def export_c(
     Raises
     ------
     ValueError
-        A continuous controller, one for several channels, one with two integrators and a limit, one
-        whose sections do not reproduce its response to 0.1 %, coefficients beyond the range of
-        `dtype`; a path that does not end in .h.
+        A continuous controller, one for several channels, one with two integrators and a limit, a
+        schedule with a limit, one whose sections do not reproduce its response to 0.1 %,
+        coefficients beyond the range of `dtype`; a path that does not end in .h.
 
     Warns
     -----
@@ -89,7 +93,7 @@ def export_c(
 
 
 def export_structured_text(
-    K: Controller,
+    K: Controller | LpvModel,
     path: PathLike,
     *,
     dtype: str = "float64",
@@ -103,8 +107,8 @@ def export_structured_text(
 
     Parameters
     ----------
-    K : control.StateSpace or TransferFunction
-        Discrete controller with one input and one output.
+    K : control.StateSpace, TransferFunction or LpvModel
+        Discrete controller with one input and one output, or a schedule, as for `export_c`.
     path : path
         The ``.st`` file; the name of the block is FB_ followed by the name of the file.
     dtype : str
@@ -164,6 +168,8 @@ class _Language(NamedTuple):
     local: str  # left side of a statement whose target is not a state
     assign: str
     limits: tuple[str, str]
+    theta: str  # statement of theta: t between -{0} and {0}
+    input: str  # declaration of the operating point
     advice: str
     template: str
 
@@ -178,6 +184,8 @@ _C = _Language(
     local="const TYPE {}",
     assign=" = ",
     limits=("if (u < {0}) u = {0};", "if (u > {0}) u = {0};"),
+    theta="    const TYPE theta = t < -{0} ? -{0} : t > {0} ? {0} : t;\n    (void)theta;",
+    input="TYPE p, ",
     advice=(
         "Compile with -ffp-contract=off, and without -ffast-math, which would remove the"
         " compensation of sums."
@@ -202,7 +210,7 @@ static inline void NAME_init(NAME_state *k)
 CLEARED
 }
 
-static inline TYPE NAME_step(NAME_state *k, TYPE e)
+static inline TYPE NAME_step(NAME_state *k, POINTTYPE e)
 {
     (void)k;
 BEFORE
@@ -224,13 +232,15 @@ _STRUCTURED_TEXT = _Language(
     local="{}",
     assign=" := ",
     limits=("IF u < {0} THEN u := {0}; END_IF;", "IF u > {0} THEN u := {0}; END_IF;"),
+    theta="    theta := LIMIT(-{0}, t, {0});",
+    input="    p : TYPE; (* operating point *)\n",
     advice="Call it in a task of this period.",
     template="""FUNCTION_BLOCK FB_NAME
 (*
 COMMENT
 *)
 VAR_INPUT
-    e : TYPE; (* r - y *)
+POINT    e : TYPE; (* r - y *)
     reset : BOOL; (* set all states to zero *)
 END_VAR
 VAR_OUTPUT
@@ -253,7 +263,7 @@ END_FUNCTION_BLOCK
 
 
 def _export(
-    K: Controller,
+    K: Controller | LpvModel,
     path: PathLike,
     language: _Language,
     *,
@@ -266,7 +276,8 @@ def _export(
     if path.suffix.lower() != language.suffix:
         raise ValueError(f"path must end in {language.suffix}, got {str(path)!r}")
     require_kind("unit", unit, str)
-    rounded = round_controller(K, dtype=dtype, limit=limit)
+    rounder = round_schedule if isinstance(K, LpvModel) else round_controller
+    rounded: RoundedController = rounder(K, dtype=dtype, limit=limit)  # type: ignore[arg-type]
     units = f" K is in {one_line(inverse_unit(unit))}, u over e." if unit else ""
     dt, kind = rounded.K.dt, language.types[dtype]
     lines = [
@@ -286,6 +297,7 @@ def _export(
         "COMMENT": "\n".join([*rows, command_signature("robust export")]),
         "NAME": name if name[:1].isalpha() else f"K_{name}",
         "TYPE": kind,
+        "POINT": language.input.replace("TYPE", kind) if rounded.theta else "",
     }
     write_text(path, re.sub("|".join(parts), lambda found: parts[found[0]], language.template))
     return rounded
@@ -299,20 +311,43 @@ def _render_statements(rounded: RoundedController, language: _Language) -> dict[
     def number(value: float) -> str:
         return language.numbers[rounded.dtype].format(literal(value, rounded.dtype))
 
-    def term(value: float, name: str) -> str:
+    def term(value: float | str, name: str) -> str:
+        read = (language.state if name in states else "{}").format(name)
+        if isinstance(value, str):
+            return f"+ {value} * {read}"
         factor = "" if abs(value) == 1 else f"{number(abs(value))} * "
-        return (
-            ("- " if value < 0 else "+ ")
-            + factor
-            + (language.state if name in states else "{}").format(name)
-        )
+        return ("- " if value < 0 else "+ ") + factor + read
 
-    def assign(row: Statement) -> str:
+    def plain(value: float) -> str:
+        return f"-{number(-value)}" if value < 0 else number(value)
+
+    def signed(value: float) -> str:
+        return ("- " if value < 0 else "+ ") + number(abs(value))
+
+    def horner(row: Polynomial) -> str:
+        *rest, last = row.coefficients
+        text = plain(last)
+        for k, value in enumerate(reversed(rest)):
+            text = f"{f'({text})' if k else text} * theta {signed(value)}"
+        return text
+
+    def assign(row: Statement | Polynomial) -> str:
         left = (language.state if row.target in states else language.local).format(row.target)
-        return f"    {left}{language.assign}{' '.join(term(*one) for one in row.terms).removeprefix('+ ')};"
+        if isinstance(row, Polynomial):
+            return f"    {left}{language.assign}{horner(row)};"
+        terms = " ".join(term(*one) for one in row.terms).removeprefix("+ ")
+        return f"    {left}{language.assign}{terms};"
+
+    point = []
+    if rounded.theta:
+        middle, scale = rounded.theta
+        left = language.local.format("t") + language.assign
+        point.append(f"    {left}{number(scale)} * (p {signed(-middle)});")
+        point.append(language.theta.format(number(1.0)))
+        targets = dict.fromkeys(["t", "theta", *targets])
 
     clamps = [
-        "    " + clamp.format(f"-{number(-bound)}" if bound < 0 else number(bound))
+        "    " + clamp.format(plain(bound))
         for clamp, bound in zip(language.limits, rounded.limit, strict=True)
         if np.isfinite(bound)
     ]
@@ -320,7 +355,7 @@ def _render_statements(rounded: RoundedController, language: _Language) -> dict[
         "DECLARED": [language.declared.format(name) for name in states or ["unused"]],
         "LOCALS": [language.declared.format(name) for name in targets if name not in states],
         "CLEARED": [language.cleared.format(name) for name in states],
-        "BEFORE": [assign(row) for row in rounded.before],
+        "BEFORE": [*point, *(assign(row) for row in rounded.before)],
         "AFTER": [*clamps, *(assign(row) for row in rounded.after)],
     }
     return {place: "\n".join(lines).replace("TYPE", kind) for place, lines in rows.items()}

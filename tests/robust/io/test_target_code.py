@@ -14,9 +14,11 @@ import pytest
 import robust
 from robust import DesignWarning
 from robust.io import export_c, export_structured_text
-from robust.io.rounded import round_controller
+from robust.io.rounded import Polynomial, round_controller
+from robust.io.rounded_schedule import round_schedule
 from robust.lti import discretize
 from robust.lti.lti import response
+from robust.models import LpvModel
 from robust.shaping import pid
 
 COMPILER = shutil.which("cc")
@@ -76,17 +78,30 @@ def controllers():
     return {name: (make(), limit) for name, (make, limit) in CASES.items()}
 
 
-def emulate(rounded, e, dtype=None):
+def emulate(rounded, e, dtype=None, *, p=None):
     """Return (n, lanes) outputs: the statements in numpy, each product and each sum rounded to the
-    dtype.
+    dtype; p: operating points of a schedule.
     """
     number = np.dtype(dtype or rounded.dtype).type
     held = {name: np.zeros(e.shape[1], number) for name in rounded.states}
     least, largest = (number(bound) for bound in rounded.limit)
 
+    def factor(c):
+        return held[c] if isinstance(c, str) else number(c)
+
+    def horner(coefficients):
+        total = number(coefficients[-1])
+        for one in coefficients[-2::-1]:
+            total = total * held["theta"] + number(one)
+        return total
+
     def run(statements):
-        for target, terms in statements:
-            values = [held[name] if c == 1 else number(c) * held[name] for c, name in terms]
+        for statement in statements:
+            target, terms = statement
+            if isinstance(statement, Polynomial):
+                held[target] = horner(terms)
+                continue
+            values = [held[name] if c == 1 else factor(c) * held[name] for c, name in terms]
             total = values[0]
             for one in values[1:]:
                 total = total + one
@@ -95,24 +110,29 @@ def emulate(rounded, e, dtype=None):
     u = np.empty_like(e, number)
     for k in range(len(e)):
         held["e"] = e[k].astype(number)
+        if p is not None:
+            middle, scale = (number(one) for one in rounded.theta)
+            held["theta"] = np.clip(scale * (p[k].astype(number) - middle), number(-1), number(1))
         run(rounded.before)
         held["u"] = u[k] = np.minimum(np.maximum(held["v"], least), largest)
         run(rounded.after)
     return u
 
 
-def compiled(header, dtype, e):
+def compiled(header, dtype, e, p=None):
     """Return (n, lanes) outputs of the compiled header, a struct of its own for each lane."""
     name, kind = header.stem, {"float32": "float", "float64": "double"}[dtype]
+    point = "" if p is None else "p[i], "
     source = header.with_suffix(".c")
     source.write_text(
         f'#include "{header.name}"\n'
-        f"void run(int n, int lanes, const {kind} *e, {kind} *u)\n"
+        f"void run(int n, int lanes, const {kind} *p, const {kind} *e, {kind} *u)\n"
         "{\n"
+        f"    (void)p;\n"
         f"    for (int lane = 0; lane < lanes; lane++) {{\n"
         f"        {name}_state k;\n"
         f"        {name}_init(&k);\n"
-        f"        for (int i = lane; i < n * lanes; i += lanes) u[i] = {name}_step(&k, e[i]);\n"
+        f"        for (int i = lane; i < n * lanes; i += lanes) u[i] = {name}_step(&k, {point}e[i]);\n"
         "    }\n"
         "}\n"
     )
@@ -120,7 +140,8 @@ def compiled(header, dtype, e):
     flags = ["-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC", *WARNINGS]
     subprocess.run([COMPILER, *flags, str(source), "-o", str(library)], check=True)
     u = np.empty_like(e)
-    pointers = (array.ctypes.data_as(ctypes.c_void_p) for array in (e, u))
+    given = (e if p is None else p, e, u)
+    pointers = (array.ctypes.data_as(ctypes.c_void_p) for array in given)
     ctypes.CDLL(str(library)).run(*e.shape, *pointers)
     return u
 
@@ -141,7 +162,7 @@ def test_compiled_it_is_numpy_to_the_last_bit(name, dtype, controllers, tmp_path
         assert u.max() == np.dtype(dtype).type(rounded.limit[1])
 
 
-def run_block(text, e, dtype):
+def run_block(text, e, dtype, p=None):
     """Return (n, lanes) outputs of a function block, translated statement by statement."""
     number = np.dtype(dtype).type
     body = re.sub(r"\(\*.*?\*\)", "", text, flags=re.DOTALL)
@@ -154,6 +175,9 @@ def run_block(text, e, dtype):
     u = np.empty_like(e)
     for k in range(len(e)):
         names |= {"e": e[k], "number": number, "where": np.where}
+        names |= (
+            {} if p is None else {"p": p[k], "LIMIT": lambda low, x, high: np.clip(x, low, high)}
+        )
         exec(code, {}, names)
         u[k] = names["u"]
     return u
@@ -412,3 +436,146 @@ def test_a_file_of_another_kind_is_refused(tmp_path):
         export_c(pid(1.0, dt=DT), tmp_path / "k.c")
     with pytest.raises(ValueError, match=r"path must end in \.st, got"):
         export_structured_text(pid(1.0, dt=DT), tmp_path / "k.h")
+
+
+# ---- Schedules.
+
+
+def schedule(seed=None):
+    """A PID with a notch that go with the position; with a seed a random polynomial of the order
+    of the seed.
+    """
+    points = np.array([-0.2, 0.1, 0.4])
+    known = {"at": points, "over": "position", "unit": "m"}
+    if seed is None:
+        blocks = [
+            robust.tuning.Pid(
+                kp=20 * (1 + p), ki=300 * (1 - p), kd=0.1, filter_time=2e-3, reads="e", drives="a"
+            ).system(DT)
+            for p in points
+        ]
+        slots = [robust.tuning.Notch(omega=400 + 200 * p).system(DT) for p in points]
+        return LpvModel.from_points(
+            [control.series(*one) for one in zip(blocks, slots, strict=True)], **known
+        )
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(0, 6))
+    middle = rng.normal(size=(n, n))
+    middle *= rng.uniform(0.5, 0.98) / max(np.abs(np.linalg.eigvals(middle)).max(initial=0), 1e-9)
+    systems = [
+        control.ss(
+            middle + 0.02 * rng.normal(size=(n, n)),
+            rng.normal(size=(n, 1)),
+            rng.normal(size=(1, n)),
+            rng.normal(size=(1, 1)),
+            DT,
+        )
+        for _ in points
+    ]
+    return LpvModel.from_points(systems, **known, degree=int(rng.integers(0, 3)))
+
+
+def moving(dtype, n, lanes):
+    """Errors, and operating points that move over the range and leave it."""
+    rng = np.random.default_rng(5)
+    e = rng.standard_normal((n, lanes)).astype(dtype)
+    p = 0.1 + 0.35 * np.sin(np.linspace(0, 40, n)[:, None] + rng.uniform(0, 6, lanes))
+    assert p.max() > 0.4
+    return e, p.astype(dtype)
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler (cc) on this machine")
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+@pytest.mark.parametrize("seed", [None, 0, 1, 2, 3])
+def test_a_compiled_schedule_is_numpy_to_the_last_bit(seed, dtype, tmp_path):
+    """1e5 samples, in 200 runs from rest, with a position that moves."""
+    rounded = export_c(schedule(seed), tmp_path / "controller.h", dtype=dtype)
+    e, p = moving(dtype, 500, 200)
+    u = compiled(tmp_path / "controller.h", dtype, e, p)
+    assert np.array_equal(u, emulate(rounded, e, p=p))
+    assert len(np.unique(u)) > 100
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+@pytest.mark.parametrize("seed", [None, 0, 1, 2])
+def test_structured_text_of_a_schedule_has_the_same_statements(seed, dtype, tmp_path):
+    rounded = export_structured_text(schedule(seed), tmp_path / "controller.st", dtype=dtype)
+    e, p = moving(dtype, 300, 5)
+    text = (tmp_path / "controller.st").read_text()
+    assert np.array_equal(run_block(text, e, dtype, p), emulate(rounded, e, p=p))
+
+
+@pytest.mark.parametrize("seed", [None, 1, 4])
+def test_the_rounded_schedule_is_the_one_that_runs(seed):
+    """The statements in float64 with coefficients of float32 follow `K.at(p)` of the result, step by
+    step; clamped outside the range.
+    """
+    rounded = round_schedule(schedule(seed), dtype="float32")
+    e, p = moving("float64", 400, 1)
+    x, wanted = np.zeros((rounded.K.order, 1)), []
+    for error, point in zip(e[:, 0], p[:, 0], strict=True):
+        law = rounded.K.at(np.clip(point, -0.2, 0.4))
+        wanted.append((law.C @ x + law.D * error)[0, 0])
+        x = law.A @ x + law.B * error
+    off = emulate(rounded, e, "float64", p=p)[:, 0] - wanted
+    assert np.abs(off).max() < 1e-6 * np.abs(wanted).max()  # theta itself is rounded
+    assert 0 < rounded.coefficient_error < 1e-4
+    assert np.isnan([rounded.gain, rounded.rounding]).all()
+
+
+def test_a_rounded_schedule_is_proved_again(tmp_path):
+    points = np.array([-0.2, 0.1, 0.4])
+    known = {"at": points, "over": "position", "unit": "m"}
+    plant = LpvModel.from_points(
+        [control.ss([[0, 1], [-900 * (1 + p), -60]], [[0], [1]], [[1, 0]], 0) for p in points],
+        weight=control.ss([], [], [], 0.1, DT),
+        **known,
+    )
+    rounded = export_c(schedule(), tmp_path / "axis.h", unit="m/N")
+    assert robust.prove_schedule(plant, rounded.K, rate=0.1, delay=DT, limit=False).holds
+    text = (tmp_path / "axis.h").read_text()
+    head = " ".join(text[: text.index("*/")].split())
+    for part in (
+        "K is in N/m, u over e",
+        "p: position from -0.2 to 0.4 m, read in every step and clamped to this range",
+        "Operations are rounded too, without a bound here",
+        "another controller while theta moves",
+    ):
+        assert part in head
+    assert "axis_step(axis_state *k, float p, float e)" in text
+
+
+def test_the_integral_of_a_schedule_loses_nothing_that_is_small():
+    """An error of 2e-6 for 1e4 samples beside an integral of 8, while the position moves."""
+    parts = [control.ss([[1.0]], [[0.1]], [[1.0]], [[g]], DT) for g in (0.0, 1e-9)]
+    rounded = round_schedule(LpvModel.from_points(parts, at=[0, 1]), dtype="float32")
+    e = np.full((10_000, 1), 2e-6)
+    e[0] = 80.0
+    u = emulate(rounded, e, p=np.linspace(0, 1, 10_000)[:, None])
+    assert u[-1, 0] == pytest.approx(8.0 + 0.1 * 2e-6 * 9_998, rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("K", "more", "message"),
+    [
+        (
+            LpvModel.from_points([1.0, 2.0], at=[0, 1]),
+            {},
+            "K must be discrete .* got a schedule that is continuous",
+        ),
+        (
+            LpvModel.from_points([control.ss([], [], [], np.eye(2), DT)] * 2, at=[0, 1]),
+            {},
+            "got a schedule that is with 2 inputs and 2 outputs",
+        ),
+        (schedule(), {"limit": 3.0}, "limit must be left out for a schedule, .* got 3.0"),
+        (
+            LpvModel.from_points([control.ss([], [], [], 1e39, DT)] * 2, at=[0, 1]),
+            {},
+            "K must have coefficients of at most 3.4e.38 in float32",
+        ),
+    ],
+)
+def test_schedules_that_cannot_be_written_are_refused(K, more, message, tmp_path):
+    with pytest.raises(ValueError, match=message):
+        export_c(K, tmp_path / "k.h", **more)
