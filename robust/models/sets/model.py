@@ -399,7 +399,7 @@ class UncertaintyModel:
             raise ValueError(
                 "left and right must be the weights for a plant with"
                 f" {format_channels(self.nominal)}, got weight {short_form(self.weight)}:"
-                f" {own_weights_call(self.nominal, self.form)}"
+                f" {_own_weights_call(self.nominal, self.form)}"
             )
 
     def _given_radius(self) -> np.ndarray:
@@ -978,7 +978,7 @@ def format_channels(nominal: AnySystem) -> str:
     return f"{format_count(n_y, 'output')} by {format_count(n_u, 'input')}"
 
 
-def own_weights_call(nominal: AnySystem, form: str) -> str:
+def _own_weights_call(nominal: AnySystem, form: str) -> str:
     """Return the call that makes a set from weights of the user, for several channels."""
     n_y, n_u = count_channels(nominal)
     form = form if form in MATRIX_FORMS else INPUT if n_y == n_u else ADDITIVE
