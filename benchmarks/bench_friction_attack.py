@@ -20,7 +20,8 @@ import numpy as np
 from scipy.linalg import expm
 
 import robust
-from robust.friction.plant import FrictionPlant, friction_loop
+from robust.friction.loop import friction_loop
+from robust.friction.plant import FrictionPlant
 
 T = 1e-3
 SLOW = 0.01  # the clock of the fast machines [s]

@@ -33,7 +33,7 @@ import robust
 from benchmarks.friction_loops import bla_of_level, of_example_14, random_loops
 from nlfrf import hysteresis
 from nlfrf.friction import Dahl, Leuven, LuGre, VaryingSliders
-from robust.friction.plant import friction_loop
+from robust.friction.loop import friction_loop
 from robust.friction.proof.protocol import FrictionClass
 
 MACHINE = robust.friction_plant(1.0, 80e3, 0.4)

@@ -27,7 +27,8 @@ import robust
 from nlfrf.friction import VaryingSliders
 from nlfrf.rig import Drive
 from robust.friction.classes.maxwell_slip import MaxwellSlip
-from robust.friction.plant import FrictionPlant, friction_loop, two_mass_plant
+from robust.friction.loop import friction_loop
+from robust.friction.plant import FrictionPlant, two_mass_plant
 from robust.servo import cascade
 from robust.servo.checking.friction import friction_behind_lag
 

@@ -32,7 +32,7 @@ import nlfrf
 import robust
 from nlfrf import hysteresis
 from nlfrf.friction import Dahl, GeneralizedMaxwellSlip, Leuven, LuGre, VaryingSliders
-from robust.friction.plant import destabilizing_stiffness, friction_loop
+from robust.friction.loop import destabilizing_stiffness, friction_loop
 
 F_MAX = 200.0  # of the multisines [Hz]
 T = 1e-3  # sampling time of the loops [s]

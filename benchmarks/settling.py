@@ -25,7 +25,8 @@ import numpy as np
 import nlfrf
 import robust
 from nlfrf.friction import VaryingSliders
-from robust.friction.plant import friction_loop, friction_plant
+from robust.friction.loop import friction_loop
+from robust.friction.plant import friction_plant
 
 FS = 20.0  # [N]; everything scales with it
 RUNS_PER_AXIS = 30

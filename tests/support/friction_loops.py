@@ -4,7 +4,8 @@ import control
 import numpy as np
 from scipy.linalg import expm
 
-from robust.friction.plant import friction_loop, friction_plant
+from robust.friction.loop import friction_loop
+from robust.friction.plant import friction_plant
 
 T = 1e-3
 RIG = friction_plant(1.0, 80e3, 0.4)

@@ -11,7 +11,7 @@ import numpy as np
 from nlfrf._base.arguments import require_nonnegative, require_positive
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict
-from robust.friction.plant import FrictionLoop, format_pole_modulus
+from robust.friction.loop import FrictionLoop, format_pole_modulus
 from robust.friction.proof.ports import bound_of_ports
 from robust.friction.proof.protocol import FrictionClass, FrictionProof, ProofTask
 

@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 from nlfrf._base.arguments import require_nonnegative, require_positive
 from nlfrf._base.values import value
 from robust.friction.exact.classes import BristlePort
-from robust.friction.plant import FrictionLoop, loop_frequencies, mobility
+from robust.friction.loop import FrictionLoop, loop_frequencies, mobility
 from robust.friction.proof.certify import certified_verdict, settled_by_bound
 from robust.friction.proof.multipliers import filter_rates, hermitian_product
 from robust.friction.proof.protocol import (

@@ -16,7 +16,7 @@ from robust.friction.exact.claim import Actuator
 from robust.friction.exact.classes import MaxwellSlipPort
 from robust.friction.exact.settling import Settling
 from robust.friction.exact.verify import verify_friction
-from robust.friction.plant import FrictionLoop, loop_frequencies, mobility
+from robust.friction.loop import FrictionLoop, loop_frequencies, mobility
 from robust.friction.proof.certify import (
     build_claim,
     certificate_of,

@@ -18,7 +18,8 @@ import numpy as np
 from nlfrf._base.arguments import format_hertz
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict
-from robust.friction.plant import FrictionLoop, FrictionPlant
+from robust.friction.loop import FrictionLoop
+from robust.friction.plant import FrictionPlant
 from robust.friction.proof.protocol import FrictionClass, FrictionProof, ProofTask
 from robust.lti.lti import timebase
 from robust.proofs.exact.claim import Matrices, to_matrices

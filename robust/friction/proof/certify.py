@@ -11,7 +11,8 @@ from robust._base.states import FrictionVerdict, Outcome
 from robust.friction.exact.claim import FrictionClaim
 from robust.friction.exact.classes import PortClaim
 from robust.friction.exact.verify import verify_friction
-from robust.friction.plant import FrictionLoop, FrictionPlant
+from robust.friction.loop import FrictionLoop
+from robust.friction.plant import FrictionPlant
 from robust.friction.proof.protocol import FrictionCertificate, FrictionProof, ProofTask
 from robust.friction.proof.settling import SettlingNumbers
 from robust.friction.proof.storage import METHOD, JudgedStorage

@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robust.friction.plant import FrictionLoop
+from robust.friction.loop import FrictionLoop
 from robust.friction.proof.storage import Dissipation
 
 #: rho = 1 is replaced by this, a larger class: at rho = 1 the stored energy is not strictly

@@ -10,7 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from nlfrf._base.arguments import require_positive
-from robust.friction.plant import ROUNDING, FrictionLoop, FrictionPlant, steady_error_bound
+from robust.friction.bounds import steady_error_bound
+from robust.friction.loop import FrictionLoop
+from robust.friction.plant import ROUNDING, FrictionPlant
 from robust.friction.proof.dissipation import ROUNDED_UP
 from robust.friction.proof.multipliers import negative_multipliers, port_terms
 

@@ -19,7 +19,8 @@ from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict
 from robust.friction.exact.claim import Actuator
 from robust.friction.exact.classes import PortClaim
-from robust.friction.plant import FrictionLoop, FrictionPlant
+from robust.friction.loop import FrictionLoop
+from robust.friction.plant import FrictionPlant
 from robust.friction.proof.ports import bound_of_ports
 from robust.friction.proof.storage import JudgedStorage
 from robust.friction.units import MechanicalUnits, format_length, mechanical_units

@@ -13,15 +13,14 @@ import numpy as np
 from nlfrf._base.arguments import short_form
 from robust._base.states import FrictionVerdict
 from robust._base.types import Controller
-from robust.friction.plant import (
+from robust.friction.bounds import divergence_velocity
+from robust.friction.loop import (
     FrictionLoop,
-    FrictionPlant,
     destabilizing_stiffness,
-    divergence_velocity,
     format_pole_modulus,
     friction_loop,
-    separate_delay,
 )
+from robust.friction.plant import FrictionPlant, separate_delay
 from robust.friction.proof.ports import largest_forces
 from robust.friction.proof.protocol import FrictionClass, FrictionProof, ProofTask
 from robust.friction.proof.saturation import limits_of_force, with_actuator

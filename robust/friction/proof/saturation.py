@@ -14,14 +14,8 @@ from robust._base.states import FrictionVerdict
 from robust._base.types import Controller
 from robust.friction.exact.claim import Actuator
 from robust.friction.exact.classes import MaxwellSlipPort
-from robust.friction.plant import (
-    FrictionLoop,
-    FrictionPlant,
-    driven_states,
-    friction_loop,
-    loop_frequencies,
-    require_one_port,
-)
+from robust.friction.loop import FrictionLoop, driven_states, friction_loop, loop_frequencies
+from robust.friction.plant import FrictionPlant, require_one_port
 from robust.friction.proof.certify import build_claim, certificate_of, reference_rate
 from robust.friction.proof.dissipation import maxwell_slip_dissipation
 from robust.friction.proof.multipliers import (

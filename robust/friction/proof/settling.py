@@ -22,7 +22,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from nlfrf._base.values import value
-from robust.friction.plant import FrictionLoop
+from robust.friction.loop import FrictionLoop
 from robust.friction.proof.storage import balancing_coordinates
 from robust.proofs.search.programs import solve_program
 

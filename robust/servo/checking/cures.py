@@ -11,7 +11,8 @@ from nlfrf._base.arguments import require_kind
 from nlfrf._base.values import value
 from nlfrf.rig import Drive
 from robust._base.states import FrictionVerdict
-from robust.friction.plant import FrictionPlant, friction_loop
+from robust.friction.loop import friction_loop
+from robust.friction.plant import FrictionPlant
 from robust.friction.proof.ports import largest_forces
 from robust.friction.proof.protocol import FrictionClass
 from robust.friction.proof.prove import prove_friction

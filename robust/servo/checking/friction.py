@@ -17,7 +17,8 @@ import nlfrf
 from nlfrf._base.values import value
 from nlfrf.rig import Drive
 from robust._base.states import FrictionVerdict
-from robust.friction.plant import FrictionPlant, pad_states
+from robust.friction.loop import pad_states
+from robust.friction.plant import FrictionPlant
 from robust.friction.proof.protocol import FrictionClass, FrictionProof
 from robust.friction.proof.prove import prove_all, prove_friction
 from robust.friction.reading.assumed_class import ASSUMPTION_NOTE, MachineWithFriction

@@ -15,7 +15,7 @@ from robust.friction.exact.claim import FrictionClaim
 from robust.friction.exact.classes import PortClaim
 from robust.friction.exact.loops import equilibrium, exact_loop
 from robust.friction.exact.verify import verify_friction
-from robust.friction.plant import friction_loop
+from robust.friction.loop import friction_loop
 from robust.io import verify_certificate
 from robust.proofs.exact.claim_files import from_plain, to_plain
 from tests.support.friction_loops import ORACLES, RIG, T, pd, pid

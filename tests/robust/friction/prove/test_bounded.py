@@ -11,7 +11,8 @@ import pytest
 from benchmarks.bench_friction_attack import bang_bang, fast_machine, hunted, stopping_kick
 from robust import friction_plant, prove_friction
 from robust.friction import Bounded, MaxwellSlip
-from robust.friction.plant import friction_loop, steady_error_bound
+from robust.friction.bounds import steady_error_bound
+from robust.friction.loop import friction_loop
 from tests.support.friction_loops import T
 
 BOUNDED = Bounded(1.0)

@@ -17,7 +17,7 @@ from robust.friction.classes.bristle import (
     bristle_terms,
     enlarge_block,
 )
-from robust.friction.plant import friction_loop, loop_frequencies, mobility
+from robust.friction.loop import friction_loop, loop_frequencies, mobility
 from robust.friction.proof.multipliers import filter_rates
 from robust.friction.proof.storage import (
     SLACKS,

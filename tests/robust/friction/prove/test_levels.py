@@ -14,7 +14,7 @@ import pytest
 import nlfrf
 import robust
 from robust import cli, save
-from robust.friction.plant import friction_loop
+from robust.friction.loop import friction_loop
 from robust.friction.proof.prove import prove_all
 from robust.friction.reading.from_blas import fit_around, fit_level, free_mass, model_of
 from robust.friction.reading.levels import require_si

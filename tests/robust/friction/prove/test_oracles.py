@@ -10,14 +10,8 @@ import pytest
 from nlfrf.friction import Leuven, LuGre
 from robust import friction_plant, prove_friction
 from robust.friction import Bounded, Bristle, MaxwellSlip, Passive
-from robust.friction.plant import (
-    destabilizing_stiffness,
-    divergence_velocity,
-    friction_loop,
-    loop_frequencies,
-    mobility,
-    steady_error_bound,
-)
+from robust.friction.bounds import divergence_velocity, steady_error_bound
+from robust.friction.loop import destabilizing_stiffness, friction_loop, loop_frequencies, mobility
 from robust.friction.proof.multipliers import (
     filter_rates,
     maxwell_slip_multipliers,

@@ -14,7 +14,7 @@ from benchmarks.bench_friction_attack import (
 )
 from robust import friction_plant, prove_friction
 from robust.friction import Bounded, Passive
-from robust.friction.plant import friction_loop
+from robust.friction.loop import friction_loop
 from tests.support.friction_loops import RIG, T, pd
 
 PASSIVE = Passive()

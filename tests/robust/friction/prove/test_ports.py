@@ -13,15 +13,8 @@ import robust
 from benchmarks.friction_ports import draw_case, draw_law, prove_case, run_case
 from nlfrf.rig import Drive
 from robust.friction import Bounded, Bristle, MaxwellSlip
-from robust.friction.plant import (
-    FrictionPlant,
-    destabilizing_stiffness,
-    friction_loop,
-    friction_plant,
-    loop_frequencies,
-    mobility,
-    two_mass_plant,
-)
+from robust.friction.loop import destabilizing_stiffness, friction_loop, loop_frequencies, mobility
+from robust.friction.plant import FrictionPlant, friction_plant, two_mass_plant
 from robust.friction.proof.dissipation import maxwell_slip_dissipation
 from robust.friction.proof.multipliers import (
     filter_rates,

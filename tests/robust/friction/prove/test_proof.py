@@ -12,8 +12,8 @@ from scipy.integrate import quad
 from nlfrf.rig import Drive
 from robust import friction_plant, prove_friction, sampled
 from robust.friction import Bounded, MaxwellSlip
+from robust.friction.loop import friction_loop, loop_frequencies, mobility
 from robust.friction.nominal import machines_of_nominal, undamped
-from robust.friction.plant import friction_loop, loop_frequencies, mobility
 from robust.friction.proof.dissipation import maxwell_slip_dissipation
 from robust.friction.proof.multipliers import (
     filter_rates,

@@ -21,9 +21,10 @@ from benchmarks.settling import (
 from robust import friction_plant, prove_friction, save
 from robust._base.states import FrictionVerdict
 from robust.friction import MaxwellSlip
+from robust.friction.bounds import steady_error_bound
 from robust.friction.exact.settling import Settling
 from robust.friction.exact.verify import verify_friction
-from robust.friction.plant import friction_loop, steady_error_bound
+from robust.friction.loop import friction_loop
 from robust.friction.proof.protocol import FrictionProof, ProofTask
 from robust.friction.proof.settling import largest_rest
 from robust.io import verify_certificate

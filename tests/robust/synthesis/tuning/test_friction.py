@@ -9,7 +9,7 @@ import pytest
 import robust
 from robust import friction_plant, tuning
 from robust.friction import Bounded, MaxwellSlip
-from robust.friction.plant import friction_loop, mobility
+from robust.friction.loop import friction_loop, mobility
 from robust.lti.sampling import sampled
 from robust.synthesis.tuning.friction import FrictionChannel
 from tests.robust.synthesis.tuning.test_gradients import differences, problem_of
