@@ -14,9 +14,11 @@ gains              singular values and relative gains of a measured matrix, with
 identify           from a periodic record to its `Bla`
 line_index         indices of the lines of a grid, and windows of neighbouring lines, computed once for each grid
 local_models       local polynomial and rational models of an FRF (LPM, LRM), and their residual: the roughness
+log_level          the log level of distortion on the windows of a grid: locally linear over frequency
 noise_excitation   the BLA from noise excitation, by Welch segments or local polynomials
 realizations       experiments with the same phases, merged; unequal amplitude spectra; low crest factors
 residual           the nonlinear residual: outputs without their linear part, on all lines
+scaled_f           scaled inverse chi-squares and the F distributions of their errors
 spectra            DFT of the periods of every channel: mean and scatter on the lines; transients subtracted
 zippered           the matrix where each line drives one input: columns interpolated between their own lines
 """

@@ -20,34 +20,38 @@ the first axis, the lines of a window (n,) on the second.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from nlfrf._base.arguments import data_warning
-from nlfrf._base.numbers import TINY, mean_power, rms
-from nlfrf._base.values import value
-from nlfrf.bla.calibration import FEW_LINES, MAX_SPECIAL_ODD_RATIO, cubic_variance, variance_ratio
+from nlfrf._base.numbers import TINY, clip, mean_power, rms
+from nlfrf.bla.calibration import MAX_SPECIAL_ODD_RATIO, cubic_variance, variance_ratio
 from nlfrf.bla.covariance import diagonal, inverse, sum_outer_products, to_correlation
 from nlfrf.bla.frf import FrmEstimate
 from nlfrf.bla.line_index import N_CACHED_GRIDS, LineIndex
 from nlfrf.bla.local_models import MIN_FIT_LINES, LocalFit, fit_locally, is_flat
+from nlfrf.bla.log_level import (
+    EVIDENCE_LINES,
+    expected_total,
+    fit_log_level,
+    level_from_roughness,
+    roughness_update,
+    window_coordinates,
+    windowed_mean,
+)
 from nlfrf.bla.residual import NonlinearResidual
+from nlfrf.bla.scaled_f import (
+    LOG_TAIL_PROBABILITIES,
+    f_quantile,
+    log_density_of_ratio,
+    match_scaled_f,
+    widened_dof,
+)
 from nlfrf.bla.spectra import Spectra
 from nlfrf.signals.lines import LineGrid
 
-#: Variance of the log of a calibration c about the truth: 1.1 dB, as measured over the plants of
-#: benchmarks/plants.py.
-_CALIBRATION_LOG_VARIANCE = 0.06
-#: The level is log-linear in a coordinate in which the prior of its slope is standard normal:
-#: lambda may change as f^+-1 (a hysteresis has f^-1 to f^-2) and by 5 % a line. Below four lines
-#: the logarithm of frequency is cut off: a level does not grow without end towards zero frequency.
-#: Halving either changes the loss by less than 0.5 %.
-_SLOPE_PER_LOG_FREQUENCY, _SLOPE_PER_LINE, _LOWEST_LINES = 1.0, 0.05, 4.0
-# neighbouring excited lines whose likelihoods weigh the hypotheses; 7 to 13 give the same loss
-_EVIDENCE_LINES = 9
 #: Roughness is distortion, or G bends within its window: equal prior weights. A bend gives any
 #: roughness from the level to e^7 above it, with equal density in dB. Half or twice that range
 #: changes the loss by 0.5 %.
@@ -66,8 +70,6 @@ _MIN_RELATIVE_COUNT = 0.1
 _MAX_OUTPUT_RATIO = 12.0
 # largest mean over a roughness window by its own line: lines far below carry no information
 _MAX_WINDOW_SHAPE = 30.0
-# a third step changes the radius by 0.2 % in the median, and by 6 % on one line in a hundred
-_N_SCORING_STEPS = 2
 # realisations whose scatter is better than the roughness, which may be too high
 _ENOUGH_REALIZATIONS = 7
 _ENOUGH_ROUGHNESS_LINES = 20  # lines on which roughness contains most of the distortion
@@ -75,10 +77,6 @@ _ENOUGH_ROUGHNESS_LINES = 20  # lines on which roughness contains most of the di
 #: share of them back: 0.3 to 0.6 by simulation of two to six outputs, with log-variances of the
 #: factor of 0.06 and 0.15.
 _COMMON_ERROR = 0.5
-#: Log of the tail probabilities at which the scaled F and the mixture have equal quantiles.
-_LOG_TAIL_PROBABILITIES = math.log(0.05), math.log(0.001)
-_LOG_TAILS = np.array(_LOG_TAIL_PROBABILITIES)[:, None]
-_N_NEWTON_STEPS = 3  # further steps change no radius by 5e-4
 
 
 class DistortionVariance(NamedTuple):
@@ -123,30 +121,6 @@ class _OutputVariance(NamedTuple):
     detected: np.ndarray
     # (F,) probability that the roughness is distortion; otherwise G bends
     rough_is_distortion: np.ndarray
-
-
-@value(copy=False)
-class WindowCoordinates:
-    """Coordinates of a grid for the log-linear fit, and its normal equations, which depend on the
-    grid alone.
-    """
-
-    # (n, F) position of each detection line of a window from its excited line, in standard
-    # deviations of the slope
-    x: np.ndarray
-    x_rough: np.ndarray  # (F,) mean position of the excited lines of a roughness window
-    # common, x_common: (F,) weight of the calibration error common to a window; the same times the
-    # sum of x over the window
-    common: float
-    x_common: np.ndarray
-    n_lines: float  # weight of the lines of a window for the level, as a number of lines
-    covariance: (
-        np.ndarray
-    )  # (3, F) inverse of the normal equations: level, level with slope, slope with its prior
-    dof: np.ndarray  # (F,) degrees of freedom of the level
-    # (F,) detection lines in the windows of nine neighbouring excited lines, over the length of one
-    # window
-    n_distinct: np.ndarray
 
 
 class _OutputData(NamedTuple):
@@ -274,7 +248,7 @@ def _estimate_output_variance(
         )
     elif row.rough is not None and row.dof_rough is not None:
         log_gamma = np.add.reduce(np.log(frm.gamma_of_set)) / len(frm.gamma)
-        log_level, dof = _level_from_roughness(
+        log_level, dof = level_from_roughness(
             excited.index, row.rough, nu=row.dof_rough, log_gamma=log_gamma
         )
         log_weight, factors = np.zeros(log_level.shape), ones[None]
@@ -394,8 +368,8 @@ def _pool_dof(found: list[_OutputVariance], count: np.ndarray) -> tuple[np.ndarr
     own = n_y / np.add.reduce([1 / one.dof for one in found])
     dof = own + _COMMON_ERROR * np.maximum(count - own, 0.0)
     return dof, np.array(
-        [one.var_bound * _f_quantile(one.dof, _LOG_TAIL_PROBABILITIES[0]) for one in found]
-    ) / _f_quantile(dof, _LOG_TAIL_PROBABILITIES[0])
+        [one.var_bound * f_quantile(one.dof, LOG_TAIL_PROBABILITIES[0]) for one in found]
+    ) / f_quantile(dof, LOG_TAIL_PROBABILITIES[0])
 
 
 def _normalize_weights(log_weight: np.ndarray) -> np.ndarray:
@@ -442,12 +416,12 @@ def _level_from_detection_lines(
     log_level, slope, likelihood = fit_log_level(
         power * level_scale / shape, np.log(shape), windows=windows, M=M
     )
-    evidence = _windowed_mean(likelihood, _EVIDENCE_LINES) * windows.n_distinct + prior[:, None]
+    evidence = windowed_mean(likelihood, EVIDENCE_LINES) * windows.n_distinct + prior[:, None]
     zeros = np.zeros(log_level.shape)
     detected = np.asarray(np.add.reduce(_normalize_weights(evidence) * np.exp(log_level)))
     if row.rough is None or row.dof_rough is None:
         return log_level, windows.dof + zeros, evidence, factors, detected
-    density, share, dof = _roughness_update(index, M, row.dof_rough.tobytes())
+    density, share, dof = roughness_update(index, M, row.dof_rough.tobytes())
     nu, rough = row.dof_rough, row.rough + TINY
     # one level over the whole window: estimated levels of its lines would scatter with the data
     # they are compared with
@@ -455,12 +429,12 @@ def _level_from_detection_lines(
     if row.noise is not None:
         noise = row.noise.take(here)
         over = over + noise / total * (_mean_over_window(noise, excited) - over)
-    over = _clip(over, 1.0, _MAX_WINDOW_SHAPE)
+    over = clip(over, 1.0, _MAX_WINDOW_SHAPE)
     ratio = np.log(rough / over) - log_level - slope * windows.x_rough
     both = np.empty((2, *ratio.shape))
     both[0] = density(ratio)  # as distortion
     np.subtract(np.minimum(nu * ratio, 0.0), math.log(_BEND_RANGE), out=both[1])  # as a bend
-    both = _windowed_mean(both, _EVIDENCE_LINES) * _ROUGHNESS_EVIDENCE
+    both = windowed_mean(both, EVIDENCE_LINES) * _ROUGHNESS_EVIDENCE
     pooled = np.maximum(1 + share * np.expm1(np.minimum(ratio, 50.0)), _MIN_RELATIVE_COUNT**2)
     return (
         np.concatenate([log_level + np.log(pooled), log_level]),
@@ -565,112 +539,6 @@ def _flat_input_cubic_counts(index: LineIndex) -> tuple[np.ndarray, np.ndarray]:
     return relative, factors
 
 
-_MIN_RELATIVE_POWER = 1e-10  # share of the largest expected power in a window
-
-
-def expected_total(
-    power: np.ndarray,
-    noise: np.ndarray,
-    *,
-    shape: np.ndarray,
-    factors: np.ndarray,
-    noise_here: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the expected power on the lines of a window (H, n, F) over that at its excited line,
-    and that (H, F).
-
-    The noise is known from the periods. The distortion d in q_j = d a_j + n_j is found by maximum
-    likelihood, with scoring for exponentially distributed powers (n, F). The first step has the
-    weights of the case without noise.
-    """
-    excess, floor = power - noise, noise + TINY
-    d = np.maximum(np.add.reduce(excess / shape, axis=1) / len(power), 0.0)
-    for _ in range(_N_SCORING_STEPS):
-        expected = d[:, None] * shape
-        expected += floor
-        # relative to the largest: squares of rounding errors underflow, and some powers are exactly
-        # zero
-        expected = np.maximum(
-            expected / np.maximum.reduce(expected, axis=1)[:, None], _MIN_RELATIVE_POWER
-        )
-        weighted = shape / (expected * expected)
-        d = np.maximum(
-            np.add.reduce(weighted * excess, axis=1) / np.add.reduce(weighted * shape, axis=1), 0.0
-        )
-    expected = d[:, None] * shape
-    expected += floor
-    total = d * factors + noise_here + TINY
-    return expected / total[:, None], total
-
-
-def fit_log_level(
-    y: np.ndarray, log_shape: np.ndarray, *, windows: WindowCoordinates, M: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Fit the log level at each line, its slope and the log likelihood (H, F) to whitened powers y
-    (H, n, F).
-
-    The likelihood is gamma with M degrees of freedom per line and a log-linear mean. The slope has
-    a standard normal prior; a calibration error is common to the window. Scoring has an information
-    matrix independent of the data.
-    """
-    x, n = windows.x, len(windows.x)
-    var_level, cov_slope, var_slope = windows.covariance
-    common = windows.common
-    mean = np.add.reduce(y, axis=1) / n
-    # the first step starts from the mean and zero slope: its residuals sum to zero
-    by_slope = M * np.add.reduce((y / mean[:, None] - 1) * x, axis=1)
-    # steps of at most 1.5: a single line far above the others would spoil the first one
-    level = np.log(mean) + _clip(cov_slope * by_slope, -1.5, 1.5)
-    slope = _clip(var_slope * by_slope, -1.5, 1.5)
-    for _ in range(1, _N_SCORING_STEPS):
-        rest = slope[:, None] * x
-        rest += level[:, None]
-        np.exp(np.negative(rest, out=rest), out=rest)
-        rest *= y
-        rest -= 1
-        sum_rest = np.add.reduce(rest, axis=1)
-        by_level = (M - common * n) * sum_rest
-        by_slope = (
-            M * np.add.reduce(np.multiply(rest, x, out=rest), axis=1)
-            - windows.x_common * sum_rest
-            - slope
-        )
-        level += _clip(var_level * by_level + cov_slope * by_slope, -1.5, 1.5)
-        slope += _clip(cov_slope * by_level + var_slope * by_slope, -1.5, 1.5)
-    expected = slope[:, None] * x
-    expected += level[:, None]
-    log_shape += expected
-    np.exp(np.negative(expected, out=expected), out=expected)
-    relative = np.add.reduce(np.multiply(y, expected, out=expected), axis=1)
-    likelihood = -M * (np.add.reduce(log_shape, axis=1) + relative)
-    return level, slope, likelihood - slope * slope / 2 + common / 2 * (relative - n) ** 2
-
-
-def _level_from_roughness(
-    index: LineIndex, rough: np.ndarray, *, nu: np.ndarray, log_gamma: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the log level and its degrees of freedom (1, F) from the roughness (F,) alone, with nu
-    degrees of freedom.
-
-    The level of G, gamma times that of the residual, has a small slope. At the ends of the band
-    windows are one-sided: the slope over three neighbouring windows, with its prior, extrapolates
-    the level.
-    """
-    rough = rough + TINY
-    if rough.size < FEW_LINES:  # one window, or two that overlap, do not show a slope
-        return np.log(rough)[None], nu[None]
-    x, F = _roughness_positions(index), rough.size
-    width = index.excited_windows.shape[1]
-    k = np.arange(F)
-    three = np.clip(k + width * np.array([[-1], [0], [1]]), 0, F - 1)
-    at = x[1].take(three) - x[1] + x[0].take(three)  # positions of their centres from this line
-    logs = (np.log(rough) + log_gamma).take(three)
-    centre, mean = np.add.reduce(at) / 3, np.add.reduce(logs) / 3
-    precision = nu * np.add.reduce((at - centre) ** 2) + 1.0
-    slope = nu * np.add.reduce((at - centre) * (logs - mean)) / precision
-    return (np.log(rough) - slope * x[0])[None], widened_dof(nu, x[0] ** 2 / precision)[None]
-
-
 def update_by_scatter(
     log_level: np.ndarray,
     dof: np.ndarray,
@@ -692,221 +560,11 @@ def update_by_scatter(
     dof = np.concatenate([dof, widened_dof(dof[-n_hypotheses:], _UNRELATED_LOG_VARIANCE)])
     weight = np.concatenate([log_weight + math.log(1 - _UNRELATED), alone + math.log(_UNRELATED)])
     ratio = np.minimum(np.log(scatter + TINY) - level, 500.0)
-    n_lines = min(_EVIDENCE_LINES, scatter.size)
-    weight = weight + n_lines * _windowed_mean(
-        log_density_of_ratio(float(nu), dof)(ratio), _EVIDENCE_LINES
+    n_lines = min(EVIDENCE_LINES, scatter.size)
+    weight = weight + n_lines * windowed_mean(
+        log_density_of_ratio(float(nu), dof)(ratio), EVIDENCE_LINES
     )
     return level + np.log((dof + nu * np.exp(ratio)) / (dof + nu)), dof + nu, weight
-
-
-def widened_dof(dof: np.ndarray, log_variance: np.ndarray | float) -> np.ndarray:
-    """Return the degrees of freedom of an inverse chi-square whose log variance is larger by
-    `log_variance`.
-
-    The variance of the log is trigamma(nu), 1/nu + 1/(2 nu^2) up to a third of 1/(2 nu^3).
-
-    Examples
-    --------
-    >>> widened_dof(np.array([6.0, 6.0]), np.array([0.0, 1.0])).round(2)
-    array([6. , 1.2])
-    """
-    variance = (1 + 0.5 / dof) / dof + np.maximum(log_variance, 0.0)
-    return np.asarray((1 + np.sqrt(1 + 2 * variance)) / (2 * variance))
-
-
-def match_scaled_f(
-    level: np.ndarray, dof: np.ndarray, weight: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return scale and degrees of freedom (F,) of the scaled F(2, 2 nu) that approximates a mixture
-    of them (C, F).
-
-    Both have equal quantiles at 95 % and, for all lines together, at 99.9 %: the r with sum_h w_h
-    (1 + r^2 / (nu_h s_h^2))^(-nu_h) = 1 - p, by Newton's method in log r from the mean of their
-    quantiles.
-
-    Examples
-    --------
-    A mixture of one component is that component.
-
-    >>> scale, dof = match_scaled_f(np.array([[2.0]]), np.array([[6.0]]), np.array([[1.0]]))
-    >>> scale.round(3), dof.round(1)
-    (array([2.]), array([6.]))
-    """
-    scale = dof * np.maximum(level, TINY)
-    x = np.log(
-        np.add.reduce(weight * scale * np.expm1(-_LOG_TAILS[..., None] / dof), axis=1)
-    )  # (2, F): both tails
-    for _ in range(_N_NEWTON_STEPS):
-        over = np.exp(x)[:, None] / scale
-        survival = np.exp(-dof * np.log1p(over))
-        survival *= weight
-        total = np.add.reduce(survival, axis=1)
-        over /= over + 1
-        over *= dof
-        survival *= over
-        rate = np.add.reduce(survival, axis=1) / total
-        x += _clip((np.log(total) - _LOG_TAILS) / np.maximum(rate, 1e-3), -2.0, 2.0)
-    near, far = x
-    ratios, dofs = _ratio_of_quantiles()
-    matched = np.exp(np.interp(near - far, ratios, dofs))
-    return np.exp(near) / _f_quantile(matched, _LOG_TAIL_PROBABILITIES[0]), matched
-
-
-def _f_quantile(dof: np.ndarray | float, tail: float) -> np.ndarray:
-    """Return the quantile of F(2, 2 dof) that is exceeded with probability exp(tail)."""
-    return np.asarray(dof * np.expm1(-tail / np.asarray(dof)))
-
-
-@lru_cache(maxsize=1)
-def _ratio_of_quantiles() -> tuple[np.ndarray, np.ndarray]:
-    """Return a table of log(95 % quantile of F(2, 2 nu) / 99.9 % quantile), increasing, and log nu,
-    from 0.2 to 1e5.
-    """
-    dofs = np.linspace(np.log(0.2), np.log(1e5), 800)
-    quantiles = np.log([_f_quantile(np.exp(dofs), tail) for tail in _LOG_TAIL_PROBABILITIES])
-    return quantiles[0] - quantiles[1], dofs
-
-
-def log_density_of_ratio(
-    nu: np.ndarray | float, dof: np.ndarray
-) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the log density of log(s1^2 / s2^2), s1^2 / s2^2 ~ F(2 nu, 2 dof): for two estimates
-    of one variance.
-    """
-    share = nu / dof
-    constant = nu * np.log(share) - _log_beta(np.asarray(nu, dtype=float), dof)
-
-    def log_density(log_ratio: np.ndarray) -> np.ndarray:
-        """Return the log density at log ratios (..., F)."""
-        over = share * np.exp(np.minimum(log_ratio, 500.0))
-        return np.asarray(nu * log_ratio - (nu + dof) * np.log1p(over) + constant)
-
-    return log_density
-
-
-def _log_beta(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the log of the beta function, by Stirling's series two above each argument: within
-    1e-5.
-    """
-    x = np.empty((3, *np.broadcast_shapes(a.shape, b.shape)))
-    x[0], x[1], x[2] = a, b, a + b
-    up = x + 2
-    log_gamma = (
-        (up - 0.5) * np.log(up)
-        - up
-        + 1 / (12 * up)
-        - 1 / (360 * up * up * up)
-        - np.log(x * (x + 1))
-    )
-    return np.asarray(log_gamma[0] + log_gamma[1] - log_gamma[2] + 0.5 * math.log(2 * math.pi))
-
-
-def _clip(x: np.ndarray, least: float, most: float) -> np.ndarray:
-    """Return `numpy.clip` without its checks of arguments, which dominate for short arrays."""
-    return np.minimum(np.maximum(x, least), most)
-
-
-@lru_cache(maxsize=N_CACHED_GRIDS)
-def window_coordinates(index: LineIndex, M: int) -> WindowCoordinates:
-    """Return the coordinates and normal equations of a grid, for M realisations."""
-    lines = index.lines[index.excited].astype(float)
-    near = index.odd_windows.T
-    n, F = near.shape
-    x = slope_coordinate(index.detection[near].astype(float), lines)
-    # the calibration error is a normal effect common to the window: Woodbury's identity includes it
-    # in the weights
-    common = _CALIBRATION_LOG_VARIANCE * M * M / (1 + _CALIBRATION_LOG_VARIANCE * n * M)
-    x_sum = x.sum(axis=0)
-    one = np.full(F, n * M - common * n * n)
-    cross, two = (M - common * n) * x_sum, M * (x * x).sum(axis=0) - common * x_sum * x_sum + 1.0
-    covariance = np.array([two, -cross, one]) / (one * two - cross * cross)
-    several = min(_EVIDENCE_LINES, F)
-    around = np.sort(
-        near.T[_centred_windows(F, several)[:, None] + np.arange(several)].reshape(F, -1), axis=1
-    )
-    distinct = (1 + np.count_nonzero(around[:, 1:] != around[:, :-1], axis=1)) / n
-    return WindowCoordinates(
-        x=x,
-        x_rough=_roughness_positions(index)[0],
-        common=common,
-        x_common=common * x_sum,
-        n_lines=n * M - common * n * n,
-        covariance=covariance,
-        dof=widened_dof(one, covariance[0] - 1 / one),
-        n_distinct=distinct,
-    )
-
-
-@lru_cache(maxsize=N_CACHED_GRIDS)
-def _roughness_update(
-    index: LineIndex, M: int, dof_rough: bytes
-) -> tuple[Callable[[np.ndarray], np.ndarray], np.ndarray, np.ndarray]:
-    """Return the data-independent part of an update by roughnesses with degrees of freedom (F,),
-    given as bytes.
-
-    Returns
-    -------
-    density : callable
-        Log density of the log ratio of the roughness to the level that detection lines predict for
-        it.
-    gain : (F,) ndarray
-        Share of their difference that is added to the level.
-    dof : (F,) ndarray
-        Degrees of freedom of the updated level.
-    """
-    nu, windows = np.frombuffer(dof_rough), window_coordinates(index, M)
-    x, (var_level, cov_slope, var_slope) = windows.x_rough, windows.covariance
-    var_here = var_level + 2 * x * cov_slope + x * x * var_slope
-    cov_here = var_level + x * cov_slope
-    gain = cov_here / (var_here + 1 / nu)
-    # two chi-squares pool by their line counts; the uncertainty of the slope is added
-    by_count = 1 / (windows.n_lines + nu)
-    return (
-        log_density_of_ratio(nu, 1 / var_here),
-        gain,
-        widened_dof(1 / by_count, var_level - gain * cov_here - by_count),
-    )
-
-
-@lru_cache(maxsize=N_CACHED_GRIDS)
-def _roughness_positions(index: LineIndex) -> np.ndarray:
-    """Return (2, F) coordinates: mean of a roughness window from its line, and each line from the
-    first one.
-    """
-    lines = index.lines[index.excited].astype(float)
-    around = slope_coordinate(lines[index.excited_windows.T], lines)
-    positions = np.array([around.mean(axis=0), slope_coordinate(lines, lines[:1])])
-    positions.flags.writeable = False
-    return positions
-
-
-def slope_coordinate(at: np.ndarray, line: np.ndarray) -> np.ndarray:
-    """Return the signed distance between lines, in standard deviations of the change of the log
-    level.
-    """
-    by_frequency = _SLOPE_PER_LOG_FREQUENCY * np.log((at + _LOWEST_LINES) / (line + _LOWEST_LINES))
-    by_line = _SLOPE_PER_LINE * (at - line)
-    return np.asarray(np.copysign(np.hypot(by_frequency, by_line), at - line))
-
-
-def _windowed_mean(x: np.ndarray, n: int) -> np.ndarray:
-    """Return the mean over n neighbours of each entry along the last axis; at the ends over the
-    first or last n.
-    """
-    size = x.shape[-1]
-    n = min(n, size)
-    sums = np.zeros((*x.shape[:-1], size + 1))
-    np.add.accumulate(x, axis=-1, out=sums[..., 1:])
-    means = (sums[..., n:] - sums[..., :-n]) / n
-    return means.take(_centred_windows(size, n), axis=-1)
-
-
-@lru_cache(maxsize=N_CACHED_GRIDS)
-def _centred_windows(size: int, n: int) -> np.ndarray:
-    """Return for each of `size` entries the first index of the window of n entries most nearly
-    centred on it.
-    """
-    return np.clip(np.arange(size) - n // 2, 0, size - n)
 
 
 def _variance_on_even_lines(index: LineIndex, row: _OutputData) -> np.ndarray:

@@ -9,19 +9,16 @@ from scipy import special, stats
 from benchmarks.coverage import frfs, relative_loss
 from benchmarks.plants import PLANTS, played
 from nlfrf import Record, identify, multisine, reduce_crest
-from nlfrf.bla.distortion import (
+from nlfrf.bla.distortion import cubic_count_ratios, update_by_scatter
+from nlfrf.bla.line_index import index_lines
+from nlfrf.bla.log_level import (
     WindowCoordinates,
-    cubic_count_ratios,
     expected_total,
     fit_log_level,
-    log_density_of_ratio,
-    match_scaled_f,
     slope_coordinate,
-    update_by_scatter,
-    widened_dof,
     window_coordinates,
 )
-from nlfrf.bla.line_index import index_lines
+from nlfrf.bla.scaled_f import log_density_of_ratio, match_scaled_f, widened_dof
 from nlfrf.signals import LineGrid
 
 GRID = LineGrid(
