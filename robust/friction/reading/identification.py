@@ -17,49 +17,50 @@ from nlfrf._base.numbers import smallest_step
 from nlfrf._base.values import value
 from robust.friction.reading.balance import (
     COARSE,
-    EXPLAINED_BY_TWO,
     FINE,
-    FORCE_ERROR,
-    HALF_WIDTH,
     KNOWN_IN_MOTION,
     LOAD,
     MEDIUM,
-    REFUTED,
-    REPORTED,
     SHRINKAGE,
     STEP,
     STEPS_PER_CYCLE,
-    WORTH,
     Candidate,
     Motion,
-    NumbersRead,
     as_real,
-    derived_numbers,
-    deviations,
     element_spectra,
-    escape,
     force_of_motion,
-    gain_of,
-    largest_share,
-    mode_error,
     motion_of_record,
-    number_facts,
     pack,
     reaction_of_load,
-    refine,
     residual_of,
+)
+from robust.friction.reading.intervals import FORCE_ERROR, derived_numbers, deviations, mode_error
+from robust.friction.reading.levels import FEWEST_LINES, require_levels
+from robust.friction.reading.load import linear_load, start_with_load
+from robust.friction.reading.numbers import (
+    HALF_WIDTH,
+    REPORTED,
+    NumbersRead,
+    number_facts,
+    unit_of,
+    units_of,
+)
+from robust.friction.reading.search import (
+    EXPLAINED_BY_TWO,
+    REFUTED,
+    WORTH,
+    escape,
+    gain_of,
+    largest_share,
+    refine,
     reweight,
     search,
     settle,
     share_left,
     start_candidates,
     tangent_of,
-    unit_of,
-    units_of,
     with_branches,
 )
-from robust.friction.reading.levels import FEWEST_LINES, require_levels
-from robust.friction.reading.load import linear_load, start_with_load
 from robust.friction.units import format_length
 from robust.pages.text import format_facts
 

@@ -11,28 +11,24 @@ import nlfrf
 from nlfrf._base.arguments import short_form
 from nlfrf._base.values import value
 from robust.friction.reading.balance import (
-    FORCE_ERROR,
     MODEL_ERROR,
-    N_PASSES,
     Candidate,
     Motion,
-    NumbersRead,
     Terms,
+    motion_of_record,
+    pack,
+)
+from robust.friction.reading.intervals import (
+    FORCE_ERROR,
     derived_numbers,
     deviations,
-    extend,
     mode_error,
     mode_term,
-    motion_of_record,
-    number_facts,
-    pack,
-    refine,
-    reweight,
-    unit_of,
-    units_of,
 )
 from robust.friction.reading.levels import require_si, weighted_mean
 from robust.friction.reading.load import fit_sliding_level
+from robust.friction.reading.numbers import NumbersRead, number_facts, unit_of, units_of
+from robust.friction.reading.search import N_PASSES, extend, refine, reweight
 from robust.pages.text import format_facts
 
 #: Numbers of a load that are estimated in addition to those of the whole.

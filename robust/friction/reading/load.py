@@ -18,7 +18,6 @@ from nlfrf._base.values import value
 from robust.friction.reading.balance import (
     Candidate,
     Motion,
-    NumbersRead,
     Terms,
     actuated_force,
     as_real,
@@ -26,6 +25,7 @@ from robust.friction.reading.balance import (
     linear_columns,
     residual_of,
 )
+from robust.friction.reading.numbers import NumbersRead
 
 #: Grid: antiresonances in the band, relative dampings, delays (in steps of half a radian at the
 #: highest line), and Coulomb elements from a share of the swing to half of it. All are starts:

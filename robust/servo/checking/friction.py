@@ -22,18 +22,18 @@ from robust.friction.plant import FrictionPlant
 from robust.friction.proof.protocol import FrictionClass, FrictionProof
 from robust.friction.proof.prove import prove_all, prove_friction
 from robust.friction.reading.assumed_class import ASSUMPTION_NOTE, MachineWithFriction
-from robust.friction.reading.balance import (
+from robust.friction.reading.force import FrictionForce, edge_of_level, friction_of_period
+from robust.friction.reading.from_fit import interval_at_port, largest_damping, machines_of_fit
+from robust.friction.reading.identification import FrictionFit, identify_friction
+from robust.friction.reading.in_motion import SlidingFit
+from robust.friction.reading.machine_with_friction import machine_with_friction
+from robust.friction.reading.numbers import (
     HALF_WIDTH,
     REPORTED,
     format_rounded,
     number_facts,
     unit_of,
 )
-from robust.friction.reading.force import FrictionForce, edge_of_level, friction_of_period
-from robust.friction.reading.from_fit import interval_at_port, largest_damping, machines_of_fit
-from robust.friction.reading.identification import FrictionFit, identify_friction
-from robust.friction.reading.in_motion import SlidingFit
-from robust.friction.reading.machine_with_friction import machine_with_friction
 from robust.friction.units import format_length, format_plain
 from robust.pages.section import Fact, Section
 from robust.servo.checking.cures import FrictionCure, friction_cures

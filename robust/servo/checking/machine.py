@@ -14,8 +14,9 @@ from nlfrf._base.arguments import (
 )
 from nlfrf.rig import Drive
 from robust.analysis.performance import classical_margins
-from robust.friction.reading.balance import HALF_WIDTH, motion_of_record
+from robust.friction.reading.balance import motion_of_record
 from robust.friction.reading.in_motion import fit_linear
+from robust.friction.reading.numbers import HALF_WIDTH
 from robust.lti.connections import in_series
 from robust.lti.lti import response
 from robust.models.fit.nominal import NominalFit

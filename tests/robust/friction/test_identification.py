@@ -34,15 +34,15 @@ from robust.friction.reading.balance import (
     Candidate,
     Motion,
     Terms,
-    covariances_of,
     element_spectra,
     motion_of_record,
     reaction_of_load,
     residual_of,
     slopes_of,
-    with_branches,
 )
 from robust.friction.reading.identification import without_noisy_lines
+from robust.friction.reading.intervals import covariances_of
+from robust.friction.reading.search import with_branches
 from robust.pages.text import format_sections
 from robust.servo import cascade
 from robust.servo.checking.friction import judge_friction
