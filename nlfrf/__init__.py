@@ -3,18 +3,16 @@ multisine experiment.
 
     multisine -> Record -> identify -> Bla
 
-`dir(nlfrf)` lists the names for most scripts. The rest is in submodules, each loaded at its first
-use:
+`dir(nlfrf)` lists the names that most scripts need. The other public names are in submodules:
 
-    nlfrf.io          files: records, results, designs, inspection
-    nlfrf.rig         simulated machines: the friction rig, the stage, the servo axis, a controller around them
+    nlfrf.io          files: records, results, FRFs and drive traces
+    nlfrf.rig         simulated machines: a mass with friction, a two-axis stage, a servo axis
     nlfrf.friction    friction laws
-    nlfrf.hysteresis  virgin curves of presliding friction
-    nlfrf.bla         levels of distortion, gains of a matrix, the second opinion
-    nlfrf.signals     grids of lines, multisines for several inputs
+    nlfrf.hysteresis  force over displacement of friction before it slides
+    nlfrf.bla         singular values and relative gains of a measured matrix
+    nlfrf.signals     excited and detection lines, experiments on a running drive
     nlfrf.plot        pictures
 
-Each public name is in one place.
 """
 
 import lazy_loader

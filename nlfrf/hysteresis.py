@@ -1,4 +1,5 @@
-"""Hysteresis with non-local memory: virgin curves, and the force they give along a path.
+"""Hysteresis of friction before it slides: virgin curves (force on the way out from rest), and the
+force along any path.
 
 This module collects the public names of `nlfrf.rig.laws.curves` and `nlfrf.rig.laws.hysteresis`.
 """

@@ -145,9 +145,9 @@ HOLDS = ("band-limited", "zoh", "unknown")
 
 
 class DataWarning(UserWarning):
-    """A result that is usable but suspicious: the data or the grid limit its meaning.
+    """Warning that a result can be used with caution only; its text states the reason.
 
-    Make it an error to stop at every suspicious result.
+    To stop at every such warning, make it an error:
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A progress bar for any count of finished work, on a terminal or in a notebook."""
+"""A progress bar, on a terminal or in a notebook."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ _ERASE_LINE = "\r\x1b[2K"
 
 
 def progress_bar(label: str = "") -> _ProgressBar:
-    """Return a progress bar for an argument ``progress=``: in a notebook below the cell, else on
-    standard error.
+    """Return a progress bar to give to functions that have an argument `progress`.
+
+    It is shown below the cell in a notebook, and on standard error in a terminal.
 
     Parameters
     ----------
@@ -28,13 +29,13 @@ def progress_bar(label: str = "") -> _ProgressBar:
     Returns
     -------
     callable
-        Takes the number done and the total. Nothing is shown if standard error is a file. Its
-        method `timed` is for `robust.tune`, which has a time limit.
+        Call it with the number of finished steps and their total. It shows nothing if standard
+        error is a file. For `robust.tune`, which has a time limit, give its method `timed`.
 
     Raises
     ------
     ValueError
-        The label is no text.
+        `label` is not a text.
 
     Examples
     --------
@@ -64,9 +65,7 @@ class _ProgressBar:
         self.show(done, total, f"{done} of {total}")
 
     def timed(self, n_evaluated: int, best: float, left: float) -> None:
-        """Show a search with a time limit: evaluations, the best value so far, and the seconds
-        left.
-        """
+        """Show a search with a time limit: number of evaluations, best value so far, seconds left."""
         passed = time.monotonic() - self.begun
         self.show(passed, passed + left, f"{n_evaluated} evaluations, best {best:.4g}")
 

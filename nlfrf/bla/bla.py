@@ -1,9 +1,8 @@
 """`Bla`: the best linear approximation of a nonlinear system, its variances, and the bound on its
 distortion.
 
-One type serves any number of channels: Cov(vec G) = conj(gamma) kron cov (Pintelon & Schoukens, 2nd
-ed., 2.7). A 1 x 1 matrix is a scalar with one variance per line, and every function of a matrix
-accepts it.
+The class serves any number of inputs and outputs. For a matrix G, Cov(vec G) = conj(gamma) kron cov
+(Pintelon & Schoukens, 2nd ed., 2.7). For one input and one output G has one variance per line.
 """
 
 from __future__ import annotations
@@ -47,17 +46,19 @@ class Experiment:
     Fields
     ------
     grid : str
-        Kind of the grid, as recognised.
+        Kind of the harmonic grid, recognised from the excited lines: "special-odd", "full", ...
     design : str
-        "orthogonal" or "zippered", as recognised.
+        For several inputs: "orthogonal" if every experiment excites all inputs on all lines,
+        "zippered" if each line excites one input.
     n_samples : int
         Samples N in one period.
     n_realizations, n_periods : int
-        Realisations M and periods P; for several inputs M is the number R of sets of experiments.
+        Number of realisations M and of periods P. For several inputs M is the number of sets of n_u
+        experiments.
     n_experiments : int
-        Experiments: M for one input; for several inputs n_u in each of R sets.
+        Number of experiments: M for one input, n_u M for several inputs.
     transient : str
-        Treatment of the transient: "none", "discard" or "local".
+        Treatment of the transient: "none", "discard" or "local", as in `identify`.
 
     References
     ----------
@@ -88,18 +89,20 @@ class Experiment:
 
 @value(copy=False)
 class Covariances:
-    """Covariances of the residual Y - G U for ONE experiment, line by line; Cov(vec G) =
-    conj(gamma) kron each of them.
+    """Covariances of the residual Y - G U of one experiment, on each excited line.
+
+    Each of them gives a covariance of the estimate: Cov(vec G) = conj(gamma) kron cov.
 
     Fields
     ------
     gamma : (n_u, n_u, F) complex ndarray
-        Factor from the covariance of the residual to Cov(vec G). Diagonal, 1/(M A_i^2), in open
-        loop; full in closed loop. Ones for one input and one output: the others are then variances
-        of G itself.
+        Factor from the covariance of the residual to Cov(vec G). In open loop it is diagonal with
+        1/(M A_i^2), A_i the amplitude of input i. In closed loop it is full. For one input and one
+        output it is 1, and the other fields are variances of G itself.
     noise, total, distortion, even, bound : (n_y, n_y, F) complex ndarray
-        Covariance by noise; by noise and distortion; by distortion, without negative eigenvalues;
-        on the even lines, noise included; and the one behind `Bla.bound` and `Bla.block`.
+        Covariance due to: noise; noise and distortion; distortion alone, with negative eigenvalues
+        set to zero; everything on the even detection lines, noise included. `bound` is the
+        covariance that `Bla.bound` and `Bla.block` use.
 
     References
     ----------
@@ -127,50 +130,53 @@ class Covariances:
 
 @value
 class Bla(Channels):
-    """Best linear approximation of a nonlinear system on the excited lines, with its variances; any
-    number of channels.
+    """Best linear approximation (BLA) of a nonlinear system on the excited lines, with its
+    variances.
 
-    `identify` returns it. Every variance is E|.|^2 of a complex number, per excited line. For one
-    input and one output the fields are (F,) arrays. For several channels the covariance of the
-    matrix has two factors, which `cov` contains: Cov(vec G) = conj(gamma) kron cov, vec stacking
-    columns.
+    `identify` returns it. Every variance is E|.|^2 of a complex error, one number per excited line.
+    For one input and one output the fields are (F,) arrays. For several channels G is a matrix on
+    each line. Its covariance is Cov(vec G) = conj(gamma) kron cov; vec stacks the columns, and
+    `cov` contains both factors.
 
     Fields
     ------
     f : (F,) ndarray
         Excited frequencies [Hz].
     G : (F,) or (n_y, n_u, F) complex ndarray
-        The best linear approximation, unit of y over unit of u.
+        The best linear approximation [unit of y over unit of u].
     lines : LineGrid
-        Excited and detection lines.
+        Excited lines, and detection lines (lines left without excitation to show the distortion).
     fs : float
         Sampling frequency [Hz].
     experiment : Experiment
         Grid, period and realisations of the measurement.
     level_source : str
-        Source of the distortion level: "detection" (lines without excitation), "roughness" (of the
-        FRF over the excited lines), "realizations" (scatter over M >= 2 experiments), or
-        "realizations and detection".
+        Source of the distortion variance: "detection" (output on the detection lines), "roughness"
+        (scatter of the FRF between neighbouring lines), "realizations" (scatter over M >= 2
+        realisations), or "realizations and detection". A `Bla` from an FRF has "std" or
+        "coherence".
     dof : (F,) ndarray
-        Complex degrees of freedom behind the bound.
+        Complex degrees of freedom of the variance in the bound.
     grid_factor : (F,) ndarray
-        Variance at an excited line over the mean on its window of detection lines, as applied; ones
-        if no detection lines were used.
+        Factor from the mean variance on the detection lines near an excited line to the variance on
+        that line. Ones if no detection lines were used.
     levels : DistortionLevels, or a tuple of them, one per output
-        Output amplitudes on excited and detection lines.
+        Output amplitudes on the excited and the detection lines.
     cov : Covariances
-        Covariances by noise, by distortion, and behind the bound.
+        Covariances due to noise and due to distortion, and the covariance that the bound uses.
     typical : float
-        Ratio of expected to observed distortion power: a realisation with random phases distorts
-        more than those measured, by the cube of their input, with a ratio from 1 to 3. Inputs with
-        low peaks distort less, whether by chance or by choice. If their peaks are lower than those
-        of one realisation in twenty, the ratio is squared, as a fifth power needs it; with fewer
-        than 27 lines it is always squared, from 0.6 to 6. For several inputs the mean over them.
+        Distortion power expected for random phases, over that of the measured realisations. An
+        input with low peaks excites less distortion; the ratio is computed for a cubic nonlinearity
+        and lies between 1 and 3. It is squared, as a fifth power needs it, in two cases. The first
+        is a realisation with lower peaks than 19 in 20 have. The second is a record with fewer than
+        27 lines; the result then lies between 0.6 and 6. For several inputs it is the mean over the
+        inputs.
     coherence : (F,) ndarray
-        Share of the output power that is linear in the input, for noise excitation
-        (`identify_noise`); nan for periodic records, which separate distortion from noise.
+        Fraction of the output power that is linear in the input, for noise excitation
+        (`identify_noise`). nan for periodic records.
     hold : str
-        Inputs between their samples, as in `Record`: with "zoh" G includes the hold of 1/fs.
+        Inputs between their samples, as in `Record`. With "zoh" G includes the zero-order hold over
+        1/fs.
     inputs, outputs, input_units, output_units : tuple of str
         Names and units of the channels, as in `Record`.
     warnings : tuple of str
@@ -179,7 +185,7 @@ class Bla(Channels):
     Raises
     ------
     ValueError
-        The shapes of the parts do not fit.
+        The shapes of the fields do not fit each other.
 
     References
     ----------
@@ -190,7 +196,7 @@ class Bla(Channels):
 
     Examples
     --------
-    A weak cube: by Bussgang the BLA is 2 + 0.3, up to the contribution of the line itself.
+    y = 2 u + 0.1 u^3, with u near Gaussian of variance 1: its BLA is nearly 2 + 3 * 0.1.
 
     >>> import nlfrf
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=2)
@@ -199,7 +205,7 @@ class Bla(Channels):
     >>> bool(np.all(np.abs(bla.G - 2.3) < bla.bound(simultaneous=True)))
     True
 
-    Two inputs, two outputs, a weak cube of the first input.
+    Two inputs and two outputs, with 0.1 u_1^3 in the first output.
 
     >>> ms = nlfrf.multisine(fs=256, n_samples=256, f_min=1, f_max=100, n_inputs=2, rng=1)
     >>> u = np.repeat(ms.u[:, :, None], 2, axis=2)                       # two periods
@@ -262,47 +268,49 @@ class Bla(Channels):
 
     @property
     def is_single(self) -> bool:
-        """True if the plant has one input and one output, so that arrays have no axes of
-        channels.
-        """
+        """True if the plant has one input and one output; arrays then have no axes of channels."""
         return bool(self.G.ndim == 1)
 
     @property
     def matrix(self) -> np.ndarray:
-        """(n_y, n_u, F) complex: G with its axes of channels, also for one input and one output."""
+        """(n_y, n_u, F) complex ndarray: G with axes of channels, also for one input and one
+        output.
+        """
         return self.G.reshape(self.n_outputs, self.n_inputs, self.f.size)
 
     @property
     def var_noise(self) -> np.ndarray:
-        """(F,) or (n_y, n_u, F) variance of G by noise; nan for P = 1."""
+        """(F,) or (n_y, n_u, F) variance of G due to noise; nan for one period."""
         return self.entries(self.cov.noise)
 
     @property
     def var_total(self) -> np.ndarray:
-        """(F,) or (n_y, n_u, F) variance of G by noise and distortion; always finite."""
+        """(F,) or (n_y, n_u, F) variance of G due to noise and distortion; always finite."""
         return self.entries(self.cov.total)
 
     @property
     def var_distortion(self) -> np.ndarray:
-        """(F,) or (n_y, n_u, F) variance by distortion of the FRF of one realisation about the BLA.
+        """(F,) or (n_y, n_u, F) variance, due to distortion, of the FRF of one realisation about
+        the BLA.
 
-        It does not shrink with M. For P = 1 it contains the noise.
+        It does not decrease with the number of realisations. For one period it contains the noise.
         """
         return self.experiment.n_realizations * self.entries(self.cov.distortion)
 
     @property
     def var_even(self) -> np.ndarray:
-        """(F,) or (n_y, n_u, F) variance of the FRF of one realisation from the even lines; nan
-        without them.
+        """(F,) or (n_y, n_u, F) variance of the FRF of one realisation, from the even detection
+        lines; nan without even detection lines.
         """
         return self.experiment.n_realizations * self.entries(self.cov.even)
 
     @property
     def var_bound(self) -> np.ndarray:
-        """(F,) or (n_y, n_u, F) scale of the bound: |G - G_BLA|^2 / var_bound ~ F(2, 2 dof).
+        """(F,) or (n_y, n_u, F) variance in the bound: |G - G_BLA|^2 / var_bound ~ F(2, 2 dof).
 
-        One statistical model pools detection lines, roughness and scatter over realisations
-        (docs/guide/distortion.md). Its quantiles at 95 and 99.9 % are those of the model.
+        A statistical model estimates it from detection lines, roughness and scatter over
+        realisations (docs/guide/distortion.md). The F distribution has the 95 % and 99.9 %
+        quantiles of that model.
         """
         return self.entries(self.cov.bound)
 
@@ -327,16 +335,14 @@ class Bla(Channels):
 
     @property
     def upper_limit(self) -> np.ndarray:
-        """(F,) or (n_y, n_u, F) bool: distortion is below the noise here, so its level is an upper
-        limit.
+        """(F,) or (n_y, n_u, F) bool: True where the distortion is below the noise, so that its
+        variance is an upper limit.
         """
         noise = np.apply_along_axis(local_mean, -1, np.nan_to_num(self.var_noise), 13)
         return np.asarray(self.var_total < 2 * noise)
 
     def covariance_of(self, of: str) -> np.ndarray:
-        """Return the (n_y, n_y, F) covariance of one experiment for the bound of the BLA, or of a
-        realisation.
-        """
+        """Return the (n_y, n_y, F) covariance of one experiment that `bound` uses for this `of`."""
         require_choice("of", of, ("bla", "realization"))
         if of == "bla":
             return self.cov.bound
@@ -352,22 +358,22 @@ class Bla(Channels):
     def bound(
         self, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False
     ) -> np.ndarray:
-        """Return the radius of the disc around G, or around each entry of it, that contains the
-        true value.
+        """Return the radius of the disc around G, or around each entry of G, that contains the true
+        FRF.
 
-        Use `block` for a set that contains the whole matrix.
+        For a set that contains the whole matrix G, use `block`.
 
         Parameters
         ----------
         confidence : float
             Probability, strictly between 0 and 1.
         of : str
-            "bla": the disc contains the best linear approximation itself. "realization": it
-            contains the FRF of a new realisation of the same excitation; a controller has to cope
-            with this one.
+            "bla": the disc contains the best linear approximation. "realization": the disc contains
+            the FRF for new random phases of the same excitation. Use "realization" for control,
+            because signals in a loop have other phases.
         simultaneous : bool
-            False: the probability holds line by line, so at 95 % about one line in twenty lies
-            outside. True: it holds for all lines (and all entries) together.
+            False: the probability holds on each line, so at 95 % the true FRF is outside on about
+            one line in twenty. True: the probability holds for all lines and all entries together.
 
         Returns
         -------
@@ -384,22 +390,22 @@ class Bla(Channels):
     def block(
         self, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return left and right of the set {G + left Delta right, sigma_max(Delta) <= 1} that
-        contains the matrix.
+        """Return `left` and `right` of the set {G + left Delta right, sigma_max(Delta) <= 1}, which
+        contains the true matrix.
 
-        It follows from the exact law of the largest singular value of C^-1/2 dG gamma^-1/2 (Roy's
-        largest root), which has no unknown parameters. An ellipsoid would gain nothing: the
-        smallest destabilising Delta has rank one.
+        With C the covariance of one experiment and dG the error of G, the largest singular value of
+        C^-1/2 dG gamma^-1/2 has a known distribution (Roy's largest root). x_p is the p-quantile of
+        its square.
 
         Parameters
         ----------
         confidence, of, simultaneous
-            As in `bound`; simultaneous: for all lines together.
+            As in `bound`.
 
         Returns
         -------
         left, right : (n_y, n_y, F), (n_u, n_u, F) complex ndarray
-            With left left^H = x_p C and right^H right = gamma.
+            Factors with left left^H = x_p C and right^H right = gamma.
         """
         p = require_probability("confidence", confidence)
         if simultaneous:
@@ -411,8 +417,7 @@ class Bla(Channels):
         )
 
     def f_quantile(self, confidence: float = 0.95, *, simultaneous: bool = False) -> np.ndarray:
-        """Return the quantile of F(2, 2 dof): squared modulus of a complex normal over its
-        estimated variance.
+        """Return the quantile of |G - G_BLA|^2 / var_bound, which has the distribution F(2, 2 dof).
 
         Parameters
         ----------
@@ -424,7 +429,8 @@ class Bla(Channels):
         Returns
         -------
         (F,) ndarray
-            From 3.00 for a known variance to 3.89 for six complex degrees of freedom, at 95 %.
+            Quantile on each line. At 95 % it is 3.00 for a known variance and 3.89 for six complex
+            degrees of freedom.
 
         References
         ----------
@@ -437,12 +443,11 @@ class Bla(Channels):
         return np.asarray(self.dof * np.expm1(-np.log1p(-p) / self.dof))
 
     def distorted_share(self) -> np.ndarray:
-        """Return the (F,) or (n_y, F) share of distortion in `var_bound`: a new realisation
-        scatters by it alone.
+        """Return the (F,) or (n_y, F) fraction of `var_bound` that is due to distortion.
 
-        If noise dominates, total less noise is negative on every second line. So the difference is
-        taken over nine lines, with an allowance for chance. A single line with a larger share
-        counts by itself.
+        Where noise dominates, total minus noise is negative on every second line. So the difference
+        is averaged over nine lines, and increased by an allowance for its scatter. A single line
+        with a larger fraction keeps its own value.
         """
         noise = diagonal(np.nan_to_num(self.cov.noise))
         if not noise.any():
@@ -459,19 +464,22 @@ class Bla(Channels):
         return share[0] if self.is_single else share
 
     def systematic(self, decibels: float = 8.0) -> np.ndarray:
-        """Estimate the order of magnitude of |G_BLA - G_0|, with G_0 the FRF of the linear part
-        alone: not a bound.
+        """Estimate the order of magnitude of |G_BLA - G_0|, G_0 being the FRF without the
+        nonlinearity.
+
+        This is a rule of thumb and not a bound.
 
         Parameters
         ----------
         decibels : float
-            Distance of the systematic part above the odd detection level [dB]. A pure cubic on a
-            special-odd grid has 7.7, friction near its resonance more.
+            Assumed ratio of |G_BLA - G_0| |U| to the distortion amplitude on odd detection lines
+            [dB]. For a static cubic on a special-odd grid it is 7.7 dB. For friction near a
+            resonance it is larger.
 
         Returns
         -------
         (F,) or (n_y, n_u, F) ndarray
-            |G_BLA - G_0|, roughly, in the unit of G.
+            Estimate of |G_BLA - G_0|, in the unit of G.
 
         References
         ----------
@@ -483,7 +491,7 @@ class Bla(Channels):
         )
 
     def entry(self, output: int, input: int) -> Bla:
-        """Return one entry as a `Bla` with one input and one output."""
+        """Return one entry of the matrix as a `Bla` with one input and one output."""
         j, i = require_integer("output", output, least=0), require_integer("input", input, least=0)
         if j >= self.n_outputs or i >= self.n_inputs:
             raise ValueError(
@@ -507,7 +515,7 @@ class Bla(Channels):
         )
 
     def every(self, step: int) -> Bla:
-        """Return the `Bla` on every `step`-th excited line, for a fit that needs fewer lines."""
+        """Return the `Bla` on every `step`-th excited line."""
         some = slice(None, None, require_integer("step", step, least=1))
         cov = replace(self.cov.map(lambda part: part[..., some]), gamma=self.cov.gamma[..., some])
         levels = [
@@ -532,22 +540,23 @@ class Bla(Channels):
 
     def times(self, factor: np.ndarray, *, output_unit: str | Sequence[str] | None = None) -> Bla:
         """Return the `Bla` with G multiplied by a factor (F,), and its variances by the squared
-        modulus.
+        modulus of the factor.
 
         The output amplitudes in `levels` stay as measured.
 
         Parameters
         ----------
         factor : (F,) ndarray
-            One number per line, as -1/omega**2 from acceleration to position.
+            One number per line: -1/omega**2 turns acceleration into position.
         output_unit : str, or one per output, optional
-            Unit of the output behind the factor; `output_units` of this `Bla` for a factor that is
-            a ratio. May be left out if no unit is known, or if the factor changes the phase only.
+            Unit of the output after multiplication. For a factor without a unit, give the present
+            `output_units`. It may be left out if no unit is known, or if the factor has modulus 1.
 
         Raises
         ------
         ValueError
-            The factor may change a known unit, and `output_unit` is missing.
+            `output_unit` is missing, although the unit of the output is known and the factor may
+            change it.
 
         Examples
         --------
@@ -576,22 +585,23 @@ class Bla(Channels):
         )
 
     def roughness(self) -> np.ndarray:
-        """Estimate the variance of G from its roughness over the lines: a second estimate to
-        compare with `var_total`.
+        """Estimate the variance of G from its scatter between neighbouring lines, to compare with
+        `var_total`.
 
-        The roughness of G does not depend on detection lines. It is too high where G bends within a
-        few lines, and misses distortion that is smooth over frequency.
+        This estimate does not use detection lines. It is too high where G itself varies within a
+        few lines, as at a sharp resonance. It does not contain distortion that is smooth over
+        frequency.
 
         Returns
         -------
         (F,) ndarray
-            In the unit of G squared; nan on fewer than five lines and for noise excitation, whose
-            lines share a window.
+            Variance, in the unit of G squared. It is nan for fewer than five lines, and for noise
+            excitation, because there neighbouring estimates share data.
 
         Raises
         ------
         ValueError
-            Several inputs or outputs.
+            The `Bla` has several inputs or outputs.
 
         References
         ----------
@@ -650,18 +660,17 @@ class Bla(Channels):
 
 @value(copy=False)
 class DistortionLevels:
-    """Output amplitudes on each kind of line.
+    """Output amplitudes on the excited lines and on the odd and even detection lines.
 
     Fields
     ------
     f_excited, f_odd, f_even : (F,), (O,), (E,) ndarray
-        Frequencies of the excited and of the odd and even detection lines [Hz].
+        Frequencies of the excited lines, of the odd and of the even detection lines [Hz].
     excited, odd, even : (M, F), (M, O), (M, E) complex ndarray
-        Output amplitudes of each realisation, averaged over periods [unit of y]. On detection lines
-        the linear response to the input on these lines is subtracted, Y - G U. The level is the rms
-        over M.
+        Complex output amplitudes of each realisation, averaged over periods [unit of y]. If the
+        input is not zero on a detection line, the linear response is subtracted there: Y - G U.
     noise_excited, noise_odd, noise_even : (F,), (O,), (E,) ndarray
-        Standard deviation of these amplitudes by noise [unit of y]; nan for one period only.
+        Standard deviation of these amplitudes due to noise [unit of y]; nan for one period.
 
     References
     ----------
@@ -669,7 +678,7 @@ class DistortionLevels:
 
     Examples
     --------
-    A cube drives odd lines only; the even ones stay at rounding.
+    A cubic nonlinearity distorts odd lines only; even lines contain rounding errors.
 
     >>> import nlfrf
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)

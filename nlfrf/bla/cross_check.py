@@ -1,10 +1,10 @@
-"""A second opinion on the distortion variance of one record: detection lines against the roughness
-of the FRF.
+"""Two estimates of the distortion variance of one record: from detection lines, and from the
+roughness of the FRF, which is its scatter between neighbouring lines.
 
-Pintelon & Schoukens, 2nd ed., 4.3 and 7.2.2. The two fail for different reasons: detection lines
-need a grid that calibrates and a steady record, roughness needs an FRF that is smooth over a few
-lines. The phases of the detection lines show the order of the nonlinearity: for a cubic they are
-the phases of the cube of its source.
+Pintelon & Schoukens, 2nd ed., 4.3 and 7.2.2. The two estimates fail for different reasons.
+Detection lines need a steady record, and a grid for which their ratio to the excited lines is
+known. Roughness needs an FRF that is smooth over a few lines. The phases on the detection lines
+show the order of the nonlinearity: a cubic of the input gives them the phases of the cubed input.
 """
 
 from __future__ import annotations
@@ -55,24 +55,24 @@ _MIN_FIFTH_COHERENCE = 0.8  # least coherence with a fifth power for a law that 
 
 @value
 class SecondOpinion:
-    """Two estimates of the same distortion, as variances of the FRF of one realisation, and their
-    difference.
+    """Two estimates of the distortion of one record, as variances of the FRF of one realisation.
 
     Fields
     ------
     f : (F,) ndarray
         Excited frequencies [Hz].
     detection : (F,) ndarray
-        Variance from the odd detection lines, calibrated; nan if the grid has too few of them.
+        Variance from the odd detection lines (lines without excitation), corrected for the grid;
+        nan if the grid has too few.
     roughness : (F,) ndarray
-        Variance from the roughness of the FRF over the excited lines.
+        Variance from the scatter of the FRF between neighbouring excited lines.
     difference : (F,) ndarray
         Ratio of `roughness` to `detection` [dB], averaged over nine neighbouring lines.
     unit : str
-        Unit of G, if the record has it.
+        Unit of G, if the record states one.
     law : str
-        Description of the order of the nonlinearity, by the phases of the odd detection lines;
-        empty if unknown.
+        Order of the nonlinearity, in words, found from the phases on the odd detection lines; empty
+        if unknown.
 
     References
     ----------
@@ -97,7 +97,7 @@ class SecondOpinion:
 
     @property
     def disagree(self) -> np.ndarray:
-        """(F,) bool: lines on which the two differ by more than 6 dB."""
+        """(F,) bool: lines on which the two estimates differ by more than 6 dB."""
         return np.abs(self.difference) > DISAGREEMENT_DB
 
     def __str__(self) -> str:
@@ -142,10 +142,11 @@ class SecondOpinion:
 def second_opinion(
     record: Record, *, transient: str = "auto", n_detection: int = 6
 ) -> SecondOpinion:
-    """Estimate the distortion of a record twice, by methods that fail for different reasons.
+    """Estimate the distortion of a record by two methods that fail for different reasons.
 
-    Use this if a bound looks too wide or too narrow: the printed result names the lines on which
-    the two estimates differ, and the usual reasons.
+    One method uses the detection lines (lines without excitation). The other uses the scatter of
+    the FRF between neighbouring lines. Use this if a bound looks too wide or too narrow: the
+    printed result names the lines on which the estimates differ, and the usual reasons.
 
     Parameters
     ----------
@@ -160,7 +161,8 @@ def second_opinion(
     Raises
     ------
     ValueError
-        As in `identify`; also for several inputs or outputs, or fewer than five excited lines.
+        As in `identify`; also if the record has several inputs or outputs, or fewer than five
+        excited lines.
 
     References
     ----------

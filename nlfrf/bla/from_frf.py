@@ -1,6 +1,4 @@
-"""A `Bla` from an FRF that was measured elsewhere: by an analyser, a stepped sine, another
-program.
-"""
+"""A `Bla` from an FRF that an analyser, a stepped sine or another program measured."""
 
 from __future__ import annotations
 
@@ -45,35 +43,38 @@ def bla_from_frf(
     input_units: Sequence[str] = (),
     output_units: Sequence[str] = (),
 ) -> Bla:
-    """Make a `Bla` from an FRF measured elsewhere, so that an uncertainty set made from it has a
-    probability.
+    """Make a `Bla` from an FRF and its standard deviation or coherence.
 
-    Use this when you have a Bode table, or the result of an analyser, instead of a record. The
-    variance contains all that scattered during the measurement, noise and distortion together; they
-    cannot be separated afterwards. So `bound` contains the FRF that the same measurement would give
-    after infinite averaging. `bound(of="realization")`, on which `robust.uncertainty` builds,
-    contains another FRF measured in the same way. Errors that repeat in every average are in
-    neither: distortion of a stepped sine or of one multisine, a wrong sensor.
+    Use this if you have an FRF of an analyser instead of a record. The variance contains whatever
+    differs between the averages, noise and distortion together. They cannot be separated
+    afterwards.
+
+    - `bound()` contains the FRF that the same measurement would give after infinite averaging.
+    - `bound(of="realization")`, which `robust.uncertainty` uses, contains another FRF measured in the
+      same way.
+
+    Neither contains an error that repeats in every average. Examples are the distortion of a
+    stepped sine or of one multisine, and a wrong sensor calibration.
 
     Parameters
     ----------
     f : (F,) ndarray
         Frequencies [Hz], positive and increasing, equally spaced or not.
     G : (F,) or (n_y, n_u, F) complex ndarray
-        The FRF, for one channel or for several. Its type must be complex, because decibels and
-        magnitudes have no phase.
+        The FRF, for one channel or for several. It must be complex: a magnitude alone has no phase.
     std : float, or (F,) or (n_y, n_u, F) ndarray, optional
-        Standard deviation of G as a complex number, sqrt(E|G - E G|^2), in the unit of G: sqrt(2)
-        times that of its real part. For averaged measurements that of the average. Known exactly,
-        or estimated from `n_averages`.
+        Standard deviation of the complex number G, sqrt(E|G - E G|^2), in the unit of G. It is
+        sqrt(2) times the standard deviation of the real part. For averaged measurements, give the
+        standard deviation of the average. Without `n_averages` it is taken as exactly known, with
+        `n_averages` as estimated from so many averages.
     coherence : float, or (F,) or (n_y, n_u, F) ndarray, optional
-        Ordinary coherence, above 0 and up to 1, for G = S_yu / S_uu from `n_averages`; several
-        inputs are then excited one after the other. The variance is (1 - coherence) / coherence
-        |G|^2 / (n_averages - 1), with n_averages - 1 complex degrees of freedom, for which the F(2,
-        2 n_averages - 2) law of the bound is exact.
+        Ordinary coherence, above 0 and up to 1, for G = S_yu / S_uu over `n_averages` averages.
+        Several inputs must have been excited one after the other. The variance is (1 - coherence) /
+        coherence |G|^2 / (n_averages - 1), with n_averages - 1 complex degrees of freedom. The
+        distribution of the bound, F(2, 2 n_averages - 2), is then exact.
     n_averages : float, optional
-        Independent averages: half-overlapping Hann segments count as 0.95 each. With `coherence` at
-        least 2.
+        Number of independent averages. Count each of half-overlapping Hann segments as 0.95. At
+        least 2 with `coherence`.
     fs : float, optional
         Sampling frequency [Hz]; needed if `hold` is "zoh".
     hold : str
@@ -84,25 +85,25 @@ def bla_from_frf(
     Returns
     -------
     Bla
-        With `grid` "given" and `level_source` "std" or "coherence". Unknown values are nan:
-        `var_noise`, `var_even`, the amplitudes in `levels`, `fs`; `n_samples` is 0. For several
-        channels the variances of the entries are products of an output and an input factor. If the
-        given ones are no such products, the next larger ones are taken, and the entries count as
-        independent.
+        Its `level_source` is "std" or "coherence", and its grid "given". Unknown values are nan:
+        `var_noise`, `var_even`, the amplitudes in `levels`, and `fs` if it was not given.
+        `n_samples` is 0. For several channels the variance of each entry must be a product of a
+        factor of its output and a factor of its input. If the given variances are not, they are
+        increased until they are, and the errors of the entries are taken as independent.
 
     Raises
     ------
     ValueError
-        Real numbers for G; neither or both of `std` and `coherence`; shapes that do not fit;
-        frequencies that do not increase; `coherence` without `n_averages`, or equal to 1 on every
+        G is real; `std` and `coherence` are both given or both missing; shapes do not fit;
+        frequencies do not increase; `coherence` is given without `n_averages`, or is 1 on every
         line.
 
     Warns
     -----
     DataWarning
-        A complex G that varies and is real on every line, as if its phase were missing. A coherence
-        of 1 on some lines, from rounding. Standard deviations for several channels that are no
-        product, of which one counts more than twice as large.
+        The imaginary part of G is zero on every line, as if the phase were missing. The coherence
+        is rounded to 1 on some lines. For several channels, a standard deviation was more than
+        doubled to make the variances products of factors.
 
     References
     ----------

@@ -2,9 +2,8 @@
 
     G = U diag(sigma) V^H,    RGA(G) = G times G^-T, element by element        (SP 3.3 and 3.4)
 
-Singular values are bounded over the whole set of `Bla.block`, because an SVD of the estimate alone
-hides a weak direction that the data do not show. The RGA has bounds to first order in the
-covariance.
+The bounds of the singular values hold for every matrix of the set `Bla.block`. The bounds of the
+relative gain array (RGA) are of first order in the covariance.
 """
 
 from __future__ import annotations
@@ -21,10 +20,10 @@ from nlfrf.bla.bla import Bla
 def singular_values(
     frm: Bla, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the singular values of a measured matrix, largest first, with bounds over a set that
-    contains it.
+    """Return the singular values of a measured matrix, largest first, with their bounds.
 
-    Use this to see the directions of a plant, and whether the weakest one was measured at all.
+    Use this to see whether the weakest direction of a plant was measured: if not, its lower bound
+    is zero.
 
     Parameters
     ----------
@@ -36,22 +35,18 @@ def singular_values(
     Returns
     -------
     sigma : (n, F) ndarray
-        Singular values of G on the excited lines, n the smaller number of channels [unit of y over
-        unit of u].
+        Singular values of G on the excited lines [unit of y over unit of u]; n is the smaller of
+        n_y and n_u.
     low, high : (n, F) ndarray
-        Bounds for every matrix of the set of `Bla.block`: on a line all hold together with
-        `confidence`. If low of the weakest direction is zero, the set may contain a matrix of lower
-        rank: that direction is not measured. They bound sigma_i of G + E, with G = U diag(sigma)
-        V^H, E = left Delta right, S = diag(sigma). Lower bound: sigma_i (1 - |S^-a U_i^H left|
-        |right V_i S^(a-1)|), with U_i, V_i the first i directions and the best a of 0, 1/2, 1.
-        Upper bound: sigma_i plus the smaller of |left| |right V_i'| and |U_i'^H left| |right|, with
-        U_i', V_i' the directions from i on.
+        Lower and upper bounds of the singular values of every matrix in the set `Bla.block`. On a
+        line all of them hold together with probability `confidence`. If the lower bound of the
+        smallest singular value is zero, the true matrix may have a lower rank.
 
     Raises
     ------
     ValueError
-        The confidence is no probability, or there are too few degrees of freedom for a bound on the
-        whole matrix.
+        The confidence is not between 0 and 1, or the degrees of freedom are too few for a bound on
+        the whole matrix.
 
     References
     ----------
@@ -69,6 +64,9 @@ def singular_values(
     >>> bool(np.all((low[0] < 3.3) & (3.3 < high[0])))          # 3 and the gain of the cube, 0.3
     True
     """
+    # For G + left Delta right: sigma_i falls to sigma_i (1 - |S^-a U_i^H left| |right V_i S^(a-1)|) at
+    # least, with S = diag(sigma), U_i, V_i the first i directions and the best a of 0, 1/2, 1; it rises
+    # by the smaller of |left| |right V_i'| and |U_i'^H left| |right|, U_i', V_i' the directions from i on.
     require_kind("frm", frm, Bla)
     left, right = (
         np.moveaxis(part, 2, 0) for part in frm.block(confidence, of=of, simultaneous=simultaneous)
@@ -100,28 +98,28 @@ def singular_values(
 
 
 def rga(G: ArrayLike) -> np.ndarray:
-    """Return the relative gain array: the change of the gain of a channel when all other loops are
-    closed tightly.
+    """Return the relative gain array (RGA): the gain of each channel with all other loops open,
+    over its gain with all other loops closed tightly.
 
     Use this to choose which output to pair with which input.
 
     Parameters
     ----------
     G : (n_y, n_u) or (n_y, n_u, F) array
-        Gains at one frequency, or at several: `Bla.matrix` of an identified matrix.
+        Gains at one frequency or at several; for a measured plant `Bla.matrix`.
 
     Returns
     -------
     array of the shape of G
-        G times the transpose of its (pseudo-)inverse, element by element. Pairings with elements
-        near one make loops independent. A large element means that a small relative error, one over
-        the element, makes the matrix singular. `rga_radius` gives the error of the elements for a
-        measured matrix.
+        G times the transpose of its (pseudo-)inverse, element by element. Pair outputs and inputs
+        whose element is near 1: their loops interact little. With a large element lambda, a
+        relative error of 1/lambda in that entry of G makes G singular. `rga_radius` gives the
+        uncertainty of the elements.
 
     Raises
     ------
     ValueError
-        The array is not finite, or has another number of axes.
+        The array is not finite, or does not have two or three axes.
 
     References
     ----------
@@ -130,7 +128,7 @@ def rga(G: ArrayLike) -> np.ndarray:
 
     Examples
     --------
-    The distillation column of SP at steady state: 35.1 and -34.1.
+    A distillation column at steady state (SP 3.4): the elements are 35.1 and -34.1.
 
     >>> np.round(rga([[87.8, -86.4], [108.2, -109.6]]), 1)
     array([[ 35.1, -34.1],
@@ -148,28 +146,26 @@ def rga(G: ArrayLike) -> np.ndarray:
 
 
 def rga_radius(frm: Bla, confidence: float = 0.95) -> np.ndarray:
-    """Return the radii of discs around the relative gains of a measured matrix: their uncertainty.
+    """Return the uncertainty of the relative gains of a measured matrix, as radii of discs in the
+    complex plane.
 
     Parameters
     ----------
     frm : Bla
         Identified matrix.
     confidence : float
-        Probability of each disc, for one element and one line; held or exceeded if the matrix is
-        not square.
+        Probability with which the disc of one element on one line contains the true value. For a
+        matrix that is not square the actual probability is at least this.
 
     Returns
     -------
     (n_y, n_u, F) ndarray
-        To first order in the covariance of G: d(G_ji H_ij) = dG_ji H_ij + G_ji dH_ij, H = pinv(G),
-        and dH = -H dG H + H H^H dG^H (1 - G H) + (1 - H G) dG^H H^H H. The terms in dG^H are zero
-        for a square matrix. For a matrix that is not square, the error may lie along a line in the
-        complex plane; so the quantile of a real number, which is larger, is used.
+        Radii, to first order in the covariance of G.
 
     Raises
     ------
     ValueError
-        The confidence is no probability.
+        The confidence is not between 0 and 1.
 
     References
     ----------
@@ -185,6 +181,10 @@ def rga_radius(frm: Bla, confidence: float = 0.95) -> np.ndarray:
     >>> round(float(np.abs(nlfrf.bla.rga(bla.matrix)[0, 0] - 2 / 3).max()), 6), bool(rga_radius(bla).max() < 1e-6)
     (0.0, True)
     """
+    # d(G_ji H_ij) = dG_ji H_ij + G_ji dH_ij, H = pinv(G), with
+    # dH = -H dG H + H H^H dG^H (1 - G H) + (1 - H G) dG^H H^H H. The terms in dG^H vanish for a square
+    # matrix. Otherwise the error may lie along a line in the complex plane, so the quantile of a real
+    # number, which is larger, is used.
     require_kind("frm", frm, Bla)
     G = np.moveaxis(frm.matrix, 2, 0)
     H = np.linalg.pinv(G)

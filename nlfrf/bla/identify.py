@@ -1,9 +1,10 @@
 """`identify`: from a periodic record of any number of channels to its best linear approximation.
 
-With one realisation the distortion comes from lines without excitation (the *fast* method). With
-several it comes from the scatter between realisations (the *robust* method; Pintelon & Schoukens,
-2nd ed., 4.3). For several inputs a realisation is a set of experiments, which gives one matrix.
-Arrays are (n_y, n_u, F) and (n, M, K) throughout.
+With one realisation of the random phases the distortion is measured on lines without excitation
+(the *fast* method). With several realisations it is their scatter (the *robust* method; Pintelon &
+Schoukens, 2nd ed., 4.3). For n_u inputs a realisation is a set of n_u experiments. Arrays in this
+module are (n_y, n_u, F) for matrices and (n, M, K) for spectra of n channels, M experiments and K
+lines.
 """
 
 from __future__ import annotations
@@ -73,29 +74,29 @@ def identify(
     level_from: str = "auto",
     n_detection: int = 6,
 ) -> Bla | list[Bla]:
-    """Estimate the best linear approximation, noise and distortion of a system from one periodic
-    record.
+    """Estimate the best linear approximation of a system, with its noise and distortion, from a
+    periodic record.
 
-    This is the main entry. `load_record` and `record_from_samples` make records;
-    `robust.uncertainty` takes the result.
+    Make the record with `load_record`, `record_from_samples` or `Record`. For control design, give
+    the result to `robust.fit_nominal` and `robust.uncertainty`.
 
     Parameters
     ----------
     record : Record, or a list of them
-        Inputs and outputs. One realisation is enough; for several inputs one set of as many
-        experiments as inputs. Two periods separate noise from distortion. A list is for several
-        outputs of one experiment, which share the analysis of the input.
+        Inputs and outputs. One realisation of the random phases is enough for one input. n_u inputs
+        need n_u experiments. Two periods are needed to separate noise from distortion. A list holds
+        one record per output of the same experiment; the analysis of the input is then done once.
     transient : str
-        "none": the record is taken as steady. "discard": the first period is left out. "local": the
-        transient is fitted between the harmonics and subtracted, on excited and on detection lines.
-        "auto": "none" if the periods agree within noise, "discard" if that leaves periods that
-        agree, else "local".
+        "none": the record is in steady state. "discard": the first period is left out. "local": the
+        spectrum of the transient is fitted between the lines and subtracted. "auto": "none" if the
+        periods agree within noise; else "discard" if the remaining periods agree; else "local".
     level_from : str
-        "detection": from the odd lines without excitation. "roughness": from the roughness of the
-        FRF over the excited lines. "auto": detection lines if the grid allows their calibration
-        (special-odd, random-odd and some custom grids), else roughness, with a warning.
+        Source of the distortion variance. "detection": the output on odd lines without excitation
+        (detection lines). "roughness": the scatter of the FRF between neighbouring excited lines.
+        "auto": "detection" if the ratio between detection and excited lines is known for the grid,
+        as for special-odd and random-odd; else "roughness", with a warning.
     n_detection : int
-        Number of odd detection lines that are averaged for one level.
+        Number of odd detection lines averaged for the variance on one excited line.
 
     Returns
     -------
@@ -104,17 +105,17 @@ def identify(
     Raises
     ------
     ValueError
-        Lines without input, realisations with unequal input spectra, experiments that do not
-        separate the inputs, missing detection lines for `level_from` "detection", too few lines for
-        any level.
+        An excited line has no input; realisations have unequal amplitude spectra; the experiments
+        do not separate the inputs; `level_from` is "detection" and the grid has no detection lines;
+        or the lines are too few for any estimate of the distortion.
 
     Warns
     -----
     DataWarning
-        The detection lines of the grid cannot be calibrated, so the level comes from the roughness.
-        For several inputs: phases that are copies of each other, inputs that are nearly dependent,
-        an experiment that is much noisier than the others or has a channel with another gain or
-        delay, one period only.
+        The ratio between detection and excited lines is unknown for the grid, so "roughness" is
+        used. For several inputs also: inputs have equal phases or are nearly linearly dependent; an
+        experiment is much noisier than the others, or one of its channels has another gain or
+        delay; the record has one period only.
 
     References
     ----------
@@ -123,8 +124,8 @@ def identify(
 
     Examples
     --------
-    A static cubic: the BLA on these six lines of amplitude 1 is 8.25, but one realisation scatters
-    about it.
+    y = u^3 with six lines of amplitude 1. The BLA is 8.25; the FRF of one realisation differs from
+    it by distortion.
 
     >>> from nlfrf.signals.multisine import multisine
     >>> ms = multisine(fs=128, n_samples=128, f_min=1, f_max=19, rms=3**0.5, n_realizations=200, rng=1)

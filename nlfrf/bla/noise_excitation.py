@@ -1,9 +1,9 @@
-"""The BLA from noise excitation by local polynomials, which leak less at a resonance than Welch
-segments.
+"""The BLA from noise excitation by local polynomials, with less leakage at a resonance than
+averaged spectra of segments (Welch).
 
-A quadratic for the FRF and one for the transient are fitted over the DFT lines of the whole record
-around each frequency (Pintelon & Schoukens, 2nd ed., 7.2.2). An input that never repeats does not
-separate distortion from noise: the variances contain both.
+Around each frequency the FRF and the transient are each fitted by a quadratic, over the DFT lines
+of the whole record (Pintelon & Schoukens, 2nd ed., 7.2.2). Noise excitation does not repeat, so
+distortion and noise cannot be separated. The variances contain both.
 """
 
 from __future__ import annotations
@@ -45,40 +45,41 @@ def identify_noise(
     f_min: float,
     f_max: float,
 ) -> Bla:
-    """Estimate the BLA from a record of noise excitation, of any length and not periodic.
+    """Estimate the BLA from a record with noise excitation, which is not periodic.
 
-    Use this if the record is noise. Prefer a multisine and `identify`, which separate distortion
+    If you can choose the excitation, use a multisine and `identify`: only they separate distortion
     from noise.
 
     Parameters
     ----------
     u, y : (n,) ndarray
-        Input and output, n at least 2 n_samples.
+        Input and output; n must be at least 2 n_samples.
     fs : float
         Sampling frequency [Hz].
     n_samples : int
-        Samples for the wanted resolution fs / n_samples.
+        Sets the frequency resolution, fs / n_samples [Hz].
     f_min, f_max : float
         Band [Hz].
 
     Returns
     -------
     Bla
-        With `grid` "noise", `level_source` "coherence" and its `coherence`; distortion contains the
-        noise (var_noise is nan). `levels.excited` is the amplitude of a cosine with the power of
-        one line, fs / n_samples wide.
+        Its `var_distortion` contains the noise, and `var_noise` is nan. `coherence` is the
+        estimated coherence. `levels.excited` is the amplitude of a cosine with the output power in
+        a band of fs / n_samples. `level_source` is "coherence" and the grid "noise".
 
     Raises
     ------
     ValueError
-        A record that is too short, a band without lines, numbers out of range; lines on which the
-        input power cannot be distinguished from a transient, as at the ends of a sweep: G is not
-        determined there.
+        The record is too short; the band has no lines; a number is out of range; or on some lines
+        the input power cannot be distinguished from a transient, as at the ends of a sweep, so that
+        G is undetermined there.
 
     Warns
     -----
     DataWarning
-        The input is no stationary noise (a chirp, bursts), so the bounds do not hold.
+        The input is not stationary noise (a chirp or bursts, for example), so the bounds do not
+        hold.
 
     References
     ----------

@@ -1,8 +1,7 @@
-"""The trace of a drive that played an experiment, read into records: cut, base motion removed,
-faults named.
+"""Records from the trace of a drive that played a designed experiment.
 
-The played signal is known to the last sample. So every record has its reference, and a trace is
-compared with the expectation of its design.
+The played signal is known. So every record has a reference, and a trace is compared with the
+response that its design expects.
 """
 
 from __future__ import annotations
@@ -78,12 +77,14 @@ _TURNED_BACK = 1e-3  # share of samples in which an axis in motion may turn back
 
 
 class LevelWarning(DataWarning):
-    """Warning that at rest the force is far from the designed one, because of friction: no fault of
-    the trace.
+    """Warning that the force of an axis at rest differs much from the designed force, because of
+    friction.
+
+    The trace itself is correct.
 
     References
     ----------
-    docs/guide/axis.md: the force on each line with sticking friction, over the wanted one.
+    docs/guide/axis.md: force on each line while friction sticks.
 
     Examples
     --------
@@ -102,23 +103,28 @@ def load_trace(
     fs: float | None = None,
     start: float = 0.0,
 ) -> tuple[Record, ...]:
-    """Read the trace of a drive that played an experiment, as records for `identify`.
+    """Read the trace (recorded signals) of a drive that played an experiment, as records for
+    `identify`.
 
-    Each direction of a base motion is a record of its own, and so is each level of a ramp. The base
-    motion and the remaining trend are subtracted from the position. Periods in which the axis
-    starts, turns back, or changes its level are left out. The reference is the played signal.
+    The experiment is an `nlfrf.signals.AxisExperiment`: a multisine added to a set point, while the
+    axis is at rest or moves at constant velocity (base motion). Each direction of a base motion
+    gives a record. So does each amplitude of a ramp, which raises the amplitude in steps. The base
+    motion and the remaining trend are subtracted from the position. Periods in which velocity or
+    amplitude changes are left out. The reference of the records is the played multisine.
 
     Parameters
     ----------
     path : path, or a list of them
-        The trace, in any format of `load_record`; a list has one file per realisation, in any
-        order.
+        File of the trace, in any format of `load_record`. A list has one file per realisation, in
+        any order.
     experiment : AxisExperiment or path
-        Experiment that was played, or the ``.npz`` that `nlfrf.save` wrote with the file to play.
+        Experiment that was played, or the ``.npz`` file that `nlfrf.save` wrote beside the file to
+        play.
     u : str
-        Name of the force, torque or current set point behind the loops.
+        Name of the channel with the force, torque or current set point at the output of the control
+        loops.
     y : str
-        Name of the actual position.
+        Name of the channel with the measured position.
     fs : float, optional
         Sampling frequency of the trace [Hz]; by default from the file.
     start : float
@@ -127,24 +133,24 @@ def load_trace(
     Returns
     -------
     tuple of Record
-        In the order of `experiment.labels`: one at rest; one or two in motion; one per level of a
-        ramp, as far as the trace reaches.
+        Records in the order of `experiment.labels`: one at rest; one or two in motion; for a ramp
+        one per amplitude that the trace contains.
 
     Raises
     ------
     ValueError
-        A trace that does not respond to the played signal (another file, another period or clock);
-        a set point in place of the force or the position; a base motion at another velocity, or
-        only in the design or only in the trace; a trace that is too short or too slow.
+        The trace does not follow the played signal (another file, period or sampling frequency); a
+        channel is a set point instead of the force or the measured position; the base motion of the
+        trace is not that of the design; or the trace is too short or sampled too slowly.
     FileNotFoundError
         No such file.
 
     Warns
     -----
     DataWarning
-        A force at its limit; an output of the wrong sign; force or position of another size than
-        the design expects; a clock slower than that of the drive; an axis in motion that turns
-        back.
+        The force reached its limit; the position has the wrong sign; force or position are much
+        larger or smaller than the design expects; the trace is sampled more slowly than the drive
+        runs; an axis in motion moved backwards within a period.
 
     References
     ----------
@@ -270,15 +276,16 @@ def _unit_ratio(
 
 
 def in_design_units(record: Record, experiment: AxisExperiment) -> Record:
-    """Return a record in the units of its design; a signal whose unit cannot be converted is
-    unchanged.
+    """Convert a record to the units of its design.
+
+    A signal whose unit cannot be converted stays unchanged.
 
     Parameters
     ----------
     record : Record
-        A record of `load_trace`, in the units of its trace.
+        Record of `load_trace`.
     experiment : AxisExperiment
-        Experiment that was played. Its force constant converts a current into a force.
+        Experiment that was played. Its force constant converts current into force.
 
     Returns
     -------

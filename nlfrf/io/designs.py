@@ -125,17 +125,18 @@ def save_experiment(
 
 @value
 class SetPoints:
-    """Set points of the ports of a drive or a simulated axis, as `nlfrf.save` writes an experiment
-    to play.
+    """Set points for a drive or a simulated axis, over time.
+
+    `nlfrf.save` writes them for an experiment to play.
 
     Fields
     ------
     fs : float
         Sampling frequency [Hz].
     played : dict of str to (n,) ndarray
-        Set point of each port that the file has: "force", "velocity", "position".
+        Set point by name: "force", "velocity", "position", as far as the file contains them.
     units : dict of str to str
-        Their units, "" if the file states none.
+        Unit of each set point; "" if the file states none.
 
     Examples
     --------
@@ -149,14 +150,14 @@ class SetPoints:
 
 
 def load_set_points(path: str | os.PathLike[str]) -> SetPoints:
-    """Read the set points of a drive from a table: time, and columns called position, velocity or
-    force.
+    """Read the set points of a drive from a table with time and columns called position, velocity
+    or force.
 
     Parameters
     ----------
     path : path
-        The table, as `nlfrf.save` writes an experiment to play, or in any format of
-        `nlfrf.load_record`.
+        File of the table, in any format of `nlfrf.load_record`. `nlfrf.save` writes one for an
+        experiment to play.
 
     Returns
     -------
@@ -165,7 +166,7 @@ def load_set_points(path: str | os.PathLike[str]) -> SetPoints:
     Raises
     ------
     ValueError
-        The file has none of these columns, or no even clock.
+        The file has none of these columns, or its time steps are not equal.
     FileNotFoundError
         No such file.
 

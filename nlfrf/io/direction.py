@@ -1,8 +1,8 @@
 """Input, output and reference among the channels of a file: found from their common period, lines
 and names.
 
-A name of an input decides. If the lines contradict the names, or decide nothing between channels
-without such names, no input is proposed.
+A channel named like an input is the input. Without such a name the spectra decide. If the spectra
+contradict the names, or decide nothing, no input is proposed.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""FRFs in files: the tables of Bode plotters and analysers, functions of universal files, complex
-arrays.
-"""
+"""FRFs in files: tables of Bode plotters and analysers, universal files (UFF), complex arrays."""
 
 from __future__ import annotations
 
@@ -87,46 +85,47 @@ def load_frf(
     hold: str = "unknown",
     fs: float | None = None,
 ) -> Bla:
-    """Read an FRF that a Bode plotter or an analyser measured, with the variance that makes it a
-    `Bla`.
+    """Read an FRF of a Bode plotter or an analyser, as a `Bla` with its variance.
 
-    Use this for a Bode table; use `load_record` for time signals.
+    The variance comes from `relative_std`, or from columns with the coherence or the standard
+    deviation together with `n_averages`. For time signals use `load_record`.
 
     Parameters
     ----------
     path : path
-        A table with frequencies [Hz] or [rad/s] and magnitude (ratio or dB) and phase, or real and
-        imaginary part; a universal file with FRFs; an .npz or .h5 file with a complex array and its
-        frequencies. Columns are recognised by their names.
+        A table with frequencies [Hz] or [rad/s] and either magnitude (ratio or dB) and phase, or
+        real and imaginary part; a universal file with FRFs; or an .npz or .h5 file with a complex
+        array and its frequencies. Columns are recognised by their names.
     relative_std : float, optional
-        Standard deviation of G over |G|, as a complex number: see `std` of `bla_from_frf`.
+        Standard deviation of the complex number G over |G|; see `std` of `bla_from_frf`.
     n_averages : float, optional
-        Number of independent averages of the coherence, or of sweeps of the standard deviation.
+        Number of independent averages behind the coherence or the standard deviation in the file.
     channel : str
-        The FRF to read if the file has several: the common part of the names of its columns, as in
-        "CH2".
+        If the file has several FRFs, the one to read: the common part of the names of its columns,
+        for example "CH2".
     columns : str
-        Meaning of the columns, if their names do not show it: "f=col1 [Hz], re=col2 [Ohm], im=-col3
-        [Ohm]". The keys are f, re, im, mag, phase, G (complex), std and coherence; a minus or 1/ in
-        front, a unit in brackets after it.
+        Meaning of the columns, if their names do not show it; for example "f=col1 [Hz], re=col2
+        [Ohm], im=-col3 [Ohm]". The keys are f, re, im, mag, phase, G (complex), std and coherence.
+        "-" or "1/" in front of a name changes its sign or inverts it. The unit stands in brackets
+        after the name.
     hold, fs
         As in `bla_from_frf`.
 
     Returns
     -------
     Bla
-        As from `bla_from_frf`. Lines at 0 Hz and lines without numbers are left out.
+        The result of `bla_from_frf`. Rows at 0 Hz and rows without numbers are left out.
 
     Raises
     ------
     ValueError
-        A file without an FRF; several FRFs without `channel`; no variance; columns whose names or
-        units are unknown, that may be the same part twice, or that contradict each other.
+        The file has no FRF, or several and `channel` is missing; the variance is unknown; names or
+        units of columns are unknown; or columns contradict each other.
 
     Warns
     -----
     DataWarning
-        A column without a unit, with the assumed unit; columns that are left out.
+        A column has no unit, so one is assumed; or columns are left out.
 
     References
     ----------

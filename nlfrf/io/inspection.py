@@ -218,9 +218,9 @@ def _escape_dash(path: str) -> str:
 
 
 def inspect_file(path: str | os.PathLike[str]) -> _FileContents:
-    """Look into a measurement file: its channels, and a guess at input, output and period.
+    """List the channels of a measurement file, and guess its input, output and period.
 
-    Use this before `load_record` if you do not know the names in a file; print the result.
+    Use this before `load_record` if you do not know the names in a file. Print the result.
 
     Parameters
     ----------
@@ -230,13 +230,14 @@ def inspect_file(path: str | os.PathLike[str]) -> _FileContents:
     Returns
     -------
     FileContents
-        Printed, it is a table with the command to run. The guess uses names, then lines: a machine
-        adds power between the lines, so the input is the channel whose detection lines are empty.
+        Printed, it is a table of the channels with the command to run next. The guess uses names
+        first, then spectra. A nonlinear machine adds power on lines that are not excited. So the
+        channel without power on these lines is the input.
 
     Raises
     ------
     ValueError
-        The file cannot be read as the kind that its suffix names.
+        The file cannot be read as the kind that its suffix states.
     FileNotFoundError
         No such file.
 

@@ -536,63 +536,68 @@ def load_record(
 ) -> Record | list[Record]:
     """Read a record from a measurement file, or from several files of one experiment.
 
-    The samples are cut into periods and screened, as in `record_from_samples`; `inspect_file` lists
-    the channels.
+    The samples are cut into periods and searched for faults, as in `record_from_samples`.
+    `inspect_file` lists the channels of a file.
 
     Parameters
     ----------
     path : path, or a list of them
         ``.csv .txt .tsv .dat .asc`` as instruments and spreadsheets write them, ``.lvm``, ``.mat``
         (Simulink scopes, dSPACE, ``[t u y]`` matrices), ``.npz``, ``.h5``, ``.tdms``, ``.mf4
-        .mdf``, ``.uff .unv``, ``.parquet .feather``, ``.wav``; `inspect_file` lists them. Several
-        files are several realisations of one experiment, as in `join_records`.
+        .mdf``, ``.uff .unv``, ``.parquet .feather``, ``.wav``. Several files are several
+        realisations of one experiment, as in `join_records`.
     u, y, r : str, or a list of them
-        Names of the input, output and reference: variables, columns or channels, ``struct.field``
-        inside structs, ``matrix.2`` for a column, ``col2`` for a table without a header; by default
-        "u" and "y". A list of inputs gives one record of all channels, with one file per
-        experiment. One input and a list of names for `y` give a list of records that share the
-        input. For a record with several channels that `save_record` wrote, `u` may be left out, and
-        `y` chooses outputs; several such files give one record with the experiments of all files.
-        Such a record keeps its reference if `r` is not given.
+        Names of the input, output and reference; by default "u" and "y", and no reference. A name
+        is that of a variable, column or channel. Write ``struct.field`` inside structs,
+        ``matrix.2`` for a column of a matrix, and ``col2`` for a table without a header.
+
+        - A list of names for `u` gives one record with all channels; `path` then has one file per
+          experiment.
+        - One name for `u` and a list for `y` give a list of records with the same input.
+        - For files that `nlfrf.save` wrote with several inputs, `u` may be left out, and `y` chooses
+          the outputs. Several files give one record with the experiments of all. The record keeps
+          its reference if `r` is not given.
     fs : float, optional
-        Sampling frequency [Hz]; by default from the file: a variable ``fs`` or ``Ts``, the rate
-        stated for a channel, or a time channel (in seconds, or in the unit in its name or in a row
-        of units).
+        Sampling frequency [Hz]. By default it is read from the file: from a variable ``fs`` or
+        ``Ts``, a rate stated for a channel, or a time channel. The unit of a time channel is
+        seconds, if neither its name nor a row of units states another one.
     n_samples : int, optional
         Samples in one period; by default found from the input.
     lines : LineGrid, optional
         Excited and detection lines; by default found from the input.
     n_discard : int
-        Periods to leave out at the start.
+        Number of periods to leave out at the start.
     resample : bool
-        Put rows with unequal time steps on an even clock, and cut the periods at their places in
-        the input; see `record_from_samples`.
+        Interpolate rows with unequal time steps to equal ones, and cut the periods where the input
+        itself repeats; see `record_from_samples`.
     design : Multisine or path, optional
         Design that was played, or the file that ``nlfrf design`` wrote; see `record_from_samples`.
     hold : str, optional
-        Input between its samples, "zoh" or "band-limited"; see `Record`. By default from the file
-        or the design.
+        Input between its samples, "zoh" or "band-limited"; see `Record`. By default that of the
+        file or of the design.
     start, stop : float, or a list of them, optional
-        Parts of each file, in seconds after its first row: each is a realisation.
+        Begin and end of the part to use, in seconds after the first row of the file. With lists
+        each part is a realisation.
 
     Returns
     -------
     Record, or a list of them for one input and a list of y
-        With the names and units of the channels in the file.
+        Record with the names and units of the channels in the file.
 
     Raises
     ------
     ValueError
-        A file that cannot be read as the kind that its suffix names; names that are not in it (the
-        message lists the existing ones); signals that do not make a record.
+        The file cannot be read as the kind that its suffix states; a name is not in the file (the
+        message lists the existing names); or the signals make no record, as in
+        `record_from_samples`.
     FileNotFoundError
         No such file.
 
     Warns
     -----
     DataWarning
-        A given sampling frequency that is not that of the file; a time channel without a unit, or
-        with lost rows: the periods that are complete according to their time stamps are kept.
+        The given sampling frequency is not that of the file; the time channel has no unit; or rows
+        are lost, so that only periods with all rows are kept. Also as in `record_from_samples`.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Results and all other objects of these packages, to and from files."""
+"""Save all objects of these packages to files, and load them."""
 
 from __future__ import annotations
 
@@ -40,28 +40,28 @@ _PID_FILES = "robust.synthesis.pid_file"
 def export_csv(
     bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.95, decimal: str = "."
 ) -> None:
-    """Write a `Bla` as a table, one row per excited line, for spreadsheets and other programs.
+    """Write a `Bla` as a CSV table, one row per excited line.
 
-    Columns: f [Hz], Re G, Im G, bound (of the BLA), bound_realization, std_noise, std_total,
-    std_distortion, std_even, dof, grid_factor; standard deviations in the unit of G. For several
-    channels, for every entry: Re, Im and bound, each with "output/input". Warnings are above the
-    columns, one row each, behind "# warning:".
+    The columns are f [Hz], Re G, Im G, bound (of the BLA), bound_realization, std_noise, std_total,
+    std_distortion, std_even, dof and grid_factor, which the fields and methods of `Bla` explain.
+    Standard deviations are in the unit of G. For several channels each entry of G has columns Re,
+    Im and bound, named by "output/input". Each warning is a row "# warning: ..." above the table.
 
     Parameters
     ----------
     bla : Bla
         Result of `identify`.
     path : path
-        File to write. Written whole or not at all.
+        File to write. After an error no partial file is left.
     confidence : float
         Probability of the two bounds.
     decimal : str
-        Mark of decimals: "." or ",", which implies semicolons between the columns.
+        Decimal mark: "." with commas between the columns, or "," with semicolons.
 
     Raises
     ------
     ValueError
-        The confidence is no probability.
+        The confidence is not between 0 and 1.
     FileNotFoundError
         The folder does not exist.
 
@@ -126,51 +126,55 @@ def save(
     delay: float | None = None,
     unit: str = "",
 ) -> None:
-    """Write an object of these packages to a file, so that `load` reads it.
+    """Write an object of these packages to a file that `load` reads.
 
-    An existing file is replaced. Each file is written whole or not at all.
+    An existing file is replaced. After an error no partial file is left.
 
     Parameters
     ----------
     thing : Multisine, Record, Bla, UncertaintyModel, controller, RobustnessReport, ...
-        Object to write; each kind has its suffixes:
+        Object to write. The kind of object decides which suffixes are possible:
 
         - a multisine: ``.npz`` and ``.h5`` contain the exact design and its samples u, (M, N), for
           several inputs (n_u, M, N). ``.csv``, ``.mat`` and ``.wav`` contain the signal for a
-          generator, one column or channel per realisation or input; the design goes to an ``.npz``
-          with the same name. A WAV file is scaled to a peak of 1.
-        - an experiment on a drive: ``.npz``, ``.h5``, or ``.csv`` with set points to play, one file
-          per realisation, with its design as ``.npz``.
-        - a record: ``.npz``, ``.mat`` and ``.h5`` contain all of it, ``.csv`` the samples of one
-          experiment.
+          generator, one column or channel per realisation or input. The design is then written to
+          an ``.npz`` file with the same name. A WAV file is scaled to a peak of 1.
+        - an experiment on a drive: ``.npz`` and ``.h5`` contain the design. ``.csv`` contains the
+          set points to play, one file per realisation, and the design is written to an ``.npz``
+          file.
+        - a record: ``.npz``, ``.mat`` and ``.h5`` contain the whole record, ``.csv`` the samples of
+          one experiment.
         - a BLA: ``.npz`` or ``.h5``.
         - an uncertainty model, or a controller for negative feedback (state space, transfer
           function, number or matrix): ``.json``, exact to the bit.
-        - a result of `robust.check` or `robust.prove_friction`: a certificate, ``.json``, with
-          plant, controller, delay, weights and claim as given, and a digest of them.
+        - a result of `robust.check` or `robust.prove_friction`: ``.json``. The file is a
+          certificate: it contains plant, controller, delay, weights and claim, and a checksum of
+          them.
     path : path
         File to write.
     decimal : str
-        Mark of decimals in a ``.csv``: "." or ",", which implies semicolons between the columns.
+        Decimal mark in a ``.csv``: "." with commas between the columns, or "," with semicolons.
     delay : float, optional
-        For a controller: computation delay [s] of its design. Commands use it to check the file.
+        For a controller: computation delay [s] assumed in its design. The command `robust check`
+        uses it.
     unit : str
-        For a controller: unit of its plant, y over u. Commands refuse the file with another plant.
+        For a controller: unit of its plant, y over u. Commands refuse the controller for a plant
+        with another unit.
 
     Raises
     ------
     ValueError
-        An object of another kind, or a suffix that does not fit; several experiments of a record
-        for a ``.csv``; a sampling frequency that is no whole number for a ``.wav``; a report in
-        which nothing is proved.
+        The object is of another kind; the suffix does not fit the object; a record with several
+        experiments is to be written as ``.csv``; the sampling frequency is not a whole number for
+        ``.wav``; or a report contains no proof.
     FileNotFoundError
         The folder does not exist.
 
     Warns
     -----
     DataWarning
-        Second-order sections do not represent a sampled controller to 0.1 %: only A, B, C and D are
-        written.
+        Second-order sections would differ from a sampled controller by more than 0.1 %, so only A,
+        B, C and D are written.
 
     Examples
     --------
@@ -209,19 +213,19 @@ def load(path: str | os.PathLike[str]) -> Any:
     Parameters
     ----------
     path : path
-        A file of `save`; for a signal to play, the ``.npz`` of its design; or a ``.toml`` with a
-        PID and its notches, as `robust check` takes it.
+        File that `save` wrote; for a signal to play the ``.npz`` file of its design; or a ``.toml``
+        file with a PID and its notches, as for `robust check`.
 
     Returns
     -------
     Multisine, AxisExperiment, Record, Bla, UncertaintyModel or control.StateSpace
-        The saved object; a controller is a state space. For a certificate the claim in it,
-        unproved: `robust.io.verify_certificate` proves it again.
+        The saved object; a controller as a state space. A certificate gives its claim, without a
+        proof: `robust.io.verify_certificate` proves it.
 
     Raises
     ------
     ValueError
-        A file of another kind, an incomplete file, or an unknown version.
+        The file is of another kind, is incomplete, or has an unknown version.
     FileNotFoundError
         No such file.
 

@@ -1,9 +1,8 @@
-"""Time columns whose steps vary by more than jitter: two rates, the steps of a solver, rows of
-other events.
+"""Time columns with unequal steps: two rates, the steps of a solver, rows of other events.
 
-Rows belong to an even clock as long as their times stay near one straight line, whatever the jitter
-of each: times that a computer noted late, or printed coarsely, return to it. If they do not return,
-no row has the mean step as its clock.
+The steps count as equal as long as the times stay near one straight line over the row number.
+Single late or coarsely rounded times return to this line. If the times leave it for good, the steps
+are unequal.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """Pictures of signals and of identified systems. They convert units and compute nothing else.
 
     signals  one period, the harmonic grid, played and measured signals, faults found by screening
-    bla      the BLA with its bound, its levels, a second opinion
+    bla      the BLA with its bound, the output spectrum, two estimates of the distortion
     matrix   a matrix for several inputs and outputs: entries, singular values, relative gains
-    look     common colours and markers
+    look     colours and markers of all pictures
 
-All of them can be imported from here: `from nlfrf.plot import plot_bla`.
+Import them from this package: `from nlfrf.plot import plot_bla`.
 """
 
 from nlfrf.plot.bla import plot_bla, plot_blas, plot_bode, plot_levels, plot_opinion, plot_phase

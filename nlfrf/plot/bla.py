@@ -1,5 +1,5 @@
-"""Pictures of a `Bla`: its bound, its phase, its output by kind of line, the two estimates of its
-distortion.
+"""Pictures of a `Bla`: magnitude and phase with the bound, the output spectrum, two estimates of
+the distortion.
 """
 
 from __future__ import annotations
@@ -35,8 +35,10 @@ _LINES = (".-", ".--", ".:")  # line styles of several BLAs, after all colours a
 
 
 def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Axes:
-    """Draw the magnitude of the BLA with its bound, standard deviations, and the detection lines
-    over |U|.
+    """Draw the magnitude of the BLA with its bound and its standard deviations.
+
+    Amplitudes on the detection lines (lines without excitation) are drawn over |U|, in the unit of
+    G.
 
     Parameters
     ----------
@@ -107,8 +109,7 @@ def _draw_magnitude(ax: Axes, bla: Bla, confidence: float) -> None:
 
 
 def plot_bode(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> tuple[Axes, Axes]:
-    """Draw magnitude and phase of the BLA over logarithmic frequency, with its bound as a band
-    around both.
+    """Draw the Bode plot of the BLA, with its bound as a band around magnitude and phase.
 
     Parameters
     ----------
@@ -129,8 +130,9 @@ def plot_bode(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> 
 
 
 def plot_phase(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Axes:
-    """Draw the unwrapped phase of the BLA in degrees, with its bound as a band; arguments as in
-    `plot_bla`.
+    """Draw the unwrapped phase of the BLA in degrees, with its bound as a band.
+
+    Arguments as in `plot_bla`.
     """
     _require_single(bla)
     ax = axes_or_new(ax)
@@ -163,13 +165,14 @@ def _phase_from_surest(G: np.ndarray, radius: np.ndarray) -> np.ndarray:
 def plot_blas(
     blas: Sequence[Bla], labels: Sequence[str], *, confidence: float = 0.95, ax: Axes | None = None
 ) -> tuple[Axes, Axes]:
-    """Draw magnitude and phase of several BLAs in one picture, each with its bound, for example at
-    several levels.
+    """Draw the Bode plots of several BLAs in one picture, each with its bound.
+
+    Use this to compare the BLA at several rms values of the excitation.
 
     Parameters
     ----------
     blas : sequence of Bla
-        BLAs with one unit.
+        BLAs with equal units.
     labels : sequence of str
         Name of each.
     confidence : float
@@ -221,8 +224,10 @@ def plot_blas(
 
 
 def plot_levels(bla: Bla, *, ax: Axes | None = None) -> Axes:
-    """Draw the output spectrum by kind of line, with the noise floor; arguments as in
-    `plot_bla`.
+    """Draw the output spectrum on excited and on detection lines (not excited), with the noise
+    level.
+
+    Arguments as in `plot_bla`.
     """
     _require_single(bla)
     ax = axes_or_new(ax)
@@ -257,8 +262,9 @@ def plot_levels(bla: Bla, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_opinion(opinion: SecondOpinion, *, ax: Axes | None = None) -> Axes:
-    """Draw the two estimates of the distortion, as standard deviations; arguments as in
-    `plot_bla`.
+    """Draw the two estimates of the distortion by `nlfrf.second_opinion`, as standard deviations.
+
+    Arguments as in `plot_bla`.
     """
     require_kind("opinion", opinion, SecondOpinion)
     ax = axes_or_new(ax)

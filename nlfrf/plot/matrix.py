@@ -1,6 +1,4 @@
-"""Pictures of a `Bla` with several channels: one axes per entry; singular values, relative
-gains.
-"""
+"""Pictures of a `Bla` with several channels: every entry, singular values, relative gains."""
 
 from __future__ import annotations
 
@@ -30,8 +28,8 @@ _LINE_STYLES = ("-", "--", "-.", ":")
 
 
 def plot_frm(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> np.ndarray:
-    """Draw the magnitude of every entry with its bound: one row of axes per output, one column per
-    input.
+    """Draw the magnitude of every entry of G with its bound: one row of axes per output, one column
+    per input.
 
     Parameters
     ----------
@@ -70,10 +68,10 @@ def plot_frm(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> n
 
 
 def plot_frm_bounds(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> np.ndarray:
-    """Draw the radius of every entry: its own bound, that of the matrix, and standard deviations.
+    """Draw the radii of the bounds of every entry of G, and its standard deviations.
 
-    Arguments and result as in `plot_frm`. The bound of the matrix holds for all entries together,
-    so its radius for one entry is larger.
+    One radius is for the entry alone. The other follows from the bound of the whole matrix G, which
+    holds for all entries together, and is larger. Arguments and result as in `plot_frm`.
     """
     require_kind("frm", frm, Bla)
     made, foot = _entry_axes(ax, frm, "[dB]")
@@ -159,10 +157,10 @@ def plot_singular_values(
 
 
 def plot_rga(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> np.ndarray:
-    """Draw the magnitude of every relative gain over frequency with its bound: near one is a good
-    pairing.
+    """Draw the magnitude of every relative gain over frequency, with its bound.
 
-    Arguments and result as in `plot_frm`; the bound is that of `rga_radius`.
+    An output and an input with a relative gain near 1 are a good pair. The bound is that of
+    `rga_radius`. Arguments and result as in `plot_frm`.
     """
     require_kind("frm", frm, Bla)
     made, foot = _entry_axes(ax, frm, "")

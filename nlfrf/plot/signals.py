@@ -1,4 +1,4 @@
-"""Pictures of signals: excitations, harmonic grids, measured samples and input spectra."""
+"""Pictures of signals: excitations, excited and detection lines, measured samples, input spectra."""
 
 from __future__ import annotations
 
@@ -43,8 +43,9 @@ _LINE_OFFSET = 0.3  # [lines] distance between the markers of two inputs
 
 
 def plot_excitation(ms: Multisine, *, ax: Axes | None = None) -> Axes:
-    """Draw one period of the first realisation over time, of every input; arguments as in
-    `plot_bla`.
+    """Draw one period of the first realisation over time, for every input.
+
+    Arguments as in `plot_bla`.
     """
     require_kind("ms", ms, Multisine)
     ax = axes_or_new(ax)
@@ -65,8 +66,10 @@ def plot_excitation(ms: Multisine, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_spectrum(ms: Multisine, *, ax: Axes | None = None) -> Axes:
-    """Draw the first excited lines of a multisine, and its detection lines; arguments as in
-    `plot_bla`.
+    """Draw the first excited lines of a multisine, and the detection lines (not excited) between
+    them.
+
+    Arguments as in `plot_bla`.
     """
     require_kind("ms", ms, Multisine)
     ax = axes_or_new(ax)
@@ -187,7 +190,7 @@ def _labelled_amplitudes(ms: Multisine) -> dict[str, tuple[np.ndarray, str, floa
 
 
 def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -> Axes:
-    """Draw all periods of the first realisation over one another, in time.
+    """Draw all periods of the first realisation on top of each other, over the time in the period.
 
     Parameters
     ----------
@@ -225,8 +228,9 @@ def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -
 
 
 def plot_input(record: Record, *, ax: Axes | None = None) -> Axes:
-    """Draw the input spectrum by kind of line, detection lines included; arguments as in
-    `plot_bla`.
+    """Draw the input spectrum on excited and on detection lines (not excited).
+
+    Arguments as in `plot_bla`.
     """
     require_kind("record", record, Record)
     ax, grid = axes_or_new(ax), record.lines

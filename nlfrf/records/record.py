@@ -41,7 +41,7 @@ class SignalLabels(TypedDict, total=False):
 
 
 class Channels:
-    """Names and units of inputs and outputs, a base of values with these four fields."""
+    """Names and units of inputs and outputs."""
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -66,12 +66,12 @@ class Channels:
 
     @property
     def n_inputs(self) -> int:
-        """Inputs n_u."""
+        """Number of inputs n_u."""
         return len(self.inputs)
 
     @property
     def n_outputs(self) -> int:
-        """Outputs n_y."""
+        """Number of outputs n_y."""
         return len(self.outputs)
 
     @property
@@ -97,47 +97,49 @@ class Channels:
 
 @value
 class Record(Channels):
-    """Whole periods of inputs and outputs, in steady state or after a short transient, for any
-    number of channels.
+    """Whole periods of the inputs and outputs of an experiment, for any number of channels.
 
-    `identify` takes it. Make it from arrays that are cut into periods already; `load_record` reads
-    a file, and `record_from_samples` cuts and screens streams of samples.
+    Give the record to `identify`. Call `Record` if your arrays are already cut into periods.
+    Otherwise use `load_record` for a file, or `record_from_samples` for samples, which also search
+    for faults.
 
     Parameters
     ----------
     u : (M, P, N) or (n_u, M, P, N) ndarray
-        Inputs: (channels x) realisations x periods x samples of one period, in their own units. For
-        several inputs a realisation is called an experiment.
+        Inputs, in their own units: M realisations of the random phases (for several inputs: M
+        experiments), P periods, N samples in one period.
     y : (M, P, N) or (n_y, M, P, N) ndarray
-        Outputs.
+        Outputs, in their own units.
     fs : float
         Sampling frequency [Hz].
     lines : LineGrid
-        Excited and detection lines, the same for all inputs.
+        Excited lines and detection lines (not excited), the same for all inputs.
     r : (M, P, N) or (n_u, M, P, N) ndarray, optional
-        References, known without noise: for closed loop or noisy inputs.
+        References without noise: the signals added to a closed loop, or the commands behind noisy
+        inputs.
     hold : str
-        Inputs between their samples: "zoh" if they are commands of converters that hold them (the
-        FRF then includes the hold); "band-limited" if they were measured behind the hold, through
-        an anti-aliasing filter as the outputs were; "unknown" otherwise.
+        Inputs between their samples. "zoh": the inputs are commands of converters that hold each
+        sample; the FRF then includes this hold. "band-limited": the inputs were measured after the
+        converter, through the same anti-aliasing filters as the outputs. "unknown" otherwise.
     inputs, outputs : sequence of str
-        Names of the channels; u and y, or u1, u2, ... and y1, y2, ... by default.
+        Names of the channels. By default u and y, or u1, u2, ... and y1, y2, ...
     input_units, output_units : sequence of str
-        Units of the channels; empty if unknown.
+        Units of the channels; an empty text for an unknown unit.
     u_name, y_name, u_unit, y_unit : str
-        Name and unit of the only input and the only output.
+        Name and unit of the input and the output, if there is only one of each.
     warnings : sequence of str
         Text of each `DataWarning` issued while the record was made.
 
     Raises
     ------
     ValueError
-        Shapes that do not fit, numbers that are not finite, an input or output that is constant,
-        lines at or above Nyquist.
+        Shapes do not fit each other, a number is not finite, an input or output is constant, or a
+        line is at or above the Nyquist frequency.
 
     Notes
     -----
-    With one input and one output every array has the axes (M, P, N), whatever its axes when given.
+    With one input and one output every array has the axes (M, P, N), even if it was given with an
+    axis of channels.
 
     Examples
     --------
@@ -228,24 +230,22 @@ class Record(Channels):
 
     @property
     def n_realizations(self) -> int:
-        """Realisations M; for several inputs a set of as many experiments as inputs is one
-        realisation.
-        """
+        """Number of realisations M. For several inputs n_u experiments are one realisation."""
         return self.u.shape[-3]
 
     @property
     def n_experiments(self) -> int:
-        """Experiments M."""
+        """Number of experiments M."""
         return self.u.shape[-3]
 
     @property
     def n_periods(self) -> int:
-        """Periods P of each realisation."""
+        """Number of periods P of each realisation."""
         return self.u.shape[-2]
 
     @property
     def n_samples(self) -> int:
-        """Samples N in one period."""
+        """Number of samples N in one period."""
         return self.u.shape[-1]
 
     @property
@@ -338,26 +338,27 @@ def require_varying(name: str, signal: np.ndarray, channels: Sequence[str] = ())
 
 @keep_warnings
 def join_records(records: Sequence[Record]) -> Record:
-    """Join records of one machine into one: each contributes its realisations, or its experiments.
+    """Join records of one machine into one record with the realisations of all.
 
-    Use this when the realisations of an experiment were recorded one by one.
+    Use this if the realisations of an experiment, or the experiments for several inputs, were
+    recorded one by one.
 
     Parameters
     ----------
     records : list of Record
-        Runs of one experiment: equal period, sampling frequency and lines, and phases of their own.
-        Runs with equal phases are repeats, which `identify` recognises.
+        Records with equal period, sampling frequency and lines, and with different phases. Records
+        with equal phases are repeats of one realisation; `identify` recognises and averages them.
 
     Returns
     -------
     Record
-        (M, P, N) with all realisations, and the number of periods of the shortest record.
+        Record with all realisations. It has as many periods as the shortest of the records.
 
     Raises
     ------
     ValueError
-        The list is empty, or the records differ in lines, channels, period or sampling frequency,
-        or only some have a reference.
+        The list is empty; the records differ in lines, channels, period or sampling frequency; or
+        only some have a reference.
 
     References
     ----------

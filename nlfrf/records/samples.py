@@ -82,59 +82,64 @@ def record_from_samples(
     inputs: Sequence[str] = (),
     outputs: Sequence[str] = (),
 ) -> Record:
-    """Cut streams of samples into whole periods of a record, for any number of channels, and screen
-    every channel.
+    """Make a record from streams of samples: cut them into whole periods, and search every channel
+    for faults.
 
     Use this for samples in memory; `load_record` does the same for a file.
 
     Parameters
     ----------
     u, y : (n,) or (n_channels, n) ndarray, or a list of M of them
-        Inputs and outputs, sampled together; a list holds one array per realisation (experiment).
-        For one channel also (n_samples, P), one period per column.
+        Inputs and outputs, sampled at the same times. A list holds one array per realisation of the
+        random phases, or per experiment. For one channel also (n_samples, P): one period per
+        column.
     fs : float
         Sampling frequency [Hz].
     n_samples : int, optional
-        Samples in one period; found from the (first) input when not given.
+        Samples in one period; by default found from the first input.
     lines : LineGrid, optional
-        Excited and detection lines; found from all inputs (from `r` where given) when not given.
+        Excited and detection lines; by default found from `r`, or from all inputs if `r` is not
+        given.
     r : (n,) or (n_u, n) ndarray, or a list of M of them, optional
-        References.
+        References without noise, as in `Record`.
     n_discard : int
-        Periods to leave out at the start, where the transient is.
+        Number of periods to leave out at the start, because of the transient.
     resample : bool
-        Cut the periods at the places where the inputs show them, between the samples if need be.
-        This cures a period that is not a whole number of samples, a drifting clock, and lost or
-        repeated samples. The fs of the record is then n_samples in each of these periods.
+        Cut the periods where the input itself repeats, and interpolate between samples. Use this
+        for a period that is not a whole number of samples, for a drifting clock, and for lost or
+        repeated samples. The sampling frequency of the record is then n_samples over the period
+        found.
     design : Multisine, optional
-        Design that was played. Its lines and period are used, and its phases are the reference, so
-        that neither noise on the inputs nor distortion by actuators matters. A zippered design is
-        for open loop and gives no reference. The experiments of a set follow each other.
+        Design that was played. Its lines and its period are used, and its signal is the reference.
+        Noise on the measured inputs and distortion by the actuators then cause no error. A
+        "zippered" design gives no reference, and is for open loop only. Give the experiments in the
+        order of the design.
     hold : str, optional
-        Inputs between their samples, "zoh" or "band-limited"; see `Record`. By default that of the
-        design.
+        Inputs between their samples, "zoh" or "band-limited"; see `Record`. By default the hold of
+        the design.
     inputs, outputs : sequence of str
         Names of the channels.
 
     Returns
     -------
     Record
-        As many whole periods as every stream holds after the discarded ones.
+        Record with the whole periods that every stream contains after the discarded ones.
 
     Raises
     ------
     ValueError
-        Streams of different lengths, fewer samples than one period, a period that the input does
-        not have or that is not whole, a drifting clock, lost samples, a design that was not played.
-        The message gives the numbers and the cure.
+        Streams have different lengths or are shorter than one period; the input does not have the
+        given period; the period is not a whole number of samples; the clock drifts; samples are
+        lost; or the input is not that of the design. The message states the numbers and the remedy.
 
     Warns
     -----
     DataWarning
-        Periods slightly out of place; a clipped signal; a signal that stands still; silence before
-        and after the excitation, which is left out; a position that wraps, which is unwrapped;
-        outliers of an output; hits of a hammer; a first period that differs from the others for a
-        reason other than a transient: it is left out.
+        Faults that do not prevent a result: periods slightly out of place; a clipped or constant
+        part of a signal; outliers of an output; hammer hits instead of a multisine. Other warnings
+        state a change that was made: samples before and after the excitation are left out; a
+        position that wraps is unwrapped; a first period is left out if it differs from the others
+        for a reason other than a transient.
 
     Examples
     --------

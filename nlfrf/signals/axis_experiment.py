@@ -1,9 +1,9 @@
-"""Experiment on a running drive: a multisine at one of its ports, at rest or over a base motion.
+"""Experiment on a running drive: a multisine added to one of its set points, at rest or in motion.
 
-An experiment is a sequence of segments. Each holds one amplitude of the multisine and one base
-velocity for `n_discard + n_periods` periods. Amplitude and velocity reach their new value over the
-first quarter of a period, and return to zero over a quarter of a period behind the last segment. So
-no set point jumps.
+An experiment is a sequence of segments of `n_discard + n_periods` periods. In a segment the
+amplitude of the multisine and the base velocity (that of the axis without the multisine) are
+constant. They change smoothly over the first quarter of a period of each segment. After the last
+segment they return to zero over a quarter of a period.
 """
 
 from __future__ import annotations
@@ -23,14 +23,17 @@ from nlfrf.signals.multisine import Multisine, require_one_input
 
 @value
 class AxisLimits:
-    """Limits of an experiment, base motion included; infinite means no limit.
+    """Limits of an experiment on a drive; infinite means no limit.
+
+    The limits apply to multisine and base motion together.
 
     Fields
     ------
     force : float
-        Peak of the force set point, in the unit of the trace of the drive: [N], [Nm] or [A].
+        Largest force, torque or current set point [N], [Nm] or [A], in the unit that the drive
+        records.
     velocity : float
-        Peak of the velocity [m/s] or [rad/s].
+        Largest velocity [m/s] or [rad/s].
     travel : float
         Distance between the two ends of the motion [m] or [rad].
 
@@ -41,7 +44,7 @@ class AxisLimits:
 
     References
     ----------
-    Beckhoff TE5960 (TwinCAT 3 motion tuning): a limit of torque and a position window around every
+    Beckhoff TE5960 (TwinCAT 3 motion tuning): a torque limit and a position window for every
     excitation.
 
     Examples
@@ -62,40 +65,45 @@ class AxisLimits:
 
 @value
 class AxisExperiment:
-    """A multisine for one port of a running drive, its base motion, and its expected effect.
+    """Experiment on a running drive: a multisine added to one set point, with the expected force
+    and motion.
 
-    `robust.servo.design_experiment` and `robust.servo.design_ramp` make it, `nlfrf.save` writes it
-    as set points to play, `robust.servo.play_experiment` simulates it, and `load_trace` reads its
-    trace.
+    The usual order of calls is:
+
+    1. `robust.servo.design_experiment` or `robust.servo.design_ramp` makes the experiment.
+    2. `nlfrf.save` writes the set points that the drive plays.
+    3. `nlfrf.io.load_trace` reads what the drive recorded. For a simulated drive,
+       `robust.servo.play_experiment` writes that file.
 
     Fields
     ------
     ms : Multisine
-        Signal added at the port, for a unit amplitude in `gains`; M realisations.
+        The multisine, before multiplication by `gains`; M realisations.
     port : str
-        "position", "velocity" or "force": the set point to which the drive adds it.
+        Set point to which the drive adds the multisine: "position", "velocity" or "force".
     force_response, position_response : (F,) ndarray
-        Expected complex amplitude of force set point and position for one unit at the port, on each
-        line.
+        Expected response of the force set point and of the position to the port: complex amplitude
+        per unit, on each line.
     gains : (S,) ndarray
-        Amplitude of each segment.
+        Factor on the multisine in each segment.
     velocities : (S,) ndarray
-        Base velocity of each segment [m/s] or [rad/s].
+        Velocity of the axis in each segment, without the multisine [m/s] or [rad/s].
     n_periods, n_discard : int
-        Number of periods of each segment that are kept, and of those before them.
+        Number of periods kept in each segment, and of periods discarded before them.
     position_unit, force_unit : str
-        Units of position and force set point.
+        Units of the position and of the force set point.
     peak_force, peak_velocity, travel : float
-        Expected largest values, base motion included, in these units.
+        Expected largest force set point, velocity and travel, base motion included, in these units.
     kv, kp, tn, velocity_feedforward, lag, delay, force_constant : float
-        Drive of the design: gains [1/s], [A s/m] or [A s/rad], [s]; share of the velocity of the
-        set point; time constant and delay of the current loop [s]; force constant [N/A] or [Nm/A];
-        nan if the design was made from a record.
+        Drive that the design assumes: position gain [1/s], velocity gain [A s/m] or [A s/rad],
+        reset time [s], fraction of the set-point velocity that is fed forward, time constant and
+        delay of the current loop [s], force constant [N/A] or [Nm/A]. nan if the design was made
+        from a record.
 
     Raises
     ------
     ValueError
-        Arrays do not fit each other, or a number is out of range.
+        Arrays have shapes that do not fit each other, or a number is out of range.
 
     References
     ----------
@@ -153,8 +161,8 @@ class AxisExperiment:
             )
 
     def has_gains(self, kv: float, kp: float, tn: float) -> bool:
-        """Return whether the experiment was designed for these gains [1/s], [A s/m] or [A s/rad],
-        [s].
+        """Return whether the experiment was designed for these gains: kv [1/s], kp [A s/m] or [A
+        s/rad], tn [s].
         """
         return bool(
             np.allclose((kv, kp, 1 / tn), (self.kv, self.kp, 1 / self.tn), rtol=SAME_GAIN, atol=0)
@@ -180,12 +188,12 @@ class AxisExperiment:
 
     @property
     def block(self) -> int:
-        """Samples in one segment."""
+        """Number of samples in one segment."""
         return (self.n_discard + self.n_periods) * self.ms.n_samples
 
     @property
     def n_rows(self) -> int:
-        """Samples of the whole experiment."""
+        """Number of samples in the whole experiment."""
         return self.n_segments * self.block + self.ms.n_samples // 4
 
     @property
@@ -195,14 +203,12 @@ class AxisExperiment:
 
     @property
     def force_amplitude(self) -> np.ndarray:
-        """(F,) expected amplitude of the force set point on each line, for a unit amplitude in
-        `gains`.
-        """
+        """(F,) expected amplitude of the force set point on each line, for a factor 1 in `gains`."""
         return np.asarray(self.ms.amplitude * np.abs(self.force_response))
 
     @property
     def rms(self) -> float:
-        """Expected rms of the force set point in the segment with the largest amplitude."""
+        """Expected rms of the force set point in the segment with the largest factor."""
         return float(self.gains.max() * np.sqrt(np.sum(self.force_amplitude**2) / 2))
 
     @property
@@ -219,7 +225,7 @@ class AxisExperiment:
         return np.asarray(gain * np.tile(self.ms.u, repeats)[:, : gain.size])
 
     def set_points(self, realization: int) -> dict[str, np.ndarray]:
-        """Return the set points (n,) to play, by port: the position, and the port with the
+        """Return the set points (n,) to play, by name: the position, and the port with the
         multisine.
         """
         found = {"position": self.base}
@@ -237,13 +243,13 @@ class AxisExperiment:
 
     @property
     def is_ramp(self) -> bool:
-        """True if the segments are levels at rest."""
+        """True if the experiment raises the amplitude step by step at rest."""
         return self.n_segments > 1 and not np.any(self.velocities)
 
     @property
     def groups(self) -> dict[str, tuple[int, ...]]:
-        """Segments of each record, by its label: one record per direction, or per level of a
-        ramp.
+        """Segments that make each record, by the label of the record: one record per direction of
+        motion, or per amplitude of a ramp.
         """
         if self.is_ramp:
             return {f"level {s + 1}": (s,) for s in range(self.n_segments)}
@@ -256,7 +262,7 @@ class AxisExperiment:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Label of each record."""
+        """Label of each record that `load_trace` returns."""
         return tuple(self.groups)
 
     def __str__(self) -> str:

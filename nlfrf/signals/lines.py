@@ -1,9 +1,10 @@
-"""Harmonic grids: the excited DFT lines, and the detection lines, left out to detect distortion.
+"""Harmonic grids: the excited DFT lines, and the detection lines, which are not excited, so that
+they show distortion.
 
-A line is a DFT index: line k lies at k f0, with f0 = fs / n_samples. If only odd lines are excited,
-the odd part of a nonlinearity acts on odd lines and its even part on even lines. So odd lines
-without excitation detect odd distortion, and even lines detect even distortion (Pintelon &
-Schoukens, 4.3).
+Line k is the frequency k fs / n_samples. If only odd lines are excited, the odd part of a
+nonlinearity acts on odd lines, and its even part on even lines. So output on odd lines without
+excitation is odd distortion, and output on even lines is even distortion (Pintelon & Schoukens,
+4.3).
 """
 
 from __future__ import annotations
@@ -31,22 +32,23 @@ _RESIDUES: dict[str, tuple[tuple[int, ...], int]] = {
 
 @value
 class LineGrid:
-    """Excited lines and the detection lines between them.
+    """Excited lines of a multisine, and detection lines between them, which are not excited.
 
-    A multisine design and a record have one. Make it yourself only for lines that no design gave.
+    Line k is the frequency k fs / n_samples. `multisine` makes the grid of a design. Make one
+    yourself for a record whose excitation comes from elsewhere.
 
     Parameters
     ----------
     excited : (F,) int ndarray
-        Excited DFT lines, increasing, at least 1.
+        Numbers of the excited lines: increasing, at least 1.
     odd, even : (O,), (E,) int ndarray, optional
-        Odd and even detection lines. By default every other line inside the excited band.
+        Numbers of the odd and of the even detection lines. By default all lines between the first
+        and the last excited one that are not excited.
 
     Raises
     ------
     ValueError
-        Lines that are not whole, positive, increasing numbers, or a detection line that is also
-        excited.
+        The lines are not whole, positive, increasing numbers, or a detection line is also excited.
 
     Examples
     --------
@@ -78,7 +80,7 @@ class LineGrid:
 
     @cached_property
     def kind(self) -> str:
-        """Kind of the grid of the excited lines, one of `KINDS`."""
+        """Kind of the grid: "special-odd", "random-odd", "odd-odd", "odd", "full" or "custom"."""
         return recognise_kind(self.excited)
 
 

@@ -31,8 +31,10 @@ Rng = np.random.Generator | int | None
 
 @value
 class Multisine:
-    """One period of a multisine: realisations with random phases for one input, sets of experiments
-    for several.
+    """One period of a multisine, for M realisations of its random phases.
+
+    For several inputs the design separates the inputs: by n_u experiments with orthogonal phases, or
+    by lines that each excite one input.
 
     Fields
     ------
@@ -43,20 +45,22 @@ class Multisine:
     kind : str
         Kind of the harmonic grid.
     lines : LineGrid
-        Excited and detection lines, the same for all inputs.
+        Excited lines and detection lines (not excited), the same for all inputs.
     amplitude : (F,) or (n_u, F) ndarray
         Amplitude of the cosine on each excited line, in the unit of the signal. For several inputs
-        before mixing, and zero on a zippered line of another input.
+        it is the amplitude before mixing. With the design "zippered" it is zero on the lines of
+        another input.
     phase : (M, F) or (n_u, M, F) ndarray
-        Phases [rad], one row per realisation, or per input and experiment, before mixing.
+        Phases [rad] of each realisation; for several inputs of each input and experiment, before
+        mixing.
     hold : str
-        Signal between the samples: "zoh" for a converter that holds each sample, "band-limited" for
-        a generator with a reconstruction filter; "unknown" otherwise.
+        Signal between the samples: "zoh" if a converter holds each sample, "band-limited" if a
+        generator has a reconstruction filter, "unknown" otherwise.
     design : str
-        For several inputs "orthogonal": n_inputs experiments make a set; or "zippered": each line
-        drives one input, so one experiment is enough.
+        For several inputs. "orthogonal": n_u experiments, each with all inputs on all lines.
+        "zippered": each line excites one input, and one experiment is enough.
     mixing : (n_u, n_u) ndarray, optional
-        u = mixing @ (the orthogonal signals): one row for each input of the plant. None: the
+        Matrix from the designed signals to the inputs of the plant: u = mixing @ signals. None: the
         identity.
 
     References
@@ -71,7 +75,7 @@ class Multisine:
     >>> ms.u.shape, ms.f0, round(ms.rms, 12)
     ((3, 1000), 1.0, 2.0)
 
-    Two inputs: each experiment excites both, the set separates them.
+    Two inputs: each experiment excites both inputs, and two experiments separate them.
 
     >>> ms = multisine(fs=128, n_samples=128, f_min=1, f_max=40, rms=(1.0, 2.0), n_inputs=2, rng=1)
     >>> ms.u.shape, ms.rms.round(12).tolist()
@@ -127,20 +131,20 @@ class Multisine:
 
     @property
     def n_inputs(self) -> int:
-        """Inputs n_u."""
+        """Number of inputs n_u."""
         return 1 if self.is_single else self.phase.shape[0]
 
     @property
     def n_experiments(self) -> int:
-        """Experiments M: for one input the realisations; for several inputs n_u per set of an
-        orthogonal design.
+        """Number of experiments: for one input one per realisation; for several inputs n_u per
+        realisation of an orthogonal design, and one of a zippered design.
         """
         return self.phase.shape[-2]
 
     @property
     def n_realizations(self) -> int:
-        """Realisations M for one input; for several inputs the sets R of experiments, each gives
-        the matrix.
+        """Number of realisations; for several inputs a realisation is a set of experiments that is
+        sufficient for the matrix G.
         """
         return self.n_experiments // (self.n_inputs if self.design == "orthogonal" else 1)
 
@@ -156,8 +160,8 @@ class Multisine:
 
     @property
     def rms(self) -> ArrayField:
-        """Root mean square of one period, equal for all realisations; for several inputs (n_u,),
-        over a set.
+        """Root mean square of one period, equal for all realisations. For several inputs (n_u,),
+        over the experiments of a realisation.
         """
         power = np.sum(self.amplitude**2, axis=-1) / 2
         found = np.sqrt(power if self.mixing is None else self.mixing**2 @ power)
@@ -165,23 +169,27 @@ class Multisine:
 
     @property
     def u(self) -> np.ndarray:
-        """(M, N) one period of each realisation, or (n_u, M, N) of each input and experiment."""
+        """(M, N) ndarray: one period of each realisation; or (n_u, M, N): one period of each input
+        and experiment.
+        """
         return self.sampled(self.n_samples)
 
     @property
     def crest_factor(self) -> np.ndarray:
-        """(M,) or (n_u, M) peak over rms, on the samples."""
+        """(M,) or (n_u, M) ndarray: peak over rms of the samples."""
         return np.asarray(np.abs(self.u).max(axis=-1) / np.expand_dims(self.rms, -1))
 
     @property
     def spectrum(self) -> np.ndarray:
-        """(M, F) or (n_u, M, F) complex amplitudes, mixing included."""
+        """(M, F) or (n_u, M, F) complex ndarray: amplitude and phase on the excited lines, after
+        mixing.
+        """
         logical = self.amplitude[..., np.newaxis, :] * np.exp(1j * self.phase)
         return logical if self.mixing is None else np.tensordot(self.mixing, logical, 1)
 
     def sampled(self, n_samples: int) -> np.ndarray:
-        """Return (M, n_samples) or (n_u, M, n_samples) the same period with another number of
-        samples.
+        """Return one period with another number of samples: (M, n_samples) or (n_u, M, n_samples)
+        ndarray.
         """
         spectrum = np.zeros((*self.phase.shape[:-1], n_samples // 2 + 1), dtype=complex)
         spectrum[..., self.lines.excited] = self.spectrum * (n_samples / 2)
@@ -216,52 +224,63 @@ def multisine(
     rng: Rng = None,
     hold: str = "unknown",
 ) -> Multisine:
-    """Design a random-phase multisine: phases independent and uniform on [0, 2 pi).
+    """Design a random-phase multisine: a sum of cosines with independent phases, uniform on [0, 2
+    pi).
 
-    Use the default grid, "special-odd", unless a reason below speaks for another one.
+    The grid decides which multiples of f0 = fs / n_samples (lines) are excited. Lines without
+    excitation are detection lines, on which distortion appears. For most purposes use the default
+    grid, "special-odd".
 
     Parameters
     ----------
     kind : str
-        "special-odd" (8k+1, 8k+3): one record gives the BLA and its distortion level; detection
-        lines underestimate it by at most 4.8 dB, which is corrected. "random-odd" (one of four odd
-        lines left out at random): detection lines need no correction. "odd-odd" (4k+1): detection
-        lines underestimate without limit around a resonance. "odd", "full": no odd detection lines.
-        "custom": the given lines.
+        Grid of the excited lines:
+
+        - "special-odd": lines 8k+1 and 8k+3. The distortion on detection lines is lower than on
+          excited lines, by at most 4.8 dB; `identify` corrects this.
+        - "random-odd": three of every four odd lines, at random. No correction is needed.
+        - "odd-odd": lines 4k+1. Around a resonance the detection lines show too little distortion,
+          without a limit.
+        - "odd": all odd lines, and "full": all lines. There are no odd detection lines.
+        - "custom": the given `lines`.
     fs : float
         Sampling frequency [Hz].
     n_samples : int
-        Samples N in one period; the resolution is fs / N.
+        Samples N in one period; the frequency resolution is f0 = fs / N.
     f_min, f_max : float
-        Band [Hz]; lines inside it, both ends included, are used.
+        Band [Hz], both ends included.
     rms : float, or (n_u,) ndarray
-        Root mean square of the signal, in its own unit; exact. One for all inputs, or one per
+        Root mean square of the signal, in its own unit: one number for all inputs, or one per
         input.
     amplitude : (F,) or (n_u, F) ndarray, or callable of f [Hz], optional
-        Relative amplitude spectrum, scaled to `rms`; flat when not given.
+        Relative amplitude on each excited line, scaled to `rms`. By default all amplitudes are
+        equal.
     lines : LineGrid or array of int, optional
         The excited lines of a "custom" grid.
     n_log : int, optional
-        Keep about this number of lines, spaced logarithmically: for a band over several decades.
+        Number of lines, about, to keep of the grid, spaced logarithmically. Use it for a band over
+        several decades.
     n_realizations : int
-        Realisations M, with independent phases on the same grid; for several inputs the sets R of
-        experiments.
+        Number of realisations: draws of the random phases on the same grid. For several inputs each
+        realisation is a set of experiments.
     n_inputs : int
-        Inputs n_u of the plant.
+        Number of inputs n_u of the plant.
     design : str
-        "orthogonal": n_u experiments make a set, and each excites all inputs on all lines.
-        "zippered": one experiment, in which each line drives one input; on a random-odd grid.
+        For several inputs. "orthogonal": n_u experiments, each with all inputs on all lines.
+        "zippered": one experiment, in which each line excites one input; it needs a "random-odd"
+        grid.
     mixing : (n_u, n_u) ndarray, optional
-        u = mixing @ (orthogonal signals): for logical axes, or V S^-1 from a first measurement if
-        the plant is ill conditioned. `rms` is that of the signals before mixing.
+        Matrix from the designed signals to the inputs of the plant: u = mixing @ signals. `rms` is
+        that of the signals. Use it to excite combinations of the inputs. For an ill-conditioned
+        plant take V S^-1, from the SVD G = U S V^H of a first measurement.
     n_draws : int
-        Number of draws of the phases for several inputs; the set with the lowest worst crest factor
-        is kept.
+        For several inputs, number of random draws of the phases. The draw whose largest crest
+        factor is smallest is kept.
     rng : numpy Generator, int or None
         Source of the random phases (and of the lines left out of a random-odd grid).
     hold : str
-        "zoh" if a converter holds each sample, "band-limited" if a filter reconstructs the signal;
-        a record made with this design inherits it.
+        Signal between the samples: "zoh" if a converter holds each sample, "band-limited" if a
+        filter reconstructs the signal. A record made with this design has the same hold.
 
     Returns
     -------
@@ -270,8 +289,9 @@ def multisine(
     Raises
     ------
     ValueError
-        A band without lines or beyond Nyquist; an amplitude that does not fit; a number out of
-        range; a zippered special-odd grid, which cannot be calibrated.
+        The band contains no lines or exceeds the Nyquist frequency; `amplitude` does not fit the
+        lines; a number is out of range; or the design is "zippered" on a special-odd grid, for
+        which the distortion on excited lines cannot be derived from detection lines.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""MATLAB files of any version, each read by its library, in its own process."""
+"""MATLAB files of any version, each read by its library in a separate process."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def contents(path: Path) -> Contents:
 def read_mat(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     """Read the variables of a MATLAB file, without axes of length one.
 
-    Use this for systems and settings; use `load_record` for records.
+    Use this for models and settings. For measured signals use `load_record`.
 
     Parameters
     ----------
@@ -41,12 +41,12 @@ def read_mat(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     Returns
     -------
     dict of str to ndarray
-        Numbers and texts by name, ``struct.field`` inside structs.
+        Numbers and texts by name; a field of a struct has the name ``struct.field``.
 
     Raises
     ------
     ValueError
-        The file cannot be read, or has version 7.3, which stores matrices transposed.
+        The file cannot be read, or has version 7.3, which this function does not read.
     FileNotFoundError
         No such file.
 

@@ -1,4 +1,4 @@
-"""A sampled controller around the rig: a controller design is tried on the nonlinear machine.
+"""Simulate a sampled controller around a nonlinear machine.
 
                                  disturbance
 r ---o--- K(z) --- delay --- [/] ---o--- hold --- rig ---+--- x
@@ -47,27 +47,26 @@ _UNITS = {"r": "m", "u": "N", "x": "m", "v": "m/s", "y": "m", "friction": "N"}
 
 @value(kw_only=False)
 class Controller:
-    """A sampled controller on a machine: u = K (r - y), with delay, limit, and a sensor of finite
-    resolution.
+    """A sampled controller u = K (r - y), with its delay, force limit and sensor resolution.
 
     Parameters
     ----------
     K : state space
-        Anything with A, B, C, D and dt: forces [N] from errors [m], n_y inputs and n_u outputs,
-        sampled with dt [s].
+        Any object with A, B, C, D and the sampling time dt [s]. Its n_y inputs are the errors [m],
+        its n_u outputs the forces [N].
     delay : float
-        Delay from sampling to the change of the force [s]; any fraction of a sample, or several
-        samples.
+        Delay from the sampling of y to the change of the force [s]; it need not be a multiple of
+        dt.
     saturation : float or (n_u,) ndarray
-        Largest force of the actuators, in either direction [N].
+        Largest force of the actuators in either direction [N].
     resolution : float or (n_y,) ndarray
-        Step of the position sensors [m]; zero for none.
+        Quantisation step of the position sensors [m]; zero for none.
 
     Raises
     ------
     ValueError
-        A controller that is continuous, or whose matrices are not finite, not real or of wrong
-        shapes; a negative delay, limit or resolution.
+        The controller is continuous, or its matrices are not finite, not real or of wrong shapes;
+        or delay, limit or resolution is negative.
 
     References
     ----------
@@ -479,46 +478,45 @@ def run_loops(
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,
 ) -> list[Trajectory] | list[Result]:
-    """Run many loops around one rig in compiled code: controllers, disturbances and initial states,
-    one per run.
+    """Simulate many closed loops around one machine, with another controller, disturbance or
+    initial state in each run.
 
-    Use this for tables of gains or random cases; `run` simulates a single loop.
+    Use this to compare many gains or random cases; for a single loop use `run`.
 
     Parameters
     ----------
     rig : Rig
         The machine, with one axis.
     r, disturbance, noise : (n,) or (R, n) ndarray
-        As in `run`, for all runs or one per run.
+        As in `run`: (n,) for all runs, or one row per run.
     controllers : sequence of Controller or state space
-        One per run, all with one sampling time; a single one is used for all runs.
+        One per run, or a single one for all runs. All must have the same sampling time.
     of : callable, optional
-        Function of each run whose result is wanted, as ``lambda response: response.outcome(0.2)``.
-        The trajectories are released, so that thousands of runs take no memory. With an executor, a
-        function that pickles (from a module, or a `functools.partial` of one) is called in the
-        worker, and only its result returns. A lambda is called here, and so is any function with
-        `resume`, whose folder keeps the runs themselves.
+        Function of the `Trajectory` of a run, for example ``lambda moved: moved.outcome(0.2)``.
+        Only its results are returned, so thousands of runs need little memory. With worker
+        processes, a function from a module is called in the worker. A lambda is called in the main
+        process, and so is any function if `resume` is given.
     initial : (2,) or (R, 2) ndarray
-        Position [m] and velocity [m/s] at the start.
+        Position [m] and velocity [m/s] at the start, for all runs or one row per run.
     oversampling : int
         As in `run`.
     executor : concurrent.futures.Executor, optional
-        Executor of the runs; by default one thread per core.
+        Executor that runs the simulations; by default one thread per core.
     progress : callable, optional
-        Called with the number of parts done and their total.
+        Function called with the number of finished parts and their total.
     resume : path, optional
-        Folder that keeps every finished part, 40 bytes per sample. A repeated call with the same
-        arguments, after an interruption, computes only the others.
+        Folder for finished parts, 40 bytes per sample. After an interruption, a call with the same
+        arguments computes only the missing parts.
 
     Returns
     -------
     list of Trajectory, or of results of `of`
-        In the order of the runs.
+        One for each run, in the order of the runs.
 
     Raises
     ------
     ValueError
-        As in `run`; also numbers of runs that do not agree.
+        As in `run`; also if the arguments have different numbers of runs.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""A drive: gains, filters, sampling and units, for a simulated or a real axis.
+"""Settings of a drive: gains, filters, sampling and units, for a simulated or a real axis.
 
 r --->(+)-->[ kv ]-->(+)-->[ kp (1 + 1/(tn s)) ]-->[filters]-->[limit]--- i* -->[delay]-->[1/(lag s
 + 1)]--> motor
@@ -46,10 +46,10 @@ class _Scale(NamedTuple):
 
 @value
 class Drive:
-    """Settings of a drive: a position P, a velocity PI, filters, and their units.
+    """Settings of a drive: position controller (P), velocity controller (PI), filters, and units.
 
-    Anti-windup: while the output is limited, the integrator of a simulated axis does not move
-    further into the limit.
+    A simulated drive has anti-windup: while the output is limited, the integrator does not move
+    further towards the limit.
 
     Parameters
     ----------
@@ -60,51 +60,54 @@ class Drive:
     kp : float
         Gain of the velocity loop, in `kp_unit`.
     kp_unit : str
-        Current or force over velocity: "A/(m/s)", "A s/rad", "Nm/(rad/s)", "A/rpm".
+        Unit of `kp`, current or force over velocity: "A/(m/s)", "A s/rad", "Nm/(rad/s)", "A/rpm",
+        ...
     tn : float
-        Reset time of the velocity loop [s], not in ms; infinite: no integral part.
+        Reset time of the velocity controller [s]; infinite for no integral part.
     torque_constant : float
-        Force per current [N/A] or [Nm/A], in the coordinate of the velocity loop; nan if unknown.
+        Force or torque per current [N/A] or [Nm/A], for the velocity on which the velocity loop
+        acts; nan if unknown.
     lag : float
         Time constant of the current loop [s].
     delay_periods : float
-        Delay from sampling to the change of the current set point, in periods of `fs`; any fraction
-        of one, or several.
+        Delay from sampling to the change of the current, in periods of `fs`; it need not be a whole
+        number.
     filters : tuple of Notch, LowPass, Biquad, or (S, 6) ndarray
-        Filters between the velocity loop and the limit: elements of `robust.tuning`, or
-        second-order sections in the format of scipy.signal.
+        Filters between the velocity controller and the current limit: elements of `robust.tuning`,
+        or second-order sections as in scipy.signal.
     position_every : int
-        Number of periods of the velocity loop per period of the position loop.
+        Number of periods of the velocity loop in one period of the position loop.
     encoder : str
-        "motor" or "load": the encoder that both loops read. "both": velocity of the motor, position
-        of the load.
+        Encoder that both loops read: "motor" or "load". "both": the velocity loop reads the motor,
+        the position loop the load.
     velocity_lag : float
-        Time constant of a low-pass on the velocity, the difference of two positions [s].
+        Time constant of a low-pass on the velocity [s]. The velocity is the difference of two
+        positions over the period.
     observer_frequency : float
-        Natural frequency [Hz] of an observer instead of differences: a tracking loop of second
-        order, critically damped, s/(s/omega + 1)^2. nan: differences.
+        Natural frequency [Hz] of an observer that gives the velocity: a critically damped tracking
+        loop, s/(s/omega + 1)^2. nan: the velocity is the difference of two positions.
     velocity_feedforward : float
-        Share of the velocity of the position set point that is fed to the velocity loop, 0 to 1;
-        the presets of `nlfrf.servo_axis` have 1.
+        Fraction of the set-point velocity that is added to the velocity set point, 0 to 1. The
+        presets of `nlfrf.servo_axis` have 1.
     limit : float
-        Limit of the current or force set point, in either direction, in the output unit of
+        Limit of the current or force set point in either direction [A], [N] or [Nm], as in
         `kp_unit`.
     position_unit, load_unit : str
-        Unit of the measured position; `load_unit` for the load with two encoders: "m", "mm", "um",
-        "rad", "deg", "rev", or any other ("counts") with its factor. By default that of `kp_unit`,
-        m or rad.
+        Unit of the measured position, and with two encoders of the position of the load: "m", "mm",
+        "um", "rad", "deg", "rev", or another one ("counts") with a factor. By default m or rad, as
+        in `kp_unit`.
     unit_factor, load_factor : float
-        Number of velocity-loop units (m or rad) in one `position_unit`, and in one `load_unit`.
-        Needed if the two units are not multiples of each other, as rad at a motor and mm after its
-        screw, or counts.
+        Motion in the unit of the velocity loop (m or rad) per `position_unit`, and per `load_unit`.
+        It is needed for counts, and for different kinds of unit, such as rad at a motor and mm
+        after its screw.
     assumed : tuple of str
-        Settings at their defaults because they were not given; printed as assumed.
+        Names of settings that were not given and have their defaults; they are printed as assumed.
 
     Raises
     ------
     ValueError
-        Numbers out of range, an unknown unit, a missing factor, filters that are no second-order
-        sections.
+        A number is out of range, a unit is unknown, a factor is missing, or filters are not
+        second-order sections.
 
     References
     ----------
@@ -172,7 +175,7 @@ class Drive:
 
     @property
     def position_scale(self) -> _Scale:
-        """Unit of the measured position; with two encoders that of the motor."""
+        """Unit of the measured position; with two encoders that of the motor position."""
         unit = self.position_unit or self.base_unit
         return _Scale(unit, _scale_factor("unit_factor", self.unit_factor, unit, self.base_unit))
 
@@ -217,7 +220,7 @@ class Drive:
 
     @property
     def gain(self) -> float:
-        """Gain kp [A, N or Nm over m/s or rad/s]."""
+        """Gain kp of the velocity controller [A, N or Nm over m/s or rad/s]."""
         return self.kp * parse_gain_unit(self.kp_unit)[2]
 
     def output_factor(self, unit: str) -> float:

@@ -1,4 +1,6 @@
-"""The best linear approximation over levels of excitation, and the growth of the distortion."""
+"""The best linear approximation at several rms values of the excitation, and the growth of the
+distortion.
+"""
 
 from __future__ import annotations
 
@@ -21,14 +23,14 @@ from nlfrf.signals.multisine import Multisine
 
 @value
 class LevelStudy:
-    """A family of best linear approximations, one for each level.
+    """Best linear approximations of a machine at several levels (rms values of the excitation).
 
     Fields
     ------
     rms : (L,) ndarray
-        Levels of the excitation [N].
+        Rms of the excitation at each level [N].
     blas : tuple of L Bla
-        Result at each level; as a list, a plant family for `robust.uncertainty`.
+        BLA at each level. ``list(study.blas)`` is a family of plants for `robust.uncertainty`.
 
     References
     ----------
@@ -53,14 +55,14 @@ class LevelStudy:
 
     @property
     def distortion(self) -> np.ndarray:
-        """(L, F) variance by distortion of the FRF of one realisation, over |G|^2."""
+        """(L, F) ndarray: variance of the FRF of one realisation due to distortion, over |G|^2."""
         return np.stack([bla.var_distortion / np.abs(bla.G) ** 2 for bla in self.blas])
 
     @property
     def growth(self) -> np.ndarray:
-        """(L - 1, F) growth of the distortion [dB] per 20 dB of level:
+        """(L - 1, F) ndarray: growth of `distortion` [dB] for each increase of the rms by 20 dB.
 
-        40 for a cube, 20 for a square.
+        It is 40 for a cubic and 20 for a quadratic nonlinearity.
         """
         step = np.diff(20 * np.log10(self.rms))[:, np.newaxis]
         return 20 * np.diff(10 * np.log10(self.distortion), axis=0) / step
@@ -78,20 +80,21 @@ def level_study(
     progress: Callable[[int, int], object] | None = None,
     resume: str | PathLike[str] | None = None,
 ) -> LevelStudy:
-    """Run the same multisine through a rig at several levels, and identify the BLA at each.
+    """Simulate the same multisine on a machine at several levels (rms values), and identify the BLA
+    at each.
 
     Parameters
     ----------
     rig : Rig
         The machine.
     ms : Multisine
-        The excitation, scaled to each level.
+        The excitation; it is scaled to each level.
     rms : (L,) ndarray
-        Levels [N], at least two, increasing.
+        Rms at each level [N]; at least two, increasing.
     n_periods, n_discard, oversampling, executor, resume
         As in `nlfrf.simulate`.
     progress : callable, optional
-        Called with the realisations done and the total, over all levels.
+        Function called with the number of finished realisations and their total, over all levels.
 
     Returns
     -------
@@ -100,7 +103,7 @@ def level_study(
     Raises
     ------
     ValueError
-        Levels that are not positive and increasing; also as in `simulate` and `identify`.
+        The levels are not positive and increasing; also as in `simulate` and `identify`.
 
     References
     ----------
@@ -108,8 +111,8 @@ def level_study(
 
     Examples
     --------
-    In small motions the friction of the paper distorts by its creep, |v| Fh/s, of second degree
-    (and odd):
+    In small motions the Leuven friction of the rig creeps, with a term of second degree in the
+    motion. So the distortion grows by about 20 dB:
 
     >>> from nlfrf.signals.multisine import multisine
     >>> from nlfrf.rig.bench.rig import paper_rig

@@ -3,8 +3,8 @@
     m x'' + c x' + k x + friction(x') = force                                          one axis
     M q'' + C q' + K q + cubic springs + friction(q') = actuators @ force, y = sensors @ q        several
 
-`Rig` is the machine; `nlfrf.rig.run` runs it from rest under any force, `nlfrf.simulate` under
-multisines.
+`Rig` describes the machine. `nlfrf.rig.run` simulates it under any force, and `nlfrf.simulate`
+under multisines.
 """
 
 from __future__ import annotations
@@ -97,36 +97,37 @@ def warn_of_coarse_step(poles: np.ndarray, fs: float, oversampling: int) -> None
 
 @value(kw_only=False)
 class Rig:
-    """A mass on a spring with viscous damping and friction to ground, or several such axes coupled.
+    """A mass on a spring, with viscous damping and friction to ground; or several coupled masses.
 
-    Use numbers for one axis. Use matrices for n axes, each with its own friction law or none.
+    For one axis give numbers. For n axes give matrices, and one friction law or None per axis.
 
     Parameters
     ----------
     mass : float or (n, n) ndarray
-        [kg]; symmetric and positive definite.
+        Mass [kg]; a matrix must be symmetric and positive definite.
     stiffness : float or (n, n) ndarray
         Stiffness of the springs to ground and between axes [N/m]; zero for a free mass.
     friction : law, or a list of n laws or None
-        Coulomb, Dahl, LuGre, Leuven, GeneralizedMaxwellSlip, VaryingSliders; for one axis also
-        OwnFriction.
+        Friction law of `nlfrf.friction`: Coulomb, Dahl, LuGre, Leuven, GeneralizedMaxwellSlip or
+        VaryingSliders; for one axis also OwnFriction.
     damping : float or (n, n) ndarray
-        Viscous damping in addition to that of the friction law [Ns/m].
+        Viscous damping [Ns/m], in addition to that in the friction law.
     cubic : (n, n) ndarray, optional
-        Springs with force c d^3 [N/m^3]: to ground on the diagonal, between two axes off it.
-        Symmetric.
+        Symmetric matrix of cubic springs, each with force c d^3 [N/m^3] for a deflection d. Springs
+        to ground are on the diagonal, springs between two axes off the diagonal.
     actuators : (n, n_u) ndarray, optional
-        Force on each axis per unit of each input; by default one force per axis.
+        Force on each axis per unit of each input; by default each axis has its own input.
     sensors : (n_y, n) ndarray, optional
-        Measured position per unit of each axis position; by default one per axis.
+        Measured positions per unit of each axis position; by default the position of each axis is
+        measured.
     inputs, outputs : tuple of str
-        Names of the n_u forces and n_y positions, also in records of the rig.
+        Names of the n_u forces and of the n_y positions; records of the rig have the same names.
 
     Raises
     ------
     ValueError
-        A mass that is not positive (definite), a negative (indefinite) stiffness or damping, a
-        friction that is no law; matrices, laws or names that do not fit each other.
+        The mass is not positive (definite), stiffness or damping is negative (not semidefinite),
+        `friction` is not a friction law, or matrices, laws and names do not fit each other.
 
     References
     ----------
@@ -141,7 +142,7 @@ class Rig:
     >>> bool(rig.stable_step > 1 / 4096), rig.n_axes
     (True, 1)
 
-    A motor and a load on a shaft, friction at the motor, the load measured:
+    A motor with friction drives a load through a shaft. The position of the load is measured:
 
     >>> drive = Rig(np.diag([1.0, 2.0]), [[5e4, -5e4], [-5e4, 5e4]], [lugre, None], [[2.0, -2.0], [-2.0, 2.0]],
     ...             actuators=[[1.0], [0.0]], sensors=[[0.0, 1.0]])
@@ -175,7 +176,7 @@ class Rig:
 
     @property
     def several(self) -> bool:
-        """True if the rig is given by matrices, so that signals have an axis of channels."""
+        """True if the rig is given by matrices; signals then have an axis of channels."""
         return np.ndim(self.mass) > 0
 
     @property
@@ -194,9 +195,9 @@ class Rig:
         return len(self.outputs)
 
     def poles(self, gain: float) -> np.ndarray:
-        """Return the (2 n,) poles [rad/s] with `gain` times the presliding stiffness:
+        """Return the (2 n,) poles [rad/s] with `gain` times the stiffness of the stuck friction.
 
-        1 for stuck, 0 for sliding.
+        `gain` is 1 for a stuck machine and 0 for a sliding one.
         """
         mass, stiffness, damping = map(np.atleast_2d, (self.mass, self.stiffness, self.damping))
         return axes.poles(
@@ -205,8 +206,8 @@ class Rig:
 
     @cached_property
     def stable_step(self) -> float:
-        """Longest integration step [s] that is stable without sliding; sliding may need a shorter
-        one.
+        """Longest integration step [s] that is stable while friction sticks; sliding may need a
+        shorter one.
         """
         # stuck, just after a reversal (dz/dt = 2 v), and sliding
         limits = [
@@ -224,9 +225,11 @@ class Rig:
 
 
 def paper_rig() -> Rig:
-    """Return the rig of the paper: 1 kg on 80 kN/m with Leuven friction.
+    """Return the example machine of these packages: a mass of 1 kg on a spring of 80 kN/m, with
+    Leuven friction.
 
-    Its resonance is near 59 Hz in small motions, near 45 Hz in large ones.
+    It is the experiment of the paper in References. Its resonance is near 59 Hz in small motions,
+    in which friction acts as a spring, and near 45 Hz in large ones.
 
     Returns
     -------
@@ -246,25 +249,26 @@ def paper_rig() -> Rig:
 
 
 def two_axis_stage(nonlinearity: str = "friction") -> Rig:
-    """Return a stage with two coupled axes near 29 and 50 Hz, measured at two points that mix them.
+    """Return a stage with two coupled axes, two forces and two measured positions.
 
-    Masses of 1 and 1.5 kg on springs, a spring and a damper between them.
+    Masses of 1 and 1.5 kg are on springs, with a spring and a damper between them. The resonances
+    are near 29 and 50 Hz. Each measured position is a combination of both axis positions.
 
     Parameters
     ----------
     nonlinearity : str
         "friction": LuGre friction on both axes. "springs": cubic springs to ground and between the
-        axes, no friction. "none": neither.
+        axes. "none": a linear stage.
 
     Returns
     -------
     Rig
-        Forces Fx, Fy [N], positions x, y [m].
+        Rig with inputs Fx, Fy [N] and outputs x, y [m].
 
     Raises
     ------
     ValueError
-        Another nonlinearity.
+        `nonlinearity` is another text.
 
     References
     ----------

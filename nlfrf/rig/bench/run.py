@@ -1,4 +1,4 @@
-"""`run`: any simulated machine through any signal, with or without a controller around it."""
+"""`run`: simulate any machine under any signal, with or without a controller."""
 
 from __future__ import annotations
 
@@ -28,57 +28,62 @@ def run(
     oversampling: int | None = None,
     hold: str | None = None,
 ) -> Trajectory:
-    """Run a machine under any signal: a force, a reference of its controller, set points of its
-    drive.
+    """Simulate a machine under any signal.
 
-    A `Rig` moves under a force [N], from rest. With a controller around it the signal is the
-    reference of the measured positions [m]. A `ServoAxis` follows set points of its drive. A
-    friction law alone takes a velocity [m/s], linear between samples, from rest: for hysteresis
-    loops and Stribeck curves.
+    The meaning of the signal depends on the machine:
+
+    - A `Rig` takes the force [N].
+    - A `Rig` with a controller takes the reference [m] of the measured positions.
+    - A `ServoAxis` takes set points of its drive.
+    - A friction law takes a velocity [m/s], linear between samples. The result is its friction force,
+      for example a hysteresis loop or a Stribeck curve.
 
     Parameters
     ----------
     machine : Rig, ServoAxis or friction law
         The machine to run.
     signal : (n,) ndarray, (channels, n) for a rig of matrices, or dict of them for an axis
-        One value per sample. For an axis by name: "position" [m] or [rad] is the set point of the
-        position loop, "velocity" is added to the velocity set point, "force" [N] or [Nm] to the
-        output of the velocity loop, before the current limit. "torque" alone opens both loops:
-        torque mode. An array is the position.
+        One value per sample. An array for a `ServoAxis` is the position set point. A dict for a
+        `ServoAxis` has these names: "position" [m] or [rad], the position set point; "velocity"
+        [m/s] or [rad/s], added to the velocity set point; "force" [N] or [Nm], added to the output
+        of the velocity controller before the current limit. "torque" alone is torque mode, in which
+        both loops are open.
     controller : Controller or state space, optional
-        Sampled, around a rig: u = K (r - y), held over each sample. For several axes a controller
-        matrix, full or with one loop per axis. A state space alone acts without delay and limits.
+        Sampled controller around a `Rig`, u = K (r - y). Its force is held over each sample. For
+        several axes K is a matrix, full or diagonal. A state space acts without delay and limits.
     fs : float, optional
-        Sampling frequency [Hz]; needed if neither a controller nor a drive has one.
+        Sampling frequency [Hz]; needed without a controller and without a drive.
     disturbance : (n,) or (n_u, n) ndarray, optional
-        Force added to that of the controller [N], held over each sample.
+        Force added to that of the controller or drive [N], held over each sample.
     noise : (n,) or (n_y, n) ndarray, optional
-        Added to the measured position before quantisation [m] or [rad].
+        Noise added to the measured position before quantisation [m] or [rad].
     initial : (2,) or (2, axes) ndarray, optional
-        Initial position and velocity, with relaxed friction; by default zeros.
+        Initial position and velocity; by default zeros. The friction has no initial force.
     oversampling : int, optional
-        Integration steps per sample: 4 with a controller, otherwise 1. With a controller or a drive
-        this is a minimum; more steps are taken if the machine needs them.
+        Integration steps per sample; by default 4 with a controller and 1 otherwise. With a
+        controller or a drive this is a minimum: more steps are taken if the machine needs them.
     hold : str, optional
-        Force on a rig between samples: "linear", or "zoh" (held).
+        Force on a `Rig` between samples: "linear", or "zoh" (held).
 
     Returns
     -------
     Trajectory
-        A loop that runs away is a result with `diverged`, not an error.
+        The motion, sample by sample. For an unstable loop its field `diverged` is True; this is no
+        error.
 
     Raises
     ------
     ValueError
-        An argument without effect on this machine; signals that do not fit each other; a controller
-        that is continuous, or has other inputs and outputs than the rig; a step too long to be
-        stable, with a sufficient oversampling in the message; a machine far too fast for its
-        controller.
+        An argument has no effect on this machine; signals do not fit each other; the controller is
+        continuous, or its inputs and outputs are not those of the rig; the integration step is too
+        long to be stable (the message states a sufficient oversampling); or the machine is far too
+        fast for its controller.
 
     Warns
     -----
     DataWarning
-        The memory of turning points of a friction law was too short.
+        The turning points of the motion were more than a friction law stores, so its force is
+        approximate.
 
     References
     ----------
@@ -87,7 +92,7 @@ def run(
 
     Examples
     --------
-    A force below the static friction moves the mass by a few micrometres; it stays stuck.
+    A force below the static friction moves the mass by a few micrometres only.
 
     >>> import numpy as np
     >>> from nlfrf import paper_rig, servo_axis
@@ -95,13 +100,15 @@ def run(
     >>> bool(2e-6 < pushed.x[-1] < 8e-6)
     True
 
-    At constant velocity friction settles on the Stribeck curve plus the viscous part.
+    At constant velocity the friction force becomes that of the Stribeck curve plus viscous
+    friction.
 
     >>> from nlfrf.friction import Leuven
     >>> round(float(run(Leuven(), np.full(2000, 0.01), fs=10e3).friction[-1]), 4)
     0.8144
 
-    An integrator brings the position to the reference; a belt axis moves by a millimetre.
+    A controller with an integrator brings the position to the reference; a belt axis moves by a
+    millimetre.
 
     >>> from types import SimpleNamespace
     >>> K = SimpleNamespace(A=[[1.0]], B=[[1.0]], C=[[300.0]], D=[[300.0]], dt=1e-3)

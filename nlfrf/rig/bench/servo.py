@@ -67,36 +67,39 @@ _UNSETTLED = 1e-2
 
 @value
 class ServoAxis:
-    """A motor and a load behind a belt, a screw or a gear, an encoder, and the drive; one rigid
-    mass without a load.
+    """A servo axis: a motor, a load behind a belt, a screw or a gear, an encoder, and a drive.
+
+    All parameters are in the coordinate of the load: inertias, forces and positions of the motor
+    are converted by the transmission.
 
     Parameters
     ----------
     motor_inertia : float
-        Inertia of the motor [kg] or [kg m^2], in the coordinate of the load.
+        Inertia of the motor [kg] or [kg m^2].
     drive : Drive
-        Gains, limits, sampling, torque constant and encoder of the drive, all in the coordinate of
-        the load. The velocity must come from differences.
+        Gains, limits, sampling, torque constant and encoder of the drive. Its velocity must be the
+        difference of positions, not that of an observer.
     motor_friction, load_friction : law, optional
-        Friction of each mass to ground.
+        Friction law of the motor and of the load, to ground.
     motor_damping, load_damping : float
-        Viscous friction to ground [Ns/m] or [Nm s/rad].
+        Viscous friction of the motor and of the load, to ground [Ns/m] or [Nm s/rad].
     load_inertia : float
-        Inertia of the load [kg] or [kg m^2]; zero: motor and load are one rigid mass,
+        Inertia of the load [kg] or [kg m^2]. If it is zero, the axis is one rigid mass,
         `motor_inertia`.
     stiffness, damping : float
-        Belt, screw or gear between motor and load [N/m], [Ns/m] or [Nm/rad], [Nm s/rad].
+        Stiffness and damping of belt, screw or gear between motor and load [N/m], [Ns/m] or
+        [Nm/rad], [Nm s/rad].
     spring : float
         Stiffness from the load to ground [N/m] or [Nm/rad]; zero for a free axis.
     resolution : float
-        Step of the encoder [m] or [rad]; zero for none.
+        Quantisation step of the encoder [m] or [rad]; zero for none.
     motion : str
         "linear" (m, N) or "rotary" (rad, Nm).
 
     Raises
     ------
     ValueError
-        Numbers out of range; a load without a stiffness; parameters of a load without
+        A number is out of range; a load has no stiffness; or parameters of a load are given without
         `load_inertia`.
 
     References
@@ -169,12 +172,14 @@ class ServoAxis:
 
     @property
     def force_constant(self) -> float:
-        """Force over the output of the velocity loop, in N or Nm over A, or one."""
+        """Force per output of the velocity controller [N/A] or [Nm/A]; 1 if that output is a force
+        or torque.
+        """
         return self.drive.output_factor(self.units[1])
 
     @property
     def inertia(self) -> float:
-        """Moving inertia in all [kg] or [kg m^2]."""
+        """Total moving inertia [kg] or [kg m^2]."""
         return self.motor_inertia + self.load_inertia
 
     @property
@@ -191,7 +196,7 @@ class ServoAxis:
 
     @cached_property
     def rig(self) -> Rig:
-        """The machine without its drive: force of the motor in, position of the encoder out."""
+        """The machine without its drive, as a `Rig` from the motor force to the encoder position."""
         k, c = self.stiffness, self.damping
         if not self.two:
             mass, laws = [[self.motor_inertia]], [self.motor_friction]
@@ -354,13 +359,14 @@ def simulate_servo(
     progress: Progress | None = None,
     resume: str | PathLike[str] | None = None,
 ) -> Record:
-    """Run every realisation of a multisine on an axis under its drive: force set point in, encoder
-    position out.
+    """Simulate a multisine experiment on a servo axis with its drive, from the force set point to
+    the encoder position.
 
-    At rest the multisine moves the axis about a fixed position set point. In motion it is
-    superimposed on a constant velocity, so that the friction slides; the motion of the set point is
-    subtracted from the position. With `strokes` the axis moves back and forth, and only the strokes
-    in the direction of `base_velocity` are recorded: forward and backward are two records.
+    Without `base_velocity` the axis moves about a fixed position set point. With it the multisine
+    is added to a motion at constant velocity, so that friction slides; this motion is subtracted
+    from the recorded position. With `strokes` the axis moves back and forth. The record then
+    contains only the strokes in the direction of `base_velocity`; call the function twice for both
+    directions.
 
     Parameters
     ----------
@@ -369,41 +375,41 @@ def simulate_servo(
     ms : Multisine
         M realisations of N samples at the sampling frequency of the drive.
     port : str
-        Port of the multisine: "force" [N] or [Nm], "velocity" [m/s] or [rad/s], "position" [m] or
-        [rad].
+        Set point to which the multisine is added: "force" [N] or [Nm], "velocity" [m/s] or [rad/s],
+        or "position" [m] or [rad].
     closed : bool
-        False: torque mode, the multisine alone drives the motor.
+        False: torque mode, in which the multisine alone drives the motor.
     base_velocity : float
-        Velocity of the position set point [m/s] or [rad/s]; its sign is the recorded direction.
+        Velocity of the position set point [m/s] or [rad/s]. Its sign is the recorded direction.
     strokes : int
-        Number of strokes back and forth; zero for one long motion.
+        Number of strokes back and forth; zero for one motion in one direction.
     n_periods : int
-        Periods kept, per stroke.
+        Number of periods kept in each stroke.
     n_discard : int
-        Periods run before, also at the start of each stroke.
+        Number of periods discarded at the start of each stroke, or of the experiment.
     oversampling : int
-        Least number of integration steps per period of the drive.
+        Smallest number of integration steps per period of the drive.
     executor, progress, resume
         As in `simulate`.
 
     Returns
     -------
     Record
-        u: the force set point, held over each period ("zoh"), so delay and lag of the current
-        belong to the identified plant. y: the encoder position. r: the multisine. (M, P, N), P the
-        periods of all strokes.
+        (M, P, N) arrays, P being the number of kept periods of all strokes. u is the force set
+        point, y the encoder position, and r the multisine. The identified plant contains the hold,
+        the delay and the lag of the current loop.
 
     Raises
     ------
     ValueError
-        A multisine with another sampling frequency; motion or a set point in an open loop; an axis
-        that runs away.
+        The sampling frequency of the multisine is not that of the drive; motion or a set point is
+        given for an open loop; or the axis is unstable.
 
     Warns
     -----
     DataWarning
-        The current was limited; an axis in motion turned back; or the last two periods of a record
-        without motion still differ by more than the encoder explains.
+        The current reached its limit; an axis in motion moved backwards; or, at rest, the last two
+        periods differ by more than the encoder resolution explains.
 
     References
     ----------
@@ -575,29 +581,32 @@ def _sliders(K0: float, Fs: float, stiction: float, vs: float) -> VaryingSliders
 
 
 def servo_axis(preset: str) -> ServoAxis:
-    """Return a typical axis, with a drive that is set up for it.
+    """Return a typical servo axis with a drive that is tuned for it.
 
     Parameters
     ----------
     preset : str
-        "linear motor": one mass of 12 kg on rails. "belt": 7 and 15 kg, antiresonance 47 Hz,
-        resonance 83 Hz. "ball screw": 233 and 150 kg, antiresonance 116 Hz, resonance 149 Hz.
-        "joint": a robot joint with a harmonic drive, 0.52 and 1.5 kg m^2, antiresonance 16 Hz,
-        resonance 32 Hz.
+        Kind of axis; inertias are those of motor and load:
+
+        - "linear motor": one mass of 12 kg on rails
+        - "belt": 7 and 15 kg, antiresonance 47 Hz, resonance 83 Hz
+        - "ball screw": 233 and 150 kg, antiresonance 116 Hz, resonance 149 Hz
+        - "joint": robot joint with a harmonic drive, 0.52 and 1.5 kg m^2, antiresonance 16 Hz, resonance
+          32 Hz
 
     Returns
     -------
     ServoAxis
-        Axis with friction of the class `robust.friction.MaxwellSlip` and viscous friction.
+        Axis with viscous friction and with friction of the class `robust.friction.MaxwellSlip`.
 
     Raises
     ------
     ValueError
-        Another preset.
+        `preset` is another text.
 
     References
     ----------
-    docs/guide/axis.md: each number with its data sheet, or marked as chosen.
+    docs/guide/axis.md: data sheet of each number.
 
     Examples
     --------

@@ -1,8 +1,7 @@
-"""Experiments on a rig: every realisation of a multisine, run to steady state, in parallel and
-resumable.
+"""Multisine experiments on a machine, simulated to steady state, in parallel and resumable.
 
-A task is a function from a value to a dictionary of arrays. Its result depends on its value alone.
-So it is the same for any worker and any order, and results kept in a folder can be reused.
+A task is a function from a value to a dictionary of arrays. Its result depends on this value alone.
+So it does not depend on worker or order, and results in a folder can be reused.
 """
 
 from __future__ import annotations
@@ -256,11 +255,10 @@ def simulate(
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,
 ) -> Record:
-    """Run every realisation of a multisine through a rig, from rest to steady state: force in,
-    position out.
+    """Simulate a multisine experiment on a machine: force in, position out.
 
-    Use this to try a measurement before it is made on a machine; `simulate_servo` does so for an
-    axis with a drive.
+    Every realisation starts at rest and runs to steady state. Use this to try an experiment before
+    it is made. For a servo axis with a drive use `nlfrf.rig.simulate_servo`.
 
     Parameters
     ----------
@@ -271,42 +269,44 @@ def simulate(
     n_periods : int
         Number of periods P that are kept.
     n_discard : int
-        Number of periods run before, for the transient to decay.
+        Number of periods before them, in which the transient decays.
     oversampling : int
-        Integration steps per sample. An even number of steps per period keeps the point symmetry of
-        the friction, so that even lines contain rounding errors only.
+        Integration steps per sample. With an even number of steps per period, an odd excitation
+        gives even lines with rounding errors only.
     hold : str
-        Force between samples: "band-limited", the multisine itself; "zoh", each sample held.
+        Force between samples. "band-limited": the multisine itself. "zoh": each sample is held.
     executor : concurrent.futures.Executor, optional
-        Executor of the realisations; by default one thread per core. The result does not depend on
-        it.
+        Executor that runs the realisations; by default one thread per core. The result does not
+        depend on the executor.
     progress : callable, optional
-        Called with the realisations done and the total, after each one.
+        Function called with the number of finished realisations and their total.
     resume : path, optional
-        Folder that keeps every finished realisation. A repeated call with the same arguments, after
-        an interruption, computes only the others.
+        Folder for finished realisations. After an interruption, a call with the same arguments
+        computes only the missing ones.
 
     Returns
     -------
     Record
-        u, y (M, P, N), or with an axis of channels in front, with the lines of the multisine and
-        the names of the rig.
+        Record with u and y (M, P, N), for several channels (channels, M, P, N). Its lines are those
+        of the multisine, its names those of the rig.
 
     Raises
     ------
     ValueError
-        A multisine with another number of inputs than the rig; a step too long to be stable, with a
-        sufficient oversampling in the message; an executor that dies; numbers out of range.
+        Multisine and rig have different numbers of inputs; the integration step is too long to be
+        stable (the message states a sufficient oversampling); the executor failed; or a number is
+        out of range.
 
     Warns
     -----
     DataWarning
-        The last two periods still differ by more than 1e-4 of the rms; the step is coarse for the
-        resonance of the stuck rig; or the memory of turning points was too short.
+        The last two periods differ by more than 1e-4 of the rms; the step is too coarse for an
+        accurate resonance; or the turning points of the motion were more than a friction law
+        stores.
 
     Examples
     --------
-    The rig of the paper, excited on odd lines, responds on odd lines only: even lines contain
+    With odd friction and odd excited lines, the response has odd lines only; even lines contain
     rounding errors.
 
     >>> from nlfrf.signals.multisine import multisine

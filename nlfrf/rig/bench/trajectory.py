@@ -1,6 +1,4 @@
-"""`Trajectory`: the motion of a simulated machine, sample by sample, and the outcome of an
-undisturbed loop.
-"""
+"""`Trajectory`: the motion of a simulated machine, sample by sample."""
 
 from __future__ import annotations
 
@@ -21,27 +19,30 @@ _MAX_SETTLED_SWING = 1e-2
 
 @value(copy=False)
 class Trajectory:
-    """Motion of a simulated machine, sample by sample: its signals by name, which are also
-    attributes.
+    """Motion of a simulated machine, sample by sample.
+
+    Each signal is also an attribute: ``moved.x`` is ``moved.signals["x"]``.
 
     Fields
     ------
     t : (n,) ndarray
         Time [s].
     signals : dict of str to (n,) ndarray
-        Each (n,), or (channels, n) for several channels. For every machine `x`, `v` and `friction`:
-        position, velocity and friction force, of a rig or of a prescribed motion (which also has
-        the deflection `z`), of the sensors of a loop, of motor and load of a servo axis.
+        Each signal is (n,), or (channels, n) for several channels. Every machine has position `x`,
+        velocity `v` and friction force `friction`. In a loop around several axes `x` and `v` are
+        those of the sensors; for a servo axis they are those of motor and load. A friction law also
+        has the deflection `z`.
 
-        In an open loop `drive`: the force, or the prescribed velocity. In a loop `r`, `u`, `y`: the
-        reference, the commanded and limited force of the controller, and the position that it
-        reads. For a servo axis the trace of its drive: `position_set`, `position`, `velocity_set`,
-        `velocity`, `current_set`, `current`, `force_set`, `force`, and `limited`, true while the
-        current is limited.
+        Without a controller `drive` is the force or the prescribed velocity. With a controller `r`
+        is the reference, `u` the force of the controller after its limit, and `y` the measured
+        position. A servo axis has the signals of its drive: `position_set`, `position`,
+        `velocity_set`, `velocity`, `current_set`, `current`, `force_set`, `force`, and `limited`,
+        which is true while the current is limited.
     units : dict of str to str
         Unit of each signal.
     diverged : bool
-        True if the loop ran away; the arrays end there.
+        True if the simulated loop was unstable and the motion grew beyond limits; the arrays end
+        there.
 
     Examples
     --------
@@ -77,15 +78,16 @@ class Trajectory:
 
     @property
     def e(self) -> np.ndarray:
-        """(n,) or (n_y, n) error r - x of a loop."""
+        """(n,) or (n_y, n) ndarray: control error r - x."""
         return self.r - self.x
 
     def residual(self, calm: float) -> float:
-        """Return the peak-to-peak error in the last quarter after `calm` [s] over that before; inf
-        if it diverged.
+        """Return the peak-to-peak error in the last quarter of the time after `calm` [s], over that
+        before `calm`.
 
-        For a loop that is disturbed until `calm` and undisturbed afterwards. It is zero for a loop
-        at rest at any position. For several channels the largest of these ratios counts.
+        Use it for a loop that is disturbed until `calm` and undisturbed afterwards. It is zero for
+        a loop at rest at any position, and inf if the motion diverged. For several channels it is
+        the largest of these ratios.
         """
         before, after = self._split_error(calm)
         if self.diverged:
@@ -95,14 +97,17 @@ class Trajectory:
         )
 
     def outcome(self, calm: float) -> str:
-        """Classify a loop that is disturbed until `calm` [s] and undisturbed afterwards, by its
-        peak-to-peak error.
+        """Classify a loop that is disturbed until `calm` [s] and undisturbed afterwards.
 
-        "limit cycle": in some channel the peak-to-peak error of the last quarter is within 5 % of,
-        or above, that of the quarter before it, down to a millionth of the error while disturbed.
-        "settled": below a hundredth of it in every channel, and the friction no longer drifts: a
-        mass that sticks while an integrator winds up is not at rest. "stable": still decaying,
-        creeping, or about to slip. "ran away": the simulation diverged.
+        The result follows from the peak-to-peak error in quarters of the time after `calm`:
+
+        - "limit cycle": in some channel the error of the last quarter is at least 95 % of that of the
+          quarter before, and more than a millionth of the error before `calm`
+        - "settled": in every channel the error of the last quarter is below 1 % of the error before
+          `calm`, and the friction force no longer drifts
+        - "stable": neither; the motion still decays or creeps, or the mass sticks while an integrator
+          winds up
+        - "ran away": the motion diverged
         """
         if self.diverged:
             return "ran away"

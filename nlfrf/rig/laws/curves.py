@@ -1,4 +1,4 @@
-"""Virgin curves of hysteresis: the force on the way out from rest.
+"""Virgin curves of hysteresis: the force over displacement on the way out from rest.
 
 A virgin curve y(z) is odd, and concave and increasing for z > 0.
 """
@@ -27,9 +27,9 @@ class _YieldingCurve:
 
 @value(kw_only=False)
 class Linear:
-    """A spring that never yields, y = K0 z, without hysteresis.
+    """Virgin curve of a linear spring, y = K0 z, which has no hysteresis.
 
-    With n = 1 the Leuven model is then LuGre.
+    With this curve and n = 1 the Leuven model is the LuGre model.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class Linear:
 
 @value(kw_only=False)
 class Tanh(_YieldingCurve):
-    """y = Fy tanh(K0 z / Fy): odd distortion that starts with the third power of the displacement.
+    """Virgin curve y = Fy tanh(K0 z / Fy), with distortion of third and higher odd order.
 
     Parameters
     ----------
@@ -78,7 +78,8 @@ class Tanh(_YieldingCurve):
 
     Examples
     --------
-    The branch after a turning point is the virgin curve at twice the size: from y(1) back to -y(1).
+    After a turning point the branch is the virgin curve, enlarged by two: from y(1) it leads to
+    -y(1).
 
     >>> from nlfrf.rig.laws.hysteresis import hysteresis_force
     >>> hysteresis_force(Tanh(1.0, 1.0), [1.0, -1.0]).round(6)
@@ -88,8 +89,9 @@ class Tanh(_YieldingCurve):
 
 @value(kw_only=False)
 class Exponential(_YieldingCurve):
-    """y = Fy (1 - exp(-K0 |z| / Fy)) sgn z: curved from the origin on, so small motions already
-    lose energy.
+    """Virgin curve y = Fy (1 - exp(-K0 |z| / Fy)) sgn z.
+
+    It is curved at the origin, so even small motions lose energy.
 
     Parameters
     ----------
@@ -118,8 +120,9 @@ class Exponential(_YieldingCurve):
 
 @value(kw_only=False)
 class Parabola(_YieldingCurve):
-    """y = K0 z - (K0 z)^2 / (4 Fy) up to Fy at z = 2 Fy / K0, flat beyond: a uniform density of
-    yielding elements.
+    """Virgin curve y = K0 z - (K0 z)^2 / (4 Fy) up to z = 2 Fy / K0, and constant Fy beyond.
+
+    It is that of many parallel elements whose yield points have a uniform density.
 
     Parameters
     ----------
@@ -147,7 +150,7 @@ class Parabola(_YieldingCurve):
 
 @value(kw_only=False)
 class ElasticPlastic(_YieldingCurve):
-    """y = K0 z up to Fy, flat beyond: a single yielding element (Jenkins).
+    """Virgin curve of one Jenkins element: y = K0 z up to Fy, and constant beyond.
 
     Parameters
     ----------
@@ -176,12 +179,12 @@ class ElasticPlastic(_YieldingCurve):
 
 @value(kw_only=False)
 class Table:
-    """A measured virgin curve: straight lines between points, flat beyond the last one.
+    """Measured virgin curve: straight lines between given points, constant beyond the last one.
 
     Parameters
     ----------
     z : (n,) ndarray
-        Displacements [m], positive and increasing; the origin is added.
+        Displacements [m], positive and increasing; the point (0, 0) is added.
     F : (n,) ndarray
         Forces [N] at these displacements.
 
@@ -238,9 +241,10 @@ class Table:
 
 @value(kw_only=False)
 class MaxwellSlip:
-    """Parallel elements, each a spring that slips when its force reaches its strength.
+    """Virgin curve of parallel elements, each a spring that slips when its force reaches its
+    strength.
 
-    It is the same operator as a `Table` of its knots, with the forces of the elements as memory.
+    A `Table` with the same corners gives the same force along any path.
 
     Parameters
     ----------

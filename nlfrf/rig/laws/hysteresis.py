@@ -1,12 +1,12 @@
-"""Hysteresis with non-local memory: virgin curves, and the force they give along a path.
+"""Hysteresis with non-local memory: the force along a path, from the virgin curve (the force on the
+way out from rest).
 
 A virgin curve y(z) is odd, and concave and increasing for z > 0. After a turning point (zm, Fm) the
 force follows the branch Fm + 2 y((z - zm) / 2) (Masing). An inner loop that closes is removed from
 the memory, and the force continues along the older branch as if the inner loop had not occurred.
 
-There are two kinds of memory. A virgin curve has a stack of turning points. `MaxwellSlip` has the
-forces of parallel elements, each a spring that slips at its strength. For a piecewise-linear curve
-the two are the same operator.
+The memory is the list of the turning points, or for `MaxwellSlip` the forces of parallel elements,
+each a spring that slips at its strength. Both give the same force for a piecewise-linear curve.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ _CURVE_CODES: dict[type, int] = {
 
 
 def hysteresis_force(curve: Curve, z: ArrayLike) -> np.ndarray:
-    """Return the force along a path of displacements from rest at z = 0, with all its memory.
+    """Return the hysteresis force along a path of displacements, from rest at z = 0.
 
     Parameters
     ----------
     curve : Linear, Tanh, Exponential, Parabola, ElasticPlastic, Table or MaxwellSlip
-        The virgin curve, or the elements.
+        The virgin curve (force on the way out from rest), or the elements.
     z : (n,) ndarray
-        Displacements [m]; between two of them the motion has one direction.
+        Displacements [m]; between two values the motion is monotonic.
 
     Returns
     -------
@@ -59,7 +59,7 @@ def hysteresis_force(curve: Curve, z: ArrayLike) -> np.ndarray:
     Raises
     ------
     ValueError
-        The displacements are not one finite path.
+        The displacements are not a finite (n,) array.
 
     References
     ----------
@@ -67,7 +67,8 @@ def hysteresis_force(curve: Curve, z: ArrayLike) -> np.ndarray:
 
     Examples
     --------
-    A closed inner loop leaves no trace: 3 is reached with the same force with it and without it.
+    A closed inner loop does not change the force afterwards: at z = 3 it is that of the virgin
+    curve.
 
     >>> curve = Exponential(1.0, 1.0)
     >>> bool(np.isclose(hysteresis_force(curve, [2, 1, 1.5, 1, 3])[-1], 1 - np.exp(-3.0), rtol=1e-14))

@@ -1,4 +1,4 @@
-"""Friction laws as plain values; `nlfrf.rig.Rig` puts one under a mass.
+"""Friction laws, for the argument `friction` of `nlfrf.rig.Rig`.
 
 All are point symmetric (`VaryingSliders` need not be): the reversed motion gives the reversed
 force. s(v) is the Stribeck curve,
@@ -29,32 +29,36 @@ from nlfrf.rig.laws.hysteresis import NO_GRID, pack_curve
 
 @value
 class OwnFriction:
-    """Friction by your own functions: dz/dt = derivative(x, v, z), F = force(x, v, z), with z =
-    rest at the start.
+    """Friction law by your own functions: dz/dt = derivative(x, v, z), F = force(x, v, z).
 
-    Use this for a law that is not built in. Both functions are compiled if numba can (plain
-    numbers, arrays and loops of Python and NumPy); otherwise they run uncompiled, some hundred
-    times slower. Steps are fourth-order Runge-Kutta with fixed length: a law with a jump (sgn v)
-    needs short ones. `run`, `drive`, `simulate` and loops around one axis take it; proofs do not.
+    Use this for a law that is not built in. Simulations of one axis accept the law; proofs do
+    not.
+
+    - The functions are compiled by numba if they use only numbers, arrays and loops of Python and
+      NumPy. Otherwise they run about a hundred times slower.
+    - The integration is fourth-order Runge-Kutta with fixed steps. A law with a jump, such as sgn v,
+      needs short steps.
 
     Fields
     ------
     derivative : callable
-        (x, v, z) -> (s,) array: time derivative of the state, at a position [m], a velocity [m/s]
-        and a state.
+        Function (x, v, z) -> (s,) array: time derivative of the state z, at position x [m] and
+        velocity v [m/s].
     force : callable
-        (x, v, z) -> float: friction force [N], opposite to the motion if it has the sign of v.
+        Function (x, v, z) -> float: friction force [N]. A force with the sign of v opposes the
+        motion.
     rest : (s,) ndarray
-        State of a machine that has never moved; empty for a law without state.
+        Initial state z, for a machine that has never moved; empty for a law without state.
     stiffness : float
-        dF/dx of the stuck machine [N/m]; it decides the length of the steps.
+        dF/dx while friction sticks [N/m]; the integration step is chosen by it.
     damping : float
-        dF/dv of the stuck machine [Ns/m].
+        dF/dv while friction sticks [Ns/m].
 
     Raises
     ------
     ValueError
-        At rest the functions do not return a force and one derivative per state, all finite.
+        For x = v = 0 and z = rest, the functions do not return a finite force and one finite
+        derivative per state.
 
     References
     ----------
@@ -131,16 +135,22 @@ def _pack_user_law(law: OwnFriction) -> tuple[UserLawData, kernel_data.Grid]:
 
 @value
 class VaryingSliders:
-    """Maxwell slip with sliders of varying strength, between a force and a fraction of it.
+    """Friction of parallel elements (Maxwell slip) whose strength varies between two limits.
 
-    Each element has a spring and a slider. A slider with strength W holds, and slips at,
+    Each element is a spring in series with a slider. A slider with strength W holds up to the force
+    below, and slips at that force:
 
         W [1/stiction + (1 - 1/stiction) m],   0 <= m <= 1,
 
-    with m the product of these factors, if used: exp(-(v/vs)^2) in slip; 1 - exp(-rest/dwell) after
-    a time of rest; (1 + cos(2 pi x / wavelength)) / 2 along the path; 1 - asymmetry in negative
-    direction; with a seed, a number drawn anew whenever it sticks. Each such law lies in
-    `robust.friction.MaxwellSlip(sum of stiffness, stiction)`.
+    m is the product of these factors, each present only if its parameter is given:
+
+    - in slip: exp(-(v/vs)^2)
+    - after a time of rest: 1 - exp(-rest/dwell)
+    - along the path: (1 + cos(2 pi x / wavelength)) / 2
+    - in negative direction: 1 - asymmetry
+    - with a seed: a random number, drawn each time the slider sticks
+
+    The class `robust.friction.MaxwellSlip(sum of stiffness, stiction)` contains every such law.
 
     Parameters
     ----------
@@ -149,17 +159,17 @@ class VaryingSliders:
     strength : (E,) ndarray
         Largest force of each slider [N].
     stiction : float
-        Largest over smallest force of a slider.
+        Ratio of the largest to the smallest force of a slider.
     vs : float
-        Velocity scale on which slip gets easier [m/s]; infinite: it does not.
+        Velocity scale of the decrease of the force in slip [m/s]; infinite for no decrease.
     dwell : float
-        Time scale of rest on which a slider regains its strength [s]; zero: at once.
+        Time constant with which a slider at rest regains its strength [s]; zero: at once.
     wavelength : float
-        Wavelength of the strength along the path [m]; infinite: it does not vary.
+        Wavelength of the variation along the path [m]; infinite for no variation.
     asymmetry : float
-        Share of m that is missing in negative direction, 0 to 1.
+        Fraction by which m is smaller in negative direction, 0 to 1.
     seed : int
-        Seed of the drawn numbers; zero for none.
+        Seed of the random numbers; zero for none.
 
     Raises
     ------
@@ -235,16 +245,16 @@ def _pack_sliders(law: VaryingSliders) -> tuple[kernel_data.Law, kernel_data.Gri
 
 
 def element_forces(sliders: VaryingSliders, x: ArrayLike, v: ArrayLike, *, fs: float) -> np.ndarray:
-    """Return the force of each element along a prescribed motion, from rest at its first sample.
+    """Return the force of each element of a friction law along a prescribed motion, from rest.
 
-    For a periodic motion give two periods: from the second one on the forces repeat, too.
+    For a periodic motion give two periods: from the second period on the forces are periodic.
 
     Parameters
     ----------
     sliders : VaryingSliders
-        E elements.
+        Friction law with E elements.
     x, v : (n,) ndarray
-        Displacement [m] and velocity [m/s]; between two samples the motion has one direction.
+        Displacement [m] and velocity [m/s]; between two samples the motion is monotonic.
     fs : float
         Sampling frequency [Hz].
 
@@ -264,7 +274,7 @@ def element_forces(sliders: VaryingSliders, x: ArrayLike, v: ArrayLike, *, fs: f
 
     Examples
     --------
-    Two elements that slip at 1 and at 3 m.
+    Two elements that slip at 1 m and at 3 m.
 
     >>> sliders = VaryingSliders(stiffness=[1.0, 1.0], strength=[1.0, 3.0])
     >>> element_forces(sliders, [0.0, 2.0, 4.0, 3.5], np.ones(4), fs=1.0).tolist()
@@ -300,39 +310,41 @@ def load_forces(
     fs: float,
     slopes: bool = False,
 ) -> np.ndarray:
-    """Return the force with which a load with friction, on a spring and a damper, reacts on a
-    periodic motion.
+    """Return the force with which a load with friction reacts on the motion of its spring and
+    damper.
 
-    The load starts from rest and the second period is returned. While friction sticks, few samples
-    are enough: with 14 per cycle the force had an error of 0.03 %. In slip the error falls with the
-    square of the step.
+    The motion is periodic. The load starts from rest, and the second period is returned. While
+    friction sticks, few samples are enough: with 14 samples per cycle the error was 0.03 % of the
+    force. In slip the error falls with the square of the step.
 
     Parameters
     ----------
     sliders : VaryingSliders
-        E elements of the load, with one strength at all positions and in both directions.
+        Friction of the load, with E elements. Their strength must not depend on position or
+        direction.
     x, v : (n,) ndarray
         One period of the motion at the other end of the spring: displacement [m] and velocity
         [m/s].
     mass, stiffness, damping, viscous : float
-        Load [kg], spring [N/m] and damper [Ns/m] in front of it, and its viscous friction [Ns/m].
+        Mass of the load [kg], stiffness [N/m] and damping [Ns/m] between motion and load, and
+        viscous friction of the load [Ns/m].
     fs : float
         Sampling frequency [Hz].
     slopes : bool
-        True: also return the derivatives, by the logarithms of mass, stiffness and damping, by
-        `viscous`, by the logarithms of stiction - 1, vs, and of stiffness and break-away
-        displacement of each element.
+        True: also return the derivatives of the force, in this order: by the logarithms of mass,
+        stiffness and damping; by `viscous`; by the logarithms of stiction - 1 and vs; by the
+        logarithms of the stiffnesses, and of the break-away displacements, of the elements.
 
     Returns
     -------
     (1, n) or (7 + 2 E, n) ndarray
-        Force [N], and its derivatives.
+        Force [N], and with `slopes` its derivatives.
 
     Raises
     ------
     ValueError
-        Displacements and velocities are not two finite arrays of equal length; numbers are not
-        positive; sliders depend on rest, position, direction or chance.
+        Displacements and velocities are not two finite arrays of equal length; a number is not
+        positive; or the sliders depend on time at rest, position, direction or random numbers.
 
     References
     ----------
@@ -342,7 +354,8 @@ def load_forces(
 
     Examples
     --------
-    Below break-away an element is a spring to ground: 1 N/m in series with 1 N/m.
+    Below break-away the element is a spring to ground. It is in series with the spring of the load:
+    1 N/m and 1 N/m give 0.5 N/m.
 
     >>> sliders = VaryingSliders(stiffness=[1.0], strength=[10.0])
     >>> t = np.arange(1000) * 2 * np.pi / 1000
@@ -397,10 +410,11 @@ def load_forces(
 
 @value
 class Coulomb:
-    """Dry friction: the mass sticks until the force passes Fs, and slides on the Stribeck curve
-    until it stops.
+    """Coulomb friction: the mass sticks up to the force Fs, and then slides on the Stribeck curve
+    s(v).
 
-    F = s(v) + sigma2 v in sliding. There is no motion before break-away.
+    In sliding F = s(v) + sigma2 v, s(v) = sgn(v) [Fc + (Fs - Fc) exp(-|v / vs|^delta)]. There is no
+    motion before break-away.
 
     Parameters
     ----------
@@ -411,7 +425,7 @@ class Coulomb:
     vs : float, optional
         Stribeck velocity [m/s]; needed if Fs exceeds Fc.
     delta : float
-        Shape of the Stribeck curve.
+        Exponent of the Stribeck curve.
     sigma2 : float
         Viscous friction [Ns/m].
 
@@ -451,7 +465,8 @@ class Coulomb:
 
 @value
 class Dahl:
-    """Dahl's model: a force that yields gradually with the displacement, at any velocity.
+    """Dahl's friction model: the force depends on the displacement and on the direction of motion,
+    not on the speed.
 
     dF/dx = sigma0 |1 - F/Fc sgn v|^n sgn(1 - F/Fc sgn v).
 
@@ -462,7 +477,7 @@ class Dahl:
     Fc : float
         Coulomb friction [N].
     n : float
-        Shape of the yielding; 1 in most of the literature.
+        Exponent; 1 in most of the literature.
 
     Raises
     ------
@@ -490,22 +505,25 @@ class Dahl:
 
 @value
 class LuGre:
-    """The LuGre model: bristles bend, and slip at the Stribeck force.
+    """The LuGre friction model: bristles of deflection z, which slip at the force s(v) of the
+    Stribeck curve.
 
     F = sigma0 z + sigma1 dz/dt + sigma2 v,  dz/dt = v - sigma0 |v| / |s(v)| z.
+
+    The Stribeck curve is s(v) = sgn(v) [Fc + (Fs - Fc) exp(-|v / vs|^delta)].
 
     Parameters
     ----------
     sigma0 : float
         Stiffness of the bristles [N/m].
     sigma1, sigma2 : float
-        Damping of the bristles, viscous friction [Ns/m].
+        Damping of the bristles, and viscous friction [Ns/m].
     Fc, Fs : float
         Coulomb and static friction [N].
     vs : float
         Stribeck velocity [m/s].
     delta : float
-        Shape of the Stribeck curve.
+        Exponent of the Stribeck curve.
 
     Raises
     ------
@@ -538,13 +556,14 @@ class LuGre:
 
 @value
 class Leuven:
-    """The Leuven model: hysteresis with non-local memory in presliding, the Stribeck curve in
-    sliding.
+    """The Leuven friction model: hysteresis with non-local memory before sliding, the Stribeck
+    curve s(v) in sliding.
 
     F = Fh(z) + sigma1 dz/dt + sigma2 v,  dz/dt = v (1 - sgn(Fh/s(v)) |Fh/s(v)|^n),
 
-    with Fh the hysteresis force of `curve`. The default is the friction of the paper. The paper
-    does not print n and the curve; they are chosen to give its resonances.
+    Fh is the hysteresis force of `curve`, and s(v) = sgn(v) [Fc + (Fs - Fc) exp(-|v / vs|^delta)].
+    The defaults are those of `nlfrf.paper_rig`. The paper of that rig does not state n and the
+    curve; they were chosen so that the resonances agree.
 
     Parameters
     ----------
@@ -553,13 +572,13 @@ class Leuven:
     vs : float
         Stribeck velocity [m/s].
     delta : float
-        Shape of the Stribeck curve.
+        Exponent of the Stribeck curve.
     sigma1, sigma2 : float
-        Micro-viscous damping, viscous friction [Ns/m].
+        Damping before sliding, and viscous friction [Ns/m].
     n : float
         Exponent: a larger one gives a more sudden transition from presliding to sliding.
     curve : Tanh, Linear, Exponential, Parabola, ElasticPlastic, Table or MaxwellSlip
-        Virgin curve of the hysteresis; `MaxwellSlip` for elements as memory. It must reach Fs.
+        Force over displacement on the way out from rest (virgin curve). It must reach Fs.
 
     Raises
     ------
@@ -575,7 +594,7 @@ class Leuven:
 
     Examples
     --------
-    With n = 1 and a linear curve it is LuGre; the default is the friction of the paper.
+    With n = 1 and a linear curve it is the LuGre model.
 
     >>> Leuven().Fs, Leuven().Fc, Leuven().vs
     (1.0, 0.7, 0.01)
@@ -603,27 +622,27 @@ class Leuven:
 
 @value
 class GeneralizedMaxwellSlip:
-    """The generalised Maxwell-slip model: parallel elements stick, or slip with a lag behind the
-    Stribeck curve.
+    """The generalised Maxwell-slip friction model: parallel elements, each of which sticks or
+    slips.
 
-    An element sticks, dF_i/dt = k_i v, until its force reaches alpha_i s(v) in the direction of the
-    motion; then it slips, dF_i/dt = sgn(v) C (alpha_i - F_i / s(v)), until the velocity turns. F =
-    sum F_i + sigma2 v.
+    While an element sticks, dF_i/dt = k_i v. When its force reaches alpha_i s(v) it slips, and
+    dF_i/dt = sgn(v) C (alpha_i - F_i / s(v)) until the velocity changes its sign. The friction
+    force is F = sum F_i + sigma2 v, with s(v) = sgn(v) [Fc + (Fs - Fc) exp(-|v / vs|^delta)].
 
     Parameters
     ----------
     stiffness : (E,) ndarray
         Stiffness k_i of each element [N/m].
     alpha : (E,) ndarray
-        Share of each element in s(v); they add up to one.
+        Fraction of s(v) that each element carries; the sum must be one.
     C : float
-        Attraction of a slipping element to the Stribeck curve [N/s].
+        Rate at which the force of a slipping element approaches alpha_i s(v) [N/s].
     Fs, Fc : float
         Static and Coulomb friction [N].
     vs : float
         Stribeck velocity [m/s].
     delta : float
-        Shape of the Stribeck curve.
+        Exponent of the Stribeck curve.
     sigma2 : float
         Viscous friction [Ns/m].
 
