@@ -25,7 +25,7 @@ FS, N, P = 1000, 2100, 4
 TRUTH, RECORDS = 300, 4
 HUM = (50.0, 50.02, 49.95, 50.2)  # Hz
 SIZES = (0.003, 0.02, 0.2)  # over the rms of the output; a third of it at three times the frequency
-SAYS = "stands out of its neighbours"
+SAYS = "differs from its neighbours"
 
 
 def records_of(plant, number, kind):

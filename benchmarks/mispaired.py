@@ -53,7 +53,7 @@ def said_of(record):
         try:
             nlfrf.identify(record)
         except ValueError as error:
-            if not str(error).startswith(("y must follow the u", "y must have one sign")):
+            if not str(error).startswith(("y must follow the u", "y must have the same sign")):
                 raise
             return "refused"
     return "warned" if any("does not follow u" in str(one.message) for one in said) else ""

@@ -93,7 +93,10 @@ def design(
         str, typer.Option(help="Signal between its samples: zoh, band-limited or unknown.")
     ] = "unknown",
     inputs: Annotated[
-        int, typer.Option(help="Inputs of the machine; one experiment for each makes a set.")
+        int,
+        typer.Option(
+            help="Number of inputs of the machine; each realisation then needs so many experiments."
+        ),
     ] = 1,
     zippered: Annotated[
         bool,
@@ -102,7 +105,10 @@ def design(
         ),
     ] = False,
     draws: Annotated[
-        int, typer.Option(help="Draws of the phases for several inputs; the lowest peak is kept.")
+        int,
+        typer.Option(
+            help="Draws of the phases for several inputs; the draw with the lowest peak is kept."
+        ),
     ] = 1,
     decimal: Decimal = ".",
 ) -> None:
@@ -293,7 +299,7 @@ def identify(
         bool,
         typer.Option(
             "--resample",
-            help="Cut the periods where they begin in the input, and resample them evenly.",
+            help="Cut the periods where the input itself repeats, and interpolate between samples.",
         ),
     ] = False,
     start: Annotated[
@@ -311,12 +317,19 @@ def identify(
         str, typer.Option(help="Source of the distortion level: auto, detection or roughness.")
     ] = "auto",
     detection: Annotated[
-        int, typer.Option(help="Number of detection lines to average for one level.")
+        int,
+        typer.Option(
+            help="Number of detection lines to average for the distortion on one excited line."
+        ),
     ] = 6,
     opinion: Annotated[
         bool,
         typer.Option(
-            "--opinion", help="Compare the distortion level with the roughness of the FRF."
+            "--opinion",
+            help=(
+                "Compare two estimates of the distortion: from detection lines, and from the"
+                " scatter of G."
+            ),
         ),
     ] = False,
     csv: Annotated[

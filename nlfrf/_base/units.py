@@ -94,8 +94,8 @@ def position_factor(name: str, unit: str, base: str) -> float:
     kind, factor = POSITIONS.get(unit, ("", np.nan))
     if kind != base:
         raise ValueError(
-            f"{name} must be given if the position is measured in {unit} and the velocity loop"
-            f" counts in {base}/s: the number of {base} in one {unit}, got none"
+            f"{name} must be given, got none: the position is measured in {unit}, and the"
+            f" velocity loop uses {base}/s. Give the number of {base} in one {unit}"
         )
     return factor
 

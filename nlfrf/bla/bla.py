@@ -36,6 +36,12 @@ from nlfrf.signals.lines import LineGrid, local_mean
 #: it (`crest_correction`), and `var_bound` contains it.
 _SMOOTH_SHARE = {"roughness": 0.25}
 _COVARIANCES = ("noise", "total", "distortion", "even", "bound")
+#: Printed form of `Bla.level_source`.
+_SOURCES = {
+    "detection": "detection lines",
+    "realizations": "scatter over realisations",
+    "realizations and detection": "scatter over realisations and detection lines",
+}
 _PER_LINE = ("f", "dof", "grid_factor", "coherence")
 
 
@@ -624,8 +630,8 @@ class Bla(Channels):
             return _describe_matrix(self)
         about = (
             f"BLA on {self.f.size} lines from {self.f[0]:g} to {self.f[-1]:g} Hz,"
-            f" {self.experiment.grid} grid, M = {self.experiment.n_realizations}, P ="
-            f" {self.experiment.n_periods}\n"
+            f" {self.experiment.grid} grid, {format_count(self.experiment.n_realizations, 'realisation')},"
+            f" {format_count(self.experiment.n_periods, 'period')}\n"
         )
         gain = np.abs(self.G)
         peak, there = int(np.argmax(gain)), gain > 0
@@ -640,17 +646,18 @@ class Bla(Channels):
             f"even {found}": np.median(np.maximum(np.nan_to_num(self.var_even) - noise, 0.0)),
         }
         hidden = int(self.upper_limit.sum())
-        source = self.level_source
+        source = _SOURCES.get(self.level_source, self.level_source)
         if np.isfinite(self.coherence).any():
             source += f", {np.nanmedian(self.coherence):.2g} in the median"
         parts = [f"{name} {10 * np.log10(v / power):.0f} dB" for name, v in levels.items() if v > 0]
         return (
             f"{about}  largest |G| {gain[peak]:.4g}{f' {self.unit}' * bool(self.unit)} at"
-            f" {self.f[peak]:g} Hz; 95 % bound {100 * relative:.2g} % of |G| in the median\n  under"
-            f" the median |G|: {', '.join(parts) or 'nothing above rounding'}\n  transient:"
-            f" {self.experiment.transient}; level from {source}"
+            f" {self.f[peak]:g} Hz; 95 % bound {100 * relative:.2g} % of |G| in the median\n"
+            f"  relative to the median |G|: {', '.join(parts) or 'nothing above rounding'}\n  transient:"
+            f" {self.experiment.transient}; distortion estimated from {source}"
             + (
-                f"; distortion is below the noise on {hidden} lines: an upper limit there"
+                f"; on {hidden} lines distortion is below the noise, and its value is an upper"
+                " limit"
                 if hidden
                 else ""
             )
@@ -722,8 +729,9 @@ def _describe_matrix(bla: Bla) -> str:
     gain, made = np.abs(bla.G), bla.experiment
     rows = [
         f"FRM of {bla.n_outputs} outputs by {bla.n_inputs} inputs on {bla.f.size} lines from"
-        f" {bla.f[0]:g} to {bla.f[-1]:g} Hz, {made.design} {made.grid}, R = {made.n_realizations},"
-        f" M = {made.n_experiments}, P = {made.n_periods}"
+        f" {bla.f[0]:g} to {bla.f[-1]:g} Hz, {made.design} {made.grid},"
+        f" {format_count(made.n_realizations, 'set')} of experiments,"
+        f" {format_count(made.n_experiments, 'experiment')}, {format_count(made.n_periods, 'period')}"
     ]
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = _median_over_lines(bla.bound() / gain)
@@ -745,8 +753,8 @@ def _describe_matrix(bla: Bla) -> str:
             )
     warned = f"; {format_count(len(bla.warnings), 'warning')}" if bla.warnings else ""
     rows.append(
-        f"  medians over lines, of one set; transient: {made.transient}; level from"
-        f" {bla.level_source}{warned}"
+        f"  medians over lines, for one set of experiments; transient: {made.transient}; distortion"
+        f" estimated from {_SOURCES.get(bla.level_source, bla.level_source)}{warned}"
     )
     return "\n".join(rows)
 

@@ -65,9 +65,9 @@ def warn_of_mismatch(
     data_warning(
         f"{text} in experiment {experiment} of {excited.U.shape[1]} than in the"
         f" others{f' ({others} would explain it nearly as well)' if others else ''}, according to"
-        " all lines together: G describes no single machine, and its bound does not hold. Was a"
-        " range changed, or is the channel from another run? Measure that experiment again, or"
-        " correct it if the change is known"
+        " all lines together. So G is not that of one machine, and its bound does not hold. Was a"
+        " measuring range changed, or is the channel from another run? Measure that experiment"
+        " again, or correct the channel if the change is known"
     )
     return True
 
@@ -119,13 +119,11 @@ def _estimate_mismatches(
             )
             if kind == "gain":
                 text = (
-                    f"{name} stands about {100 * abs(size):.2g} %"
-                    f" {'higher' if size > 0 else 'lower'}"
+                    f"{name} is about {100 * abs(size):.2g} % {'higher' if size > 0 else 'lower'}"
                 )
             else:
                 text = (
-                    f"{name} comes about {abs(size):.2g} samples"
-                    f" {'later' if size > 0 else 'earlier'}"
+                    f"{name} is about {abs(size):.2g} samples {'later' if size > 0 else 'earlier'}"
                 )
             yield significance, experiment, name, text
 

@@ -104,36 +104,40 @@ class SecondOpinion:
         """Describe the agreement of the two, and the usual reasons for a difference."""
         if not np.isfinite(self.difference).any():
             return (
-                "second opinion: this grid has too few odd detection lines to compare the roughness"
-                " of the FRF with"
+                "second opinion: no comparison, because this grid has too few odd detection lines"
             )
         median = np.median(self.difference)
-        rows = [f"second opinion: roughness over detection lines {median:+.1f} dB in the median"]
+        rows = [
+            (
+                f"second opinion: the variance from roughness is {median:+.1f} dB relative to that from"
+                " detection lines, in the median"
+            )
+        ]
         for wrong, meaning in (
             (
                 self.difference > DISAGREEMENT_DB,
                 (
-                    "the FRF bends within a few lines there (a finer resolution would show it), or"
-                    " the detection lines do not see this distortion"
+                    "the FRF itself changes within a few lines there (a longer period would"
+                    " show it), or this distortion is not on the detection lines"
                 ),
             ),
             (
                 self.difference < -DISAGREEMENT_DB,
                 (
-                    "the detection lines contain power that is no distortion of this input: a"
-                    " disturbance, a transient, or a multisine other than the assumed one; or the"
-                    " calibration is at its cautious end (factor 3)"
+                    "the detection lines contain other power than distortion of this input: a"
+                    " disturbance, a transient, or a multisine other than the assumed one; or"
+                    " the factor from detection to excited lines, at most 3, is too large here"
                 ),
             ),
         ):
             if wrong.any():
-                more = "above" if self.difference[wrong][0] > 0 else "below"
+                more = "more" if self.difference[wrong][0] > 0 else "less"
                 rows.append(
-                    f"  more than 6 dB {more} at {_format_frequency_ranges(self.f, wrong)}:"
-                    f" {meaning}"
+                    f"  roughness gives over 6 dB {more} at"
+                    f" {_format_frequency_ranges(self.f, wrong)}: {meaning}"
                 )
         if len(rows) == 1:
-            rows[0] += "; within 6 dB of each other at every line"
+            rows[0] += "; they differ by less than 6 dB on every line"
         if self.law:
             rows.append(f"  {self.law}")
         return "\n".join(rows)
@@ -242,7 +246,7 @@ class _NonlinearityOrder:
         return {
             5: "the odd distortion fits a fifth power as well as a cube",
             1: (
-                "the odd distortion fits no power: the machine saturates, jumps or has a"
+                "the odd distortion fits no power law: the machine saturates, jumps or has a"
                 f" memory{otherwise}"
             ),
         }.get(self.order, "")

@@ -652,8 +652,8 @@ def _describe_roughness_choice(grid: LineGrid, n_detection: int) -> str:
     kind, n_odd = grid.kind, grid.odd.size
     if kind == "odd-odd":
         reason = (
-            "the odd detection lines of an odd-odd grid underestimate the distortion, without limit"
-            " around a resonance"
+            "the odd detection lines of an odd-odd grid show too little distortion, around a"
+            " resonance without a limit"
         )
     elif n_odd == 0:
         reason = f"the {kind} grid of this record has no odd detection lines"
@@ -663,14 +663,18 @@ def _describe_roughness_choice(grid: LineGrid, n_detection: int) -> str:
             f" {n_detection}"
         )
     else:
-        reason = f"the detection lines of this {kind} grid do not calibrate"
+        reason = (
+            "the factor from the distortion on detection lines to that on excited lines is unknown"
+            f" for this {kind} grid"
+        )
     few = (
         f"; on {grid.excited.size} lines it may be too low as well"
         if grid.excited.size < _ENOUGH_ROUGHNESS_LINES
         else ""
     )
     return (
-        f"{reason}; the level comes from the roughness of the FRF, which is too high if the FRF"
-        f" bends within a few lines{few}. A special-odd or random-odd multisine gives a level that"
-        " can be calibrated."
+        f"{reason}. So the distortion is estimated from the roughness of the FRF, which is its"
+        " scatter between neighbouring lines. The estimate is too high if the FRF itself"
+        f" changes within a few lines{few}. Use a special-odd or random-odd multisine to measure"
+        " the distortion on detection lines"
     )

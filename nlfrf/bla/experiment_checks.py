@@ -79,7 +79,8 @@ def check_experiments(
         _require_excited_lines(record, excited)
     elif record.r is not None:
         raise ValueError(
-            "r must be left out for a zippered record, which is for open loop, got references"
+            "r must be left out for a zippered record (each line excites one input), which is"
+            " for open loop, got references"
         )
     if excited.experiments_per_set == 1:
         _require_equal_sets(record, excited)
@@ -92,8 +93,9 @@ def check_experiments(
     if excited.experiments_per_set > 1:
         if excited.U.shape[1] % n_u:
             raise ValueError(
-                f"record must hold n_inputs = {n_u} experiments a set, or a whole number of sets,"
-                f" got {excited.U.shape[1]}. A zippered multisine needs one experiment only."
+                f"record must hold {n_u} experiments for its {n_u} inputs, or a multiple of"
+                f" {n_u}, got {excited.U.shape[1]}. A zippered multisine needs one experiment"
+                " only."
             )
         _require_equal_sets(record, excited)
         _warn_of_noisy_inputs(record, excited)
@@ -101,9 +103,9 @@ def check_experiments(
             _warn_of_copies(excited)
     elif excited.is_zippered:
         data_warning(
-            "each line drives one input (zippered): every column was fitted between its own lines,"
-            " with poles that all entries share. The bound contains the scatter of these lines, but"
-            " not what a local model of two poles cannot follow"
+            "each line excites one input (zippered), so each column of G was interpolated"
+            " between its own lines, by a local model with two poles. The bound contains the"
+            " scatter of these lines, but not the error of this model where G is less smooth"
         )
     elif before.R is not None:
         _warn_of_lost_input(before)
@@ -205,8 +207,8 @@ def _warn_of_lost_input(excited: Spectra) -> None:
     lost = np.count_nonzero(squared_modulus(U) < _MIN_POWER_OVER_NOISE * noise)
     if lost > _MAX_LOST_SHARE * U.size:
         data_warning(
-            f"u is not above its noise on {lost} of the {U.size} lines of r: is r what was played"
-            " in this record? On lines without excitation G is a quotient of two noises"
+            f"u is not above its noise on {lost} of the {U.size} lines of r, so G is a ratio of"
+            " noises there. Is r the signal that was played in this record?"
         )
 
 
@@ -216,16 +218,16 @@ def _warn_of_copies(excited: Spectra) -> None:
         return
     if _find_phase_copies(excited.excitation).any():
         data_warning(
-            "inputs of an experiment have the same phases (phi): the BLA of u1^2 u2 would be 3"
-            " sigma^2 instead of sigma^2; give each input phases of its own, as"
-            " multisine(n_inputs=) does"
+            "inputs of an experiment have the same phases (phi). Products of inputs then bias"
+            " the BLA: for u1^2 u2 it would be 3 sigma^2 instead of sigma^2. Give each input"
+            " phases of its own, as multisine(n_inputs=) does"
         )
     if count_independent_experiments(excited) < excited.U.shape[1]:
         data_warning(
-            "experiments have the same phases (psi): their distortion is equal up to signs. So its"
-            " covariance is not the assumed one, up to 1.8 times as large in some entries, and the"
-            " detection lines of the experiments are copies, counted once. Give each experiment"
-            " phases of its own, as multisine(n_inputs=) does"
+            "experiments have the same phases (psi), so their distortion is equal up to signs."
+            " The covariance of some entries may be 1.8 times as large as stated, and the"
+            " detection lines of all experiments count as one. Give each experiment phases of"
+            " its own, as multisine(n_inputs=) does"
         )
 
 
@@ -243,14 +245,15 @@ def _warn_of_dependent_inputs(excited: Spectra) -> bool:
     line = int(excited.lines[int(condition.max(axis=0).argmax())])
     if worst > _MAX_CONDITION:
         raise ValueError(
-            f"u must hold experiments that separate the inputs, got a condition of {worst:.2g} at"
-            f" line {line}. Are two experiments the same?"
+            "u must hold experiments that separate the inputs, got a condition number of"
+            f" {worst:.2g} at line {line}. Are two experiments the same?"
         )
     if worst > _HIGH_CONDITION:
         data_warning(
-            f"the experiments separate the inputs badly: condition {worst:.3g} at line {line},"
-            f" {float(np.median(condition)):.3g} in the median. Errors of G grow in proportion;"
-            " ignore this if the inputs were mixed for the weak direction of the plant on purpose"
+            f"the experiments separate the inputs badly: the condition number is {worst:.3g} at"
+            f" line {line}, {float(np.median(condition)):.3g} in the median. Errors of G grow in"
+            " proportion. Ignore this if you mixed the inputs on purpose, to excite the weak"
+            " direction of the plant"
         )
     return worst > _HIGH_CONDITION
 
@@ -285,9 +288,10 @@ def _warn_of_noisy_inputs(record: Record, excited: Spectra) -> None:
         i, k = np.unravel_index(int(noise.argmax()), noise.shape)
         data_warning(
             f"{record.inputs[i]} is lost in its noise on {lost.any(axis=0).sum()} of"
-            f" {noise.shape[1]} lines, worst at line {excited.lines[k]}, where it scatters by"
-            f" {100 * np.sqrt(noise[i, k]):.0f} % of its size: G is too small there. Record more"
-            " periods, or several sets with what was played as references r"
+            f" {noise.shape[1]} lines: at line {excited.lines[k]} its standard deviation is"
+            f" {100 * np.sqrt(noise[i, k]):.0f} % of its amplitude. G is too small there. Record"
+            " more periods, or several sets of experiments, and give the played signals as"
+            " references r"
         )
 
 
@@ -319,8 +323,8 @@ def warn_of_noisy_experiment(excited: Spectra, cov_total: np.ndarray) -> None:
             np.sqrt((noise[:, worst].mean(axis=1) / np.maximum(others.mean(axis=1), TINY)).max())
         )
         data_warning(
-            f"experiment {worst + 1} of {noise.shape[1]} scatters {times:.1f} times as much from"
-            " period to period as the others; was it disturbed? Measure it again: the bound of the"
-            " whole matrix assumes equal scatter (with one experiment ten times as noisy it held"
-            " for 58 to 87 % instead of 95 %, entries for 92 to 95 %)"
+            f"experiment {worst + 1} of {noise.shape[1]} scatters {times:.1f} times as much"
+            " from period to period as the others. The bound assumes equal scatter: with one"
+            " experiment ten times as noisy the bound of the whole matrix held for 58 to 87 %"
+            " instead of 95 %. Was the experiment disturbed? Measure it again"
         )

@@ -180,10 +180,10 @@ def warn_of_rough_frf(
     if is_rough:
         of_size, above = (float(np.median(rough / np.maximum(one, TINY))) for one in (size, level))
         data_warning(
-            f"{what} jumps from line to line by {100 * of_size**0.5:.0f} % of its size,"
-            f" {10 * np.log10(above):.0f} dB above distortion and noise on its detection lines: do"
-            " u and y belong to the same runs, in the same order, with one trigger and one sign?"
-            " If they do, it bends within a few lines: record a longer period"
+            f"{what} changes from line to line by {100 * of_size**0.5:.0f} % of its size,"
+            f" {10 * np.log10(above):.0f} dB more than distortion and noise explain. Do u and y"
+            " belong to the same runs, in the same order, with one trigger and one sign? If"
+            " they do, G itself changes within a few lines: record a longer period"
         )
     return bool(is_rough)
 
@@ -259,10 +259,10 @@ def warn_of_outlier_lines(
     mains = f", as the hum of mains of {hum:g} Hz does" if hum else ""
     ratio = np.sqrt(outlier_power[worst] / level[worst])
     data_warning(
-        f"{what} stands out of its neighbours at {listed} Hz, by {ratio:.0f} times its scatter at"
-        f" {f[worst]:g} Hz{mains}: a disturbance in step with the periods, or a resonance narrower"
-        " than the line spacing. The bound there contains the value that the neighbours predict;"
-        " record several realisations, or another period"
+        f"{what} differs from its neighbours at {listed} Hz, at {f[worst]:g} Hz by {ratio:.0f}"
+        f" times its scatter{mains}. The cause is a disturbance that repeats in every period, or"
+        " a resonance narrower than the line spacing. The bound there contains the value that"
+        " the neighbours predict. Record several realisations, or another period"
     )
     return outlier_power
 
@@ -397,13 +397,13 @@ def _require_same_sign(output_name: str, phases: np.ndarray) -> None:
     turned = np.flatnonzero(agree < -_chance_sigmas(n) * np.sqrt((n - 1) * n_lines / 2))
     if n > 1 and turned.size:
         which = (
-            "realisations 0 and 1 differ by it"
+            "it differs between realisations 0 and 1"
             if n == 2
-            else f"it turns in realisation {', '.join(map(str, turned))}"
+            else f"it changes in realisation {', '.join(map(str, turned))}"
         )
         raise ValueError(
-            f"{output_name} must have one sign, got: {which}; was it rewired, or is it half a turn"
-            " late?"
+            f"{output_name} must have the same sign in all realisations, got: {which}. Was it"
+            " rewired, or is it late by half a period?"
         )
 
 

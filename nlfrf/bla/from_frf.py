@@ -256,8 +256,8 @@ def _bound_by_product(variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if raised.max() > _MAX_RAISED_STD:
         j, i = np.unravel_index(int(np.argmax(raised)), raised.shape)
         data_warning(
-            f"std of output {j + 1} by input {i + 1} counts up to {raised.max():.3g} times as large"
-            " as given: for several channels the variances are products of output and input"
-            " factors; judge such entries one by one"
+            f"std of output {j + 1} by input {i + 1} was increased up to {raised.max():.3g}"
+            " times: for several channels the variances must be products of an output and an"
+            " input factor. To avoid this, use one Bla per entry"
         )
     return of_output, of_input

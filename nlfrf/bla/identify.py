@@ -175,15 +175,15 @@ def _identify_record(
     frm, between = estimate_zippered_frm(excited) if zippered else (estimate_frm(excited), None)
     if spectra.n_periods < 2 and not record.is_single:
         data_warning(
-            "one period does not separate noise from distortion: noise counts as distortion;"
-            " record two"
+            "one period does not separate noise from distortion, so noise counts as"
+            " distortion. Record two periods"
         )
     source = choose_source(level_from, excited, grid=record.lines, n_detection=n_detection)
     if zippered and source == "roughness":
         raise ValueError(
-            "lines must hold detection lines that calibrate for a zippered record, as random-odd"
-            f" has them, got a {record.lines.kind} grid: a column is fitted between its own lines,"
-            " so its roughness is unknown"
+            "lines must be random-odd for a zippered record (each line excites one input), got"
+            f" a {record.lines.kind} grid: the distortion can be estimated from detection lines"
+            " only"
         )
     smooth, fit = smooth_frm(frm, excited, source == "roughness")
     names = ("y",) if record.is_single else record.outputs

@@ -223,7 +223,7 @@ def _warn_of_nonstationary_input(u: np.ndarray) -> None:
         ratios.append(float(np.var(band, ddof=1) / band.mean() ** 2 * lines))
     if ratios and np.mean(ratios) > _MAX_POWER_SCATTER:
         data_warning(
-            "u must be stationary noise for its bounds to hold: its power scatters"
-            f" {np.mean(ratios) ** 0.5:.1f} times as much over time as that of noise, as for chirps"
-            " and bursts; play a multisine, or noise all the time"
+            "u must be stationary noise for the bounds to hold, got a power that varies"
+            f" {np.mean(ratios) ** 0.5:.1f} times as much over time as that of noise, as for"
+            " chirps and bursts. Play a multisine, or noise all the time"
         )

@@ -62,11 +62,11 @@ def warn_of_low_crest(
     peaks = expected_peaks(crest, lines, amplitude=amplitude, n_samples=u.shape[1])
     if is_improbable(peaks):
         data_warning(
-            f"{name} must have random phases for an estimate of distortion: its crest factor is"
-            f" {crest.mean():.2f}, which random phases with its spectrum reach once in 100000"
-            " experiments. If the phases were chosen for low peaks, or the input was clipped, the"
-            " BLA and its bound hold for that signal only: the 95 % bound may hold half the time;"
-            " play random phases, or the best of a few draws (reduce_crest without a target)"
+            f"{name} must have random phases for an estimate of distortion, got a crest factor"
+            f" of {crest.mean():.2f}, which random phases with its spectrum reach once in 100000"
+            " experiments. If the phases were chosen for low peaks, or the input was clipped,"
+            " BLA and bound hold for that signal only: the 95 % bound may hold half the time."
+            " Play random phases, or the best of a few draws (reduce_crest without a target)"
         )
     return peaks
 
@@ -93,9 +93,9 @@ def join_repeats(
         ", ".join(str(m + first_number) for m in group) for group, _ in groups[:4] if len(group) > 1
     )
     data_warning(
-        f"u holds {kind}s with the same phases ({listed}): they repeat one another, so their"
-        f" distortion does not average out. They count as periods of one {kind}, which leaves M ="
-        f" {len(groups)} of {n}; play others, as from"
+        f"u holds {kind}s with the same phases ({listed}). They repeat one another, so their"
+        f" distortion does not average out. They count as periods of one {kind}, which leaves M"
+        f" = {len(groups)} of {n}. Play {kind}s with different phases, as from"
         f" multisine(n_realizations={n // excited.experiments_per_set})"
     )
     P, sizes = spectra.n_periods, [len(group) for group, _ in groups]

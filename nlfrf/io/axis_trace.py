@@ -343,8 +343,8 @@ def _read_run(file: Channels, u: str, *, y: str, fs: float | None) -> _Run:
     unit = run.labels["u_unit"]
     if unit in _MOTION_UNITS:
         raise ValueError(
-            f"u must be the force, torque or current set point behind the loops, got {u!r} in"
-            f" {unit}: trace that channel, not a set point of motion"
+            "u must be the force, torque or current set point at the output of the loops, got"
+            f" {u!r} in {unit}: trace that channel, not a set point of motion"
         )
     lost = find_lost_rows(file.seconds(u), run.fs)
     if lost is not None:
@@ -365,9 +365,9 @@ def _require_fast_trace(experiment: AxisExperiment, fs: float, N: int) -> None:
         )
     if ms.n_samples > N:
         data_warning(
-            f"the trace is sampled at {fs:g} Hz and the drive at {ms.fs:g} Hz: unless the scope"
-            f" filtered it, frequencies above {fs / 2:g} Hz are folded into G. Trace every sample"
-            " of the drive"
+            f"the trace is sampled at {fs:g} Hz and the drive at {ms.fs:g} Hz: without an"
+            f" anti-aliasing filter, frequencies above {fs / 2:g} Hz are folded into G. Trace"
+            " every sample of the drive"
         )
 
 
@@ -470,9 +470,9 @@ def _match_realizations(parts: list[_Periods], drawn: np.ndarray, lines: np.ndar
     for m, likely in enumerate(found.max(axis=1)):
         if not likely > _MIN_LIKENESS or len(set(order)) < len(order):
             raise ValueError(
-                "path must be the trace of the played signal, got a force that follows realisation"
-                f" {m + 1} to {100 * likely:.0f} % (100: smoothly over all lines): is it this file,"
-                " its clock, its start?"
+                "path must be the trace of the played signal, got a force that agrees with"
+                f" realisation {m + 1} by {100 * likely:.0f} % only. Check the file, its"
+                " sampling frequency, and start"
             )
     return order
 
@@ -525,8 +525,8 @@ def _examine_trace(experiment: AxisExperiment, record: Record) -> bool:
     }
     if all(abs(turn) > _TURNED for turn in turns.values()):
         raise ValueError(
-            "path must begin with the played signal, or start must give its begin, got u and y with"
-            " the other sign, as after half a period"
+            "path must begin with the played signal, or start must be the time at which it"
+            " begins, got u and y with the opposite sign, as after half a period"
         )
     units = {
         "u": (experiment.force_unit, record.u_unit),
@@ -552,14 +552,14 @@ def _examine_trace(experiment: AxisExperiment, record: Record) -> bool:
             traced in ("", designed) and not 1 / _UNIT_FACTOR < gain < _UNIT_FACTOR
         ):
             first = (
-                f"is it {other}, as u and y differ by one factor"
+                f"is it {other}, because u and y differ by one factor"
                 if similar
                 else f"is it another signal, {other}"
             )
             data_warning(
-                f"{name} is {gain:.3g} times the expected size, turned by {turn:.0f} deg, on the"
-                f" upper lines, where friction hardly counts: {first}, in another unit than"
-                f" {designed}, or is the machine another one?"
+                f"{name} is {gain:.3g} times the expected size, turned by {turn:.0f} deg, on"
+                f" the upper lines, where friction hardly counts: {first}, is it in another unit"
+                f" than {designed}, or is the machine another one?"
             )
         else:
             continue
@@ -573,8 +573,9 @@ def _require_even_periods(record: Record) -> None:
     if size.min() * _FACTOR**2 < size.max():
         first, last = np.sqrt(2 * size[[size.argmin(), size.argmax()]]) / record.n_samples
         raise ValueError(
-            "path must begin with the played signal, or start must give its begin, got a force of"
-            f" {first:.2g} to {last:.2g} {record.u_unit} rms from period to period"
+            "path must begin with the played signal, or start must be the time at which it"
+            f" begins, got a force of {first:.2g} to {last:.2g} {record.u_unit} rms from period"
+            " to period"
         )
 
 
@@ -596,8 +597,8 @@ def _require_start(ratio: np.ndarray, record: Record) -> None:
         and max(agreement[: near + 1].max(), agreement[-near:].max()) < _AGREE * agreement[late]
     ):
         raise ValueError(
-            "path must begin with the played signal, or start must give its begin, got a force"
-            f" that is {late / record.fs:.3g} s late, up to half periods"
+            "path must begin with the played signal, or start must be the time at which it"
+            f" begins, got a force that is {late / record.fs:.3g} s late, up to half periods"
         )
 
 
@@ -610,9 +611,9 @@ def _warn_of_other_level(experiment: AxisExperiment, label: str, record: Record)
     if not 1 / _FACTOR < reached / experiment.rms < _FACTOR:
         data_warning(
             f"the force is {reached:.3g} {experiment.force_unit} rms {label}, not"
-            f" {experiment.rms:.3g} as designed: friction, another machine, or a drive with another"
-            f" velocity feedforward or other gains (assumed: {experiment.drive}). Design again with"
-            " this record as source",
+            f" {experiment.rms:.3g} as designed. The cause is friction, another machine, or a"
+            " drive with another velocity feedforward or other gains (assumed:"
+            f" {experiment.drive}). Design the experiment again, with this record as source",
             LevelWarning if not np.any(experiment.velocities) else DataWarning,
         )
 
@@ -635,6 +636,6 @@ def _examine_motion(experiment: AxisExperiment, label: str, *, record: Record, o
     back = float(np.mean((np.fft.irfft(spectrum, N, axis=1) + velocity) * velocity < 0))
     if back > _TURNED_BACK:
         data_warning(
-            f"the axis turns back in {100 * back:.2g} % of the samples {label}: it does not slide"
-            " all the time. Raise base_velocity, or lower the level"
+            f"the axis moves backwards in {100 * back:.2g} % of the samples {label}, so its"
+            " friction does not slide all the time. Raise base_velocity, or lower the rms"
         )

@@ -263,8 +263,8 @@ class Channels:
         if rates and max(rates) > min(rates) * (1 + _MAX_TIME_DIFFERENCE):
             listing = ", ".join(f"{name!r} at {clock.fs:g} Hz" for name, clock in found.items())
             raise ValueError(
-                f"u and y must be sampled together, but {Path(self.path).name!r} has {listing};"
-                " bring them to one clock and give them to record_from_samples"
+                f"u and y must be sampled together, but {Path(self.path).name!r} has {listing}."
+                " Resample them to one sampling frequency, and give them to record_from_samples"
             )
         return next((clock for clock in found.values() if clock.why), next(iter(found.values())))
 

@@ -143,7 +143,7 @@ def _choose_input(lines: Mapping[str, SignalLines]) -> tuple[str, str]:
         beaten = {b for a in names for b in names if _shows_played(lines[a], lines[b])}
         left = [name for name in names if name not in beaten] if beaten else []
         if len(left) != 1 and first > Rank.SET_POINT:
-            return "", f"neither names nor lines show which of {join_names(names)} was played"
+            return "", f"neither names nor spectra show which of {join_names(names)} was played"
         u = left[0] if len(left) == 1 else min(names, key=lambda name: lines[name].spread)
     quantity = _bare_name(u)
     u = next(
@@ -152,14 +152,17 @@ def _choose_input(lines: Mapping[str, SignalLines]) -> tuple[str, str]:
     )
     for name, one in lines.items() if Rank.SET_POINT not in ranks.values() else ():
         level = (
-            f"its lines are even to {one.spread:.2g} dB" if compare_levels(one, lines[u]) else ""
+            f"its lines have equal amplitudes within {one.spread:.2g} dB"
+            if compare_levels(one, lines[u])
+            else ""
         )
         if ranks[name] > first and (found := describe_played(one, lines[u]) or level):
             return (
                 "",
                 (
-                    f"by names {u} is the input, but the multisine is found in {name}, {found}:"
-                    f" {name} was played, or the reference of a closed loop is missing"
+                    f"by its name {u} is the input, but the multisine is found in {name},"
+                    f" {found}. Either {name} was played, or the reference of a closed loop is"
+                    " missing"
                 ),
             )
     return u, ""

@@ -51,9 +51,9 @@ _NEEDS = {
     ),
     "relative_std": (
         "the file has no coherence, and a swept sine shows no distortion, so the error of G is"
-        " unknown. Give sqrt(E|G - E G|^2)/|G| by the scatter of repeated sweeps (0.1 dB is 0.012,"
-        " 1 degree is 0.017), export the coherence, or measure with a multisine of nlfrf design,"
-        " which shows the distortion"
+        " unknown. Give its relative standard deviation sqrt(E|G - E G|^2)/|G| from the scatter"
+        " of repeated sweeps (0.1 dB is 0.012, 1 degree is 0.017); or export the coherence; or"
+        " measure with a multisine of nlfrf design, which shows the distortion"
     ),
 }
 
@@ -483,7 +483,9 @@ def _complex_numbers(form: Sequence[_Column], G: np.ndarray | None = None) -> np
     x = {one.parsed.quantity: convert(one.parsed, one.x) for one in form}
     if "real" in x:
         if form[0].parsed.inverse != form[1].parsed.inverse:
-            raise ValueError(f"only one of {form[0].name!r} and {form[1].name!r} is of an inverse")
+            raise ValueError(
+                f"only one of {form[0].name!r} and {form[1].name!r} belongs to an inverse, 1/G"
+            )
         z = x["real"] + 1j * x["imaginary"]
         return 1 / z if form[0].parsed.inverse else z
     size, angle = (np.ones(1), np.zeros(1)) if G is None else (np.abs(G), np.angle(G))

@@ -37,16 +37,16 @@ def require_same_moments(file: str, axes: Mapping[str, np.ndarray | float], fs: 
             continue
         if np.ndim(here) and abs(late) >= max(np.size(here), _N_COMPARED):
             data_warning(
-                f"the times of {first!r} and {name!r} in {file!r} have no moment in common: the"
-                " clocks are assumed to have different origins, and the first samples of both to"
-                " be simultaneous"
+                f"the times of {first!r} and {name!r} in {file!r} do not overlap. It is assumed"
+                " that their clocks have different origins, and that the first samples of both"
+                " were taken together"
             )
             continue
-        message = f"by the times in {file!r} {name!r} begins {late:+.4g} samples behind {first!r}"
+        message = f"by the times in {file!r} {name!r} begins {late:+.4g} samples after {first!r}"
         if abs(late) > _MAX_SHIFT:
             raise ValueError(
-                f"u and y must be sampled together, but {message}; bring them to one clock and give"
-                " them to record_from_samples"
+                f"u and y must be sampled together, but {message}. Resample them to common"
+                " times, and give them to record_from_samples"
             )
         data_warning(
             f"{message}: G includes this delay, which comes from the recorder and not from the"

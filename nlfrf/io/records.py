@@ -357,14 +357,15 @@ def _align_rows(
                 streams[m] = rows.filled(streams[m])
             clock = rows.fs
             data_warning(
-                f"{described}; its rows were put on an even clock of {clock:g} Hz by a cubic spline"
+                f"{described}; its rows were interpolated to equal steps at {clock:g} Hz by a"
+                " cubic spline"
             )
         elif fs is not None:
-            data_warning(f"{described}; the given fs is used as if the clock were even")
+            data_warning(f"{described}; the given fs is used as if the steps were equal")
         else:
             raise ValueError(
-                f"fs must be one rate, but {described}; resample=True puts the rows on an even"
-                " clock"
+                f"the time steps must be equal, but {described}; resample=True interpolates the"
+                " rows to equal steps"
             )
     if not any(lost) or options.resample:  # resample finds the periods in the input
         return clock, options

@@ -51,7 +51,7 @@ class UnevenClock:
         >>> t = np.arange(1000) / 100
         >>> found = find_uneven_clock(np.insert(t, 501, 5.004), 100.0)
         >>> found.describe()
-        'the steps of the time column vary from 0.004 to 0.01 s, usually 0.01 s: no even clock from 5.004 s on'
+        'the steps of the time column vary from 0.004 to 0.01 s, usually 0.01 s: they are unequal from 5.004 s on'
         """
         steps = np.diff(self.seconds)
         places = ", ".join(f"{self.seconds[row]:.9g}" for row in self.rows[:_MAX_NAMED])
@@ -60,7 +60,7 @@ class UnevenClock:
         )
         return (
             f"the steps of the time column vary from {steps.min():.4g} to {steps.max():.4g} s,"
-            f" usually {1 / self.fs:.6g} s: no even clock from {places} s{more} on"
+            f" usually {1 / self.fs:.6g} s: they are unequal from {places} s{more} on"
         )
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nlfrf._base.arguments import require_kind, short_form
+from nlfrf._base.arguments import format_count, require_kind, short_form
 from nlfrf._base.axes import (
     axes_or_new,
     bode_axes,
@@ -284,7 +284,7 @@ def plot_opinion(opinion: SecondOpinion, *, ax: Axes | None = None) -> Axes:
             "-",
             lw=1.4,
             color=COLOR["odd"],
-            label="odd detection lines, calibrated",
+            label="odd detection lines, corrected for the grid",
         )
         disagreement = opinion.disagree
         if disagreement.any():
@@ -302,7 +302,7 @@ def plot_opinion(opinion: SecondOpinion, *, ax: Axes | None = None) -> Axes:
         xscale="log",
         xlabel="frequency [Hz]",
         ylabel=f"std of one FRF [dB, {opinion.unit or 'unit of y / u'}]",
-        title="Two estimates of one level",
+        title="Two estimates of the distortion",
     )
     return finish_axes(ax)
 
@@ -311,8 +311,8 @@ def _describe_measurement(bla: Bla) -> str:
     """Describe grid, realisations, periods and source of the level in one line."""
     made = bla.experiment
     return (
-        f"{made.grid} grid, M = {made.n_realizations}, P = {made.n_periods}, level from"
-        f" {bla.level_source}"
+        f"{made.grid} grid, {format_count(made.n_realizations, 'realisation')},"
+        f" {format_count(made.n_periods, 'period')}, distortion from {bla.level_source}"
     )
 
 

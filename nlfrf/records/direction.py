@@ -116,8 +116,8 @@ def compare_detection_lines(played: SignalLines, other: SignalLines) -> str:
     if other.power[detection].mean() <= SIGNIFICANCE * other.noise[detection].mean():
         return ""
     return (
-        f"{-10 * np.log10(max(clean, 1e-30)):.0f} dB under the lines beside them against"
-        f" {-10 * np.log10(full):.0f} dB"
+        f"{-10 * np.log10(max(clean, 1e-30)):.0f} dB below the lines beside them, those of the"
+        f" other channel {-10 * np.log10(full):.0f} dB"
     )
 
 
@@ -140,7 +140,11 @@ def describe_played(played: SignalLines | None, other: SignalLines | None) -> st
     if other is None or (
         compare_levels(played, other) and played.dirt < _MAX_DIRT_RATIO * other.dirt
     ):
-        return f"its lines are even to {played.spread:.2g} dB" if played.spread < _EVEN else ""
+        return (
+            f"its lines have equal amplitudes within {played.spread:.2g} dB"
+            if played.spread < _EVEN
+            else ""
+        )
     return (
         f"its detection lines are empty, {found}"
         if (found := compare_detection_lines(played, other))

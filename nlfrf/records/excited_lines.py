@@ -216,9 +216,7 @@ def lines_from_powers(power: np.ndarray, noise: np.ndarray) -> LineGrid:
     noise = np.maximum(noise, 1e-20 * power.max() / SIGNIFICANCE)
     lines = np.flatnonzero(power > SIGNIFICANCE * noise) + 1
     if not lines.size:
-        raise ValueError(
-            "u must hold lines that stand out of its noise, got none; is n_samples its period?"
-        )
+        raise ValueError("u must have lines above its noise, got none: is n_samples its period?")
     level = 10 * np.log10(np.maximum(power[lines - 1], 1e-300))
     near = level > _upper_envelope(level, lines) - _MAX_STEP
     excited = _connected_lines(level[near], lines[near])

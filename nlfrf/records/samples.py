@@ -448,9 +448,10 @@ def _cut_periods(
         _examine_outputs(kept, cut, tracks=tracks, lines=lines, resample=False)
     if resample and n_periods > 1 and cut["u"].shape[1] == 1:
         data_warning(
-            f"resample leaves one period of {n_periods}: the others hold lost or repeated samples."
-            " One period does not separate noise from distortion, so the bound is as wide as both."
-            " Measure again, or leave resample out if a time column shows the lost rows"
+            f"resample leaves one period of {n_periods}: the others hold lost or repeated"
+            " samples. One period does not separate noise from distortion, so noise counts as"
+            " distortion in the bound. Measure again, or leave resample out if a time column"
+            " shows the lost rows"
         )
     if resample and all(tracks):  # so that the input repeats at f0
         fs /= float(np.mean([where.spacing for where in tracks if where]))
@@ -465,9 +466,9 @@ def _lines_of_periods(periods: np.ndarray, options: Cutting) -> LineGrid:
     _, n_periods, n_samples = periods.shape
     if options.n_samples is None and n_periods == 2 and lines.kind == "custom":
         data_warning(
-            f"the period of {n_samples} samples was found from one repetition of lines that form no"
-            " grid: if samples were lost between its ends, it is too short. Give the design that"
-            " was played, or n_samples"
+            f"the period of {n_samples} samples was found from a single repetition, and its"
+            " lines form no known grid. If samples were lost within it, it is too short. Give"
+            " the design that was played, or n_samples"
         )
     return lines
 
@@ -561,7 +562,8 @@ def _examine_outputs(
                 sound[periods[~good]] = False
                 if not sound.any():
                     raise ValueError(
-                        f"{described_label} must hold a sound period, got none: {lag.fault}"
+                        f"{described_label} must hold a period without a fault, got none:"
+                        f" {lag.fault}"
                     )
                 tracks[m] = replace(where, sound=sound)
                 cured = True
@@ -620,8 +622,9 @@ def _require_gap(name: str, y: np.ndarray, where: PeriodAlignment) -> None:
             for n in (lost, found)
         )
         raise ValueError(
-            f"{name} must have the gap of u before period {first + 1} ({of_u}), got {of_y}: the"
-            " delay of this output after the gap is unknown; measure again"
+            f"{name} must have the same lost or repeated samples as u before period {first + 1}"
+            f" ({of_u}), got {of_y}. The delay of this output is unknown from there on: measure"
+            " again"
         )
 
 
@@ -760,9 +763,9 @@ def _recognise_grid(periodic: np.ndarray) -> LineGrid:
     jump = grid_level_jump(power, grid)
     if jump:
         data_warning(
-            f"the level of the {grid.excited.size} lines that were found in the input jumps by"
-            f" {jump:.1f} dB from line to line, as distortion of an actuator does; give the design"
-            " that was played, or lines"
+            f"the amplitudes of the {grid.excited.size} lines that were found in the input"
+            f" differ by {jump:.1f} dB from line to line, as if some were distortion of an"
+            " actuator. Give the design that was played, or lines"
         )
     return grid
 

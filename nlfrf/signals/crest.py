@@ -135,10 +135,10 @@ def reduce_crest(
         )
     ):
         warnings.warn(
-            f"target asks for a crest factor of {found.crest_factor.mean():.2f}, lower than that of"
-            " random phases: neither the distortion level nor the BLA of a record is then that of"
-            " random phases, and the bound of identify will not hold; without a target the best of"
-            " a few random draws is taken",
+            f"the crest factor of {found.crest_factor.mean():.2f} is lower than that of random"
+            " phases. So neither the distortion nor the BLA of a record is that of random"
+            " phases, and the bound of identify may not hold. Without a target the best of a"
+            " few random draws is taken",
             DataWarning,
             stacklevel=2,
         )

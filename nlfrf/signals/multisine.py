@@ -322,8 +322,8 @@ def multisine(
     f = grid.excited * fs / n_samples
     if n_inputs == 1 and (design != "orthogonal" or mixing is not None or n_draws != 1):
         raise ValueError(
-            "n_inputs must be at least 2 for a zippered design, a mixing or draws (reduce_crest),"
-            " got 1"
+            "n_inputs must be at least 2 for a zippered design, for mixing or for n_draws, got"
+            " 1; for one input use reduce_crest"
         )
     shape = _relative_amplitudes(amplitude, f, n_inputs)
     require_choice("design", design, DESIGNS)

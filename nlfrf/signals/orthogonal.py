@@ -54,8 +54,8 @@ def assign_lines(
     """
     if kind in ("special-odd", "odd-odd"):
         raise ValueError(
-            f'kind must be "random-odd" for a zippered design, got {kind!r}: with its detection'
-            " lines a 95 % bound would hold for 61 to 78 %"
+            f"kind must be random-odd for a zippered design, got {kind!r}: its 95 % bound would"
+            " hold for 61 to 78 % only"
         )
     n_lines = grid.excited.size
     if n_lines < 2 * n_inputs:

@@ -65,7 +65,7 @@ def test_more_that_design_and_identify_can_do(nlfrf_command, tmp_path):
     for step in steps:
         code, out, _ = nlfrf_command(*step.split())
         assert code == 0, step
-    assert "second opinion: roughness over detection lines" in out
+    assert "second opinion: the variance from roughness" in out
     assert (tmp_path / "bla.csv").read_text().startswith("f [Hz],Re G,Im G,bound")
     assert (tmp_path / "play.npz").exists()
     assert load(tmp_path / "bla.h5").experiment.n_realizations == 2
@@ -361,7 +361,7 @@ def test_messages_speak_of_options(nlfrf_command, tmp_path):
     np.savez(tmp_path / "lost.npz", u=np.delete(u, 1500), y=np.delete(u, 1500), fs=1000.0)
     code, _, err = nlfrf_command(*["identify", "lost.npz", "--period", "1000", "-o", "bla.npz"])
     assert code == 2
-    assert "--resample cuts the periods where they stand" in err
+    assert "--resample cuts the periods where the input itself repeats" in err
 
 
 def test_a_warning_is_said_once_for_all_outputs(nlfrf_command, tmp_path):
@@ -423,12 +423,12 @@ def test_several_files_and_the_design_that_was_played(nlfrf_command, tmp_path):
     )
     assert code == 0
     assert all(
-        "seems clipped" in line or "its crest factor is" in line for line in err.splitlines()
+        "seems clipped" in line or "got a crest factor of" in line for line in err.splitlines()
     )
     bla = load(tmp_path / "bla.npz")
     assert (bla.experiment.n_realizations, bla.f.size) == (3, ms.f.size)
     assert np.abs(bla.G - 3).max() < 0.02
-    assert "M = 3, P = 2" in out
+    assert "3 realisations, 2 periods" in out
 
 
 @pytest.fixture

@@ -112,7 +112,7 @@ def test_an_opinion_shows_both_readings(ax):
     pictures.plot_opinion(opinion, ax=ax)
     curves = {line.get_label(): line.get_ydata() for line in ax.get_lines()}
     assert curves["roughness of the FRF"] == pytest.approx(10 * np.log10(opinion.roughness))
-    assert curves["odd detection lines, calibrated"] == pytest.approx(
+    assert curves["odd detection lines, corrected for the grid"] == pytest.approx(
         10 * np.log10(opinion.detection)
     )
     assert ("more than 6 dB apart" in curves) == bool(opinion.disagree.any())

@@ -93,8 +93,8 @@ class PeriodAlignment:
         j = np.flatnonzero(self.sound)
         if not j.size:
             raise ValueError(
-                f"n_samples must be the period of the input, got {self.n_samples}: none of its"
-                " periods is sound"
+                f"n_samples must be the period of the input, got {self.n_samples}: no period is"
+                " without a fault"
             )
         smooth = (self.delay - self.jumps)[j]
         return np.polyfit(j, smooth, 1) if j.size > 1 else np.array([0.0, smooth[0]])
@@ -138,20 +138,20 @@ class PeriodAlignment:
             )
             return (
                 f"samples were lost or repeated ({found}); resample=True cuts the periods where"
-                " they stand"
+                " the input itself repeats"
             )
         if not self.sound.all():
             bad = ", ".join(str(j + 1) for j in np.flatnonzero(~self.sound)[:6])
             return (
                 f"the input does not repeat in period {bad} of {self.sound.size}; resample=True"
-                " leaves it out"
+                " leaves that period out"
             )
         if self.misplaced < _VISIBLE_POWER or np.abs(self.delay).max() < 5 * self.noise:
             return ""
         if self.drifts:
             return (
-                f"the clock drifts: the periods leave an even pace by up to {self.bend:.3g}"
-                " samples; resample=True puts them on an even one"
+                f"the clock drifts: the periods begin up to {self.bend:.3g} samples away from"
+                " equal distances; resample=True corrects this"
             )
         if self.is_whole:
             whole = round(self.period)
@@ -161,8 +161,8 @@ class PeriodAlignment:
                 else ""
             )
         return (
-            f"the input repeats every {self.period:.4f} samples, not a whole number; "
-            "resample=True cuts it on that period"
+            f"the input repeats every {self.period:.4f} samples, not a whole number;"
+            " resample=True cuts periods of this length"
         )
 
 
@@ -439,11 +439,11 @@ def warn_about_channel(name: str, signal: np.ndarray, n_samples: int) -> None:
     share = clipped_share(signal) if length > 2 else 0.0
     if share > _CLIPPED_SHARE:
         data_warning(
-            f"{name} seems clipped: {100 * share:.2g} % of its samples stand at its largest or"
-            " smallest value in runs; lower the level or widen the range"
+            f"{name} seems clipped: {100 * share:.2g} % of its samples are in runs at its"
+            " largest or smallest value. Lower the amplitude, or widen the measuring range"
         )
     if length > n_samples // 4:
         data_warning(
-            f"{name} stands still for {length} samples from sample {begin},"
-            f" {length / n_samples:.2g} periods; was the channel alive?"
+            f"{name} is constant for {length} samples from sample {begin} on,"
+            f" {length / n_samples:.2g} times the period. Was the channel connected?"
         )

@@ -44,7 +44,7 @@ _MIN_OFFSET_DRIFT = (
 _FEW = 4
 _ALONE = 0.9
 _CLEAR_SHARE = 0.3  # largest rest beside a clear change, as a share of it
-_DRIFT_CURE = "let it settle, or cut the record into shorter ones (n_discard)"
+_DRIFT_CURE = "let the machine settle, or cut the record into shorter ones (n_discard)"
 
 
 def _describe_gain_drift(
@@ -69,15 +69,15 @@ def _describe_gain_drift(
             and (place > 1 or explained > _ALONE)
         ):
             return (
-                f"the gain from u to y steps by {100 * step:+.2g} % before period {at[place] + 1}:"
-                f" G is an average, and belongs to neither side; {_DRIFT_CURE}"
+                f"the gain from u to y steps by {100 * step:+.2g} % before period"
+                f" {at[place] + 1}, and G is an average of both gains; {_DRIFT_CURE}"
             )
         if place == 1:
             return ""
     if at.size >= _FEW and abs(drift) > least and bend < _CLEAR_SHARE * abs(drift):
         return (
-            f"the gain from u to y drifts by {100 * drift:+.2g} % over the record: G is an average,"
-            f" which the machine had at no time; {_DRIFT_CURE}"
+            f"the gain from u to y drifts by {100 * drift:+.2g} % over the record, and G is an"
+            f" average over the record; {_DRIFT_CURE}"
         )
     return ""
 
@@ -88,9 +88,9 @@ def _describe_offset_drift(offset: np.ndarray) -> str:
     if change <= _MIN_OFFSET_DRIFT:
         return ""
     return (
-        f"the operating point of y wanders by {100 * change:.2g} % of its rms over the record: G is"
-        " an average over these points; hold it by a slow loop, or cut the record into shorter"
-        " ones (n_discard)"
+        f"the operating point of y drifts by {100 * change:.2g} % of its rms over the record,"
+        " and G is an average over these points. Hold the operating point by a slow loop, or"
+        " cut the record into shorter ones (n_discard)"
     )
 
 
@@ -254,20 +254,20 @@ class _OutputAlignment:
                 for j, n in describe_slips(gaps)
             )
             return (
-                f"samples of y were lost or repeated against u ({found}); resample=True cuts y"
-                " where it stands"
+                f"samples of y were lost or repeated, but not of u ({found}); resample=True"
+                " cuts y where it repeats"
             )
         if self.broken:
             bad = ", ".join(str(j + 1) for j in np.flatnonzero(~self.sound)[:6])
             return (
                 f"y does not repeat in period {bad} of {self.sound.size}; resample=True leaves"
-                " it out"
+                " that period out"
             )
         if self.clock and self.misplaced > _VISIBLE_POWER and self.outweighs_noise:
             ppm = 1e6 * self.clock / self.n_samples
             return (
-                f"the clock of y is off that of u by {ppm:.3g} ppm ({self.clock:+.3g} samples a"
-                " period); resample=True puts y on the clock of u"
+                f"the clock of y differs from that of u by {ppm:.3g} ppm ({self.clock:+.3g}"
+                " samples a period); resample=True corrects this"
             )
         return ""
 
@@ -305,9 +305,9 @@ class _OutputAlignment:
             else f"periods 1 to {self.n_unsettled} differ"
         )
         return (
-            f"{which} from the others by more than noise and by no free response of a few modes,"
-            " and is left out. It may be a start from rest of a nonlinear machine. But if samples"
-            " of y were lost in it, all that follows is shifted against u; then measure again"
+            f"{which} from the others by more than noise or a linear transient, and is left"
+            " out. A nonlinear machine that starts from rest does this. But if samples of y"
+            " were lost in it, all later periods are shifted against u: then measure again"
         )
 
     @property

@@ -82,8 +82,8 @@ def unwrap_position(name: str, x: np.ndarray) -> np.ndarray:
         and jumps.size > x.size / 100
     ):
         found = (
-            f"{jumps.size} jumps, and steps up to {size.max():.3g} without those of a whole turn of"
-            f" {turn:g}"
+            f"{jumps.size} jumps by a whole turn of {turn:g}, and other steps up to"
+            f" {size.max():.3g}"
         )
         if share.min() > _MIN_EVEN / _PARTS:
             raise ValueError(

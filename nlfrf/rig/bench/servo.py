@@ -549,14 +549,14 @@ def _warn_of(experiment: _ServoExperiment, worst: dict[str, float]) -> None:
     if worst["limited"] > _SELDOM:
         limit, unit = experiment.axis.drive.limit, experiment.axis.drive.output_unit
         texts.append(
-            f"the current was at its limit of {limit:g} {unit} in {100 * worst['limited']:.2g} % of"
-            " the samples: the FRF includes the limit. Lower the level"
+            f"the current was at its limit of {limit:g} {unit} in {100 * worst['limited']:.2g}"
+            " % of the samples, so the FRF includes the limit. Lower the rms of the multisine"
         )
     if worst["turned"] > _SELDOM:
         texts.append(
-            f"the axis turned back in {100 * worst['turned']:.2g} % of the samples: it does not"
-            f" slide all the time. Raise base_velocity above {abs(experiment.base_velocity):g}, or"
-            " lower the level"
+            f"the axis moved backwards in {100 * worst['turned']:.2g} % of the samples, so its"
+            " friction does not slide all the time. Raise base_velocity above"
+            f" {abs(experiment.base_velocity):g}, or lower the rms of the multisine"
         )
     if worst["change"] > _UNSETTLED:
         texts.append(

@@ -12,11 +12,11 @@ import nlfrf
 
 FS = 256
 GAIN = (
-    r"(\w+|all of y1, y2) stands about ([\d.]+) % (higher|lower) in experiment (\d) of (\d) than in"
+    r"(\w+|all of y1, y2) is about ([\d.]+) % (higher|lower) in experiment (\d) of (\d) than in"
     r" the others"
 )
 DELAY = (
-    r"(\w+|all of y1, y2) comes about ([\d.]+) samples (later|earlier) in experiment (\d) of (\d)"
+    r"(\w+|all of y1, y2) is about ([\d.]+) samples (later|earlier) in experiment (\d) of (\d)"
     r" than in the others"
 )
 

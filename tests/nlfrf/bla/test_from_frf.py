@@ -102,7 +102,7 @@ def test_deviations_that_are_no_product_are_raised_and_said():
     std = np.array([[1.0, 0.1], [0.2, 2.0]])[:, :, None] * np.ones(5)
     with pytest.warns(
         nlfrf.DataWarning,
-        match=r"std of output \d by input \d counts up to .* times as large as given",
+        match=r"std of output \d by input \d was increased up to .* times",
     ):
         frm = nlfrf.bla_from_frf(np.arange(1.0, 6), np.ones((2, 2, 5), complex), std=std)
     assert np.all(np.sqrt(frm.var_total) >= std * (1 - 1e-9))
@@ -122,7 +122,7 @@ def test_it_is_stored_drawn_and_told(ending, tmp_path, ax):
         "coherence",
     )
     assert np.isnan(loaded.fs)
-    assert "level from coherence, 0.99 in the median" in unwrapped(bla)
+    assert "distortion estimated from coherence, 0.99 in the median" in unwrapped(bla)
     nlfrf.export_csv(bla, tmp_path / "bla.csv")
     nlfrf.plot.plot_bla(bla, ax=ax)
     frm = nlfrf.bla_from_frf(F, G[None, None], std=0.01)

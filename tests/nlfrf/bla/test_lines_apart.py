@@ -70,7 +70,7 @@ def test_hum_of_the_mains_is_named_and_held_and_little_else_changes():
     )
     before = identify(sound)
     with pytest.warns(
-        DataWarning, match=r"stands out of its neighbours at 50, 150 Hz.* mains of 50 Hz"
+        DataWarning, match=r"differs from its neighbours at 50, 150 Hz.* mains of 50 Hz"
     ):
         after = identify(told)
     assert np.abs(after.G - truth)[k] > 20 * before.bound()[k]

@@ -141,7 +141,8 @@ def test_the_position_set_point_in_place_of_the_force_without_units(at_rest, in_
     ):
         at_rest.read(u="position set point", names=without_units(at_rest))
     with pytest.raises(
-        ValueError, match="path must be the trace of the played signal, got a force that follows"
+        ValueError,
+        match="path must be the trace of the played signal, got a force that agrees with",
     ):
         in_motion.read(u="position set point", names=without_units(in_motion))
 
@@ -266,7 +267,8 @@ def test_a_wrong_period_or_another_file(run):
         ms=design_experiment(ROUGH, nlfrf.multisine(n_samples=N, rng=2, **band), rms=30).ms,
     )
     with pytest.raises(
-        ValueError, match="path must be the trace of the played signal, got a force that follows"
+        ValueError,
+        match="path must be the trace of the played signal, got a force that agrees with",
     ):
         run.read(experiment=other)
     motion = {"base_velocity": 0.15, "strokes": 1} if np.any(run.experiment.velocities) else {}
@@ -274,7 +276,8 @@ def test_a_wrong_period_or_another_file(run):
         ROUGH, nlfrf.multisine(n_samples=N + 200, rng=1, **band), rms=30, **motion
     )
     with pytest.raises(
-        ValueError, match="path must be the trace of the played signal, got a force that follows"
+        ValueError,
+        match="path must be the trace of the played signal, got a force that agrees with",
     ):
         run.read(experiment=longer)
 
@@ -300,7 +303,7 @@ def test_a_wrong_clock(run):
     with (
         pytest.raises(
             ValueError,
-            match="path must be the trace of the played signal, got a force that follows",
+            match="path must be the trace of the played signal, got a force that agrees with",
         ),
         pytest.warns(DataWarning, match="the trace is sampled at 2000 Hz"),
     ):
@@ -335,7 +338,8 @@ def test_a_trace_that_ends_too_early(run):
 
 def test_a_trace_that_begins_somewhere_else(at_rest, in_motion):
     with pytest.raises(
-        ValueError, match=r"or start must give its begin, got a force that is .* s late"
+        ValueError,
+        match=r"or start must be the time at which it begins, got a force that is .* s late",
     ):
         at_rest.read(rows=slice(700, None))
     (late,) = at_rest.read(rows=slice(700, None), start=-700 / 4000)
@@ -351,7 +355,8 @@ def test_a_trace_that_begins_long_before(at_rest):
     table[:, 0] = np.arange(rows.size) / 4000
     write_table(at_rest.folder / "early.csv", table, at_rest.names)
     with pytest.raises(
-        ValueError, match="path must begin with the played signal, or start must give its begin"
+        ValueError,
+        match="path must begin with the played signal, or start must be the time at which it begins",
     ):
         load_trace(at_rest.folder / "early.csv", at_rest.experiment)
     (record,) = load_trace(at_rest.folder / "early.csv", at_rest.experiment, start=3 * N / 4000)
@@ -362,7 +367,9 @@ def test_a_saturated_current(run, tmp_path):
     peak = run.experiment.peak_force
     tight = replace(AXIS, drive=replace(AXIS.drive, limit=0.5 * peak / AXIS.force_constant))
     play_experiment(tight, run.folder / "play.csv", tmp_path / "trace.csv")
-    with pytest.warns(DataWarning, match="u seems clipped: .* lower the level or widen the range"):
+    with pytest.warns(
+        DataWarning, match="u seems clipped: .* Lower the amplitude, or widen the measuring range"
+    ):
         load_trace(tmp_path / "trace.csv", run.experiment)
 
 
@@ -375,7 +382,7 @@ def test_a_level_so_low_that_friction_changes_the_loop(tmp_path):
     nlfrf.save(experiment, tmp_path / "play.csv")
     play_experiment(axis, tmp_path / "play.csv", tmp_path / "trace.csv")
     with pytest.warns(
-        DataWarning, match="N rms at rest, not 1.5 as designed: .* this record as source"
+        DataWarning, match="N rms at rest, not 1.5 as designed. .* this record as source"
     ):
         (record,) = load_trace(tmp_path / "trace.csv", experiment)
     again = design_experiment(
@@ -398,7 +405,7 @@ def test_an_axis_that_turns_back_in_motion(tmp_path):
     fast = replace(slow, ms=replace(slow.ms, amplitude=8 * slow.ms.amplitude))
     nlfrf.save(fast, tmp_path / "play.csv")
     play_experiment(AXIS, tmp_path / "play.csv", tmp_path / "trace.csv")
-    with pytest.warns(DataWarning, match="the axis turns back in .* % of the samples forward"):
+    with pytest.warns(DataWarning, match="the axis moves backwards in .* % of the samples forward"):
         load_trace(tmp_path / "trace.csv", fast)
 
 

@@ -292,7 +292,7 @@ def test_names_are_parsed_whole(name, tmp_path):
             "'Re' and 'Im' contradict 'Magnitude",
         ),
         ("f,Re [m],Im [m/N]", (G.real, G.imag), "'Re .*' and 'Im .*' must be in one unit"),
-        ("f,Re(1/G),Im(G)", (G.real, G.imag), "only one of .* is of an inverse"),
+        ("f,Re(1/G),Im(G)", (G.real, G.imag), "only one of .* belongs to an inverse"),
         (
             "f,omega,Re,Im",
             (7 * F, G.real, G.imag),

@@ -67,13 +67,13 @@ def test_channels_that_begin_at_different_moments(write, tmp_path):
     record = nlfrf.load_record(write(tmp_path, 0.0))
     np.testing.assert_allclose(record.y, 2 * record.u, atol=1e-6)
     with pytest.raises(
-        ValueError, match=r"'.*y' begins \+10 samples behind '.*u'; bring them to one clock"
+        ValueError, match=r"'.*y' begins \+10 samples after '.*u'. Resample them to common times"
     ):
         nlfrf.load_record(write(tmp_path, 10.0))
     with pytest.raises(ValueError, match="must be sampled together"):
         nlfrf.load_record(write(tmp_path, 10.0), fs=FS)
     with pytest.warns(
-        nlfrf.DataWarning, match=r"'.*y' begins \+0\.3 samples behind '.*u': G includes this delay"
+        nlfrf.DataWarning, match=r"'.*y' begins \+0\.3 samples after '.*u': G includes this delay"
     ):
         nlfrf.load_record(write(tmp_path, 0.3))
 
@@ -185,7 +185,7 @@ def test_the_unit_of_an_abscissa_that_the_file_states(write, tmp_path):
         (tmp_path / "run.uff").unlink(missing_ok=True)
         assert record.fs == pytest.approx(FS, rel=3e-6)  # of six digits of a step
         np.testing.assert_allclose(record.y, 2 * record.u, atol=1e-6)
-        with pytest.warns(nlfrf.DataWarning, match=r"y' begins \+0\.3 samples behind"):
+        with pytest.warns(nlfrf.DataWarning, match=r"y' begins \+0\.3 samples after"):
             nlfrf.load_record(write(tmp_path, 0.3, unit=unit))
         (tmp_path / "run.uff").unlink(missing_ok=True)
 
@@ -210,7 +210,7 @@ def test_times_of_a_universal_file_that_are_not_even_have_its_unit(tmp_path):
 
 @pytest.mark.parametrize("write", [uff, waveforms_in, tdms_in])
 def test_starts_that_are_further_apart_than_the_record_is_long_are_no_other_origin(write, tmp_path):
-    with pytest.raises(ValueError, match=r"y' begins \+5000 samples behind"):
+    with pytest.raises(ValueError, match=r"y' begins \+5000 samples after"):
         nlfrf.load_record(write(tmp_path, 5000.0))
 
 
@@ -219,12 +219,12 @@ def test_the_moments_at_which_waveforms_began(tmp_path):
     np.testing.assert_allclose(
         nlfrf.load_record(tdms_in(tmp_path, began=(day, day))).y, Y.reshape(1, 3, N)
     )
-    with pytest.warns(nlfrf.DataWarning, match=r"y' begins \+0\.4 samples behind"):
+    with pytest.warns(nlfrf.DataWarning, match=r"y' begins \+0\.4 samples after"):
         nlfrf.load_record(tdms_in(tmp_path, began=(day, f"{day}.000400"), unit="ms"))
-    with pytest.raises(ValueError, match=r"y' begins \+1000 samples behind"):
+    with pytest.raises(ValueError, match=r"y' begins \+1000 samples after"):
         nlfrf.load_record(tdms_in(tmp_path, began=(day, "2026-11-22T10:00:01")))
     with pytest.warns(
-        nlfrf.DataWarning, match=r"y' begins \+0\.1 samples behind"
+        nlfrf.DataWarning, match=r"y' begins \+0\.1 samples after"
     ):  # 400 us, and 300 us back
         nlfrf.load_record(tdms_in(tmp_path, late=-0.3, began=(day, f"{day}.000400")))
     assert (
@@ -234,6 +234,7 @@ def test_the_moments_at_which_waveforms_began(tmp_path):
 
 def test_time_columns_without_a_moment_in_common(tmp_path):
     with pytest.warns(
-        nlfrf.DataWarning, match=r"'u' and 'y' in 'run.csv' have no moment in common: the clocks"
+        nlfrf.DataWarning,
+        match=r"'u' and 'y' in 'run.csv' do not overlap. It is assumed that their clocks",
     ):
         nlfrf.load_record(table(tmp_path, 1e5))

@@ -114,7 +114,7 @@ def test_names_that_lines_contradict_are_asked_for(tmp_path):
     write_table(tmp_path / "run.csv", ["time", "position", "force"], [T, U, Y])
     found = nlfrf.inspect_file(tmp_path / "run.csv")
     assert (found.u, found.y, found.period) == ("", "", N)
-    assert "by names force is the input, but the multisine is found in position" in found.doubt
+    assert "by its name force is the input, but the multisine is found in position" in found.doubt
     assert "--input INPUT --output OUTPUT" in found.command
     assert "HERTZ" not in found.command
     assert f"guess: none, {found.doubt}" in unwrapped(found)
@@ -122,7 +122,7 @@ def test_names_that_lines_contradict_are_asked_for(tmp_path):
         tmp_path / "linear.csv", ["time", "a", "b"], [T, U + np.roll(U, 7), U + np.roll(U, 9)]
     )
     assert (
-        "neither names nor lines show which of a and b was played"
+        "neither names nor spectra show which of a and b was played"
         in nlfrf.inspect_file(tmp_path / "linear.csv").doubt
     )
 
@@ -131,7 +131,7 @@ def test_an_output_with_empty_detection_lines_is_warned_of():
     noise = 1e-4 * np.random.default_rng(1).standard_normal((2, U.size))
     shaped = U + 0.5 * np.roll(U, 3)  # uneven, so that its level says nothing
     with pytest.warns(
-        nlfrf.DataWarning, match=r"found in y, its detection lines are empty, .* dB under .*swapped"
+        nlfrf.DataWarning, match=r"found in y, its detection lines are empty, .* dB below .*swapped"
     ):
         nlfrf.record_from_samples(
             through_mode(shaped) + noise[0], shaped + noise[1], fs=FS, n_samples=N
@@ -144,13 +144,14 @@ def test_an_output_with_empty_detection_lines_is_warned_of():
 def test_where_a_clock_varies_is_said(tmp_path):
     t, u, y = (np.insert(x, [1200, 2000], x[[1200, 2000]]) for x in (T, U, Y))
     write_table(tmp_path / "run.csv", ["time", "force", "position"], [t, u, y])
-    said = r"vary from 0 to 0.001 s, usually 0.001 s: no even clock from 1.2\d*, 2\S* s on"
+    said = r"vary from 0 to 0.001 s, usually 0.001 s: they are unequal from 1.2\d*, 2\S* s on"
     with pytest.raises(
-        ValueError, match=rf"fs must be one rate, but 'run.csv'.*{said}; resample=True puts"
+        ValueError,
+        match=rf"the time steps must be equal, but 'run.csv'.*{said}; resample=True interpolates",
     ):
         nlfrf.load_record(tmp_path / "run.csv", u="force", y="position")
     with pytest.warns(
-        nlfrf.DataWarning, match=rf"{said}; its rows were put on an even clock of 1000 Hz"
+        nlfrf.DataWarning, match=rf"{said}; its rows were interpolated to equal steps at 1000 Hz"
     ):
         record = nlfrf.load_record(tmp_path / "run.csv", u="force", y="position", resample=True)
     np.testing.assert_allclose(record.u[0], U.reshape(3, N), atol=1e-6)

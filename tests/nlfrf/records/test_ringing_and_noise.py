@@ -115,7 +115,8 @@ def test_a_gap_of_u_alone_before_all_sound_periods_is_refused(n_periods):
     _, u, y, _ = played(0.1, n_periods, 3, settled=True)
     u = np.delete(u, np.arange(300, 305))
     with pytest.raises(
-        ValueError, match=r"y must have the gap of u before period 2 \(5 samples lost\), got none"
+        ValueError,
+        match=r"y must have the same lost or repeated samples as u before period 2 \(5 samples lost\), got none",
     ):
         nlfrf.record_from_samples(u, y[: u.size], fs=FS, n_samples=N, resample=True)
 

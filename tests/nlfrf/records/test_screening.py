@@ -160,7 +160,8 @@ def test_a_position_that_turns_too_fast_is_refused(kind):
     rough = np.round(rough) if turn >= 256 else rough
     wrapped = (rough - start) % turn + start
     with pytest.warns(
-        nlfrf.DataWarning, match=r"y has \d+ jumps, and steps up to .* It is left unchanged"
+        nlfrf.DataWarning,
+        match=r"y has \d+ jumps by a whole turn of .*, and other steps up to .* It is left unchanged",
     ):
         assert unwrap_position("y", wrapped) is wrapped
 
@@ -273,6 +274,7 @@ def test_a_position_that_hovers_at_its_end_is_unwrapped(turn):
 
 def test_periods_of_which_none_is_sound_have_no_pace():
     with pytest.raises(
-        ValueError, match="n_samples must be the period of the input, got 100: none of its periods"
+        ValueError,
+        match="n_samples must be the period of the input, got 100: no period is without a fault",
     ):
         _ = are_in_place(100, np.zeros(3, dtype=bool)).pace

@@ -109,7 +109,7 @@ def disturbed(kind, fault, seed=0):
     return u, y, np.array([[1.0, 0.5], [-0.3, 1.0]])[:, :, None]
 
 
-@pytest.mark.filterwarnings("ignore:each line drives one input")
+@pytest.mark.filterwarnings("ignore:each line excites one input")
 @pytest.mark.parametrize("kind", ["orthogonal", "zippered"])
 @pytest.mark.parametrize(
     ("fault", "told"),
@@ -122,7 +122,10 @@ def disturbed(kind, fault, seed=0):
             "period",
             "n_samples must be the period of the input, got 1024: the input repeats every 1024.3",
         ),
-        ("clock", "y1.* must stay in step with u .* the clock of y is off that of u by -20 ppm"),
+        (
+            "clock",
+            "y1.* must stay in step with u .* the clock of y differs from that of u by -20 ppm",
+        ),
     ],
 )
 def test_a_fault_of_one_channel_is_told_and_cured(kind, fault, told):

@@ -69,7 +69,7 @@ def test_zippered_lines_are_shared_out_at_random_and_keep_the_rms():
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        ({"design": "zippered"}, 'kind must be "random-odd" for a zippered design'),
+        ({"design": "zippered"}, "kind must be random-odd for a zippered design"),
         ({"rms": (1.0, 2.0, 3.0)}, r"rms must be one number, or one per input \(2\)"),
         ({"rms": (1.0, -1.0)}, r"rms\[1\] must be positive"),
         ({"amplitude": np.ones((3, 50))}, r"amplitude must have one row per input \(2\), got 3"),
@@ -83,11 +83,11 @@ def test_zippered_lines_are_shared_out_at_random_and_keep_the_rms():
         ({"n_inputs": 0}, "n_inputs must be a whole number of at least 1"),
         (
             {"n_inputs": 1, "mixing": np.eye(1)},
-            "n_inputs must be at least 2 for a zippered design, a mixing or draws",
+            "n_inputs must be at least 2 for a zippered design, for mixing or for n_draws",
         ),
         (
             {"n_inputs": 1, "n_draws": 9},
-            "n_inputs must be at least 2 for a zippered design, a mixing or draws",
+            "n_inputs must be at least 2 for a zippered design, for mixing or for n_draws",
         ),
     ],
 )

@@ -245,11 +245,11 @@ def test_a_loop_of_two_encoders_is_checked():
         ({"position_every": 0}, "position_every must be a whole number of at least 1, got 0"),
         (
             {"position_unit": "counts"},
-            "unit_factor must be given if the position is measured in counts",
+            "unit_factor must be given, got none: the position is measured in counts",
         ),
         (
             {"position_unit": "deg"},
-            "unit_factor must be given .* counts in m/s: the number of m in one deg",
+            "unit_factor must be given, .* uses m/s. Give the number of m in one deg",
         ),
         (
             {"filters": (LowPass(omega=HZ * 2500.0),)},

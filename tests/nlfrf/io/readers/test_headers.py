@@ -355,10 +355,10 @@ def test_channels_of_a_labview_file_that_begin_at_different_moments(tmp_path):
 
     holds(saved(Channels="X0\t0.0\t0.0\t"))
     for late in ("X0\t0.0\t4.0E-4\t", "Time\t10:00:00,0000\t10:00:00,0004"):
-        with pytest.warns(nlfrf.DataWarning, match=r"'y' begins \+0\.4 samples behind 'u'"):
+        with pytest.warns(nlfrf.DataWarning, match=r"'y' begins \+0\.4 samples after 'u'"):
             holds(saved(Channels=late))
     with pytest.raises(
-        ValueError, match=r"'y' begins \+3000 samples behind 'u'; bring them to one clock"
+        ValueError, match=r"'y' begins \+3000 samples after 'u'. Resample them to common times"
     ):
         nlfrf.load_record(saved(Channels="X0\t0.0\t3.0\t"))
     holds(saved(Channels="Time\t10:00:00,5\t10:00:00,5"))
@@ -385,7 +385,7 @@ def test_time_columns_of_each_labview_channel(tmp_path):
         )
         path = written(tmp_path, [*head, *rows(T, U, T + late, Y, sep="\t")], name="run.lvm")
         if warns:
-            with pytest.warns(nlfrf.DataWarning, match=r"'y' begins \+0\.4 samples behind 'u'"):
+            with pytest.warns(nlfrf.DataWarning, match=r"'y' begins \+0\.4 samples after 'u'"):
                 holds(path)
         else:
             holds(path)

@@ -446,7 +446,7 @@ def test_what_makes_another_record_than_was_asked_for_is_said():
     axis = servo_axis("linear motor")
     ms = multisine(fs=FS, n_samples=1000, f_min=8, f_max=200, rms=30.0, rng=1)
     with pytest.warns(
-        DataWarning, match="turned back in .* % of the samples.*Raise base_velocity above 0.001"
+        DataWarning, match="moved backwards in .* % of the samples.*Raise base_velocity above 0.001"
     ):
         simulate_servo(axis, ms, base_velocity=0.001)
     weak = replace(axis, drive=replace(axis.drive, limit=0.5))

@@ -287,7 +287,7 @@ def test_realisations_are_files_and_are_found_in_any_order(tmp_path):
     assert np.allclose(identify(record).G, plant_frf(axis, experiment.ms.f), rtol=1e-4)
     with pytest.raises(ValueError, match="path must be one trace per realisation, 3, got 1"):
         load_trace(tmp_path / "trace-1.csv", experiment)
-    with pytest.raises(ValueError, match="follows realisation"):
+    with pytest.raises(ValueError, match="agrees with realisation"):
         load_trace([tmp_path / f"trace-{m}.csv" for m in (1, 1, 2)], experiment)
 
 
