@@ -255,7 +255,7 @@ def require_known(where: str, given: Iterable[str], known: Sequence[str]) -> Non
     >>> require_known("axis.toml", ["motor_mass"], ["motor_inertia", "drive"])
     Traceback (most recent call last):
         ...
-    ValueError: axis.toml must have no entry 'motor_mass', did you mean motor_inertia? Known entries: drive, motor_inertia
+    ValueError: axis.toml must have no entry 'motor_mass', did you mean motor_inertia? Known: drive, motor_inertia
     """
     for name in given:
         if name not in known:
@@ -265,7 +265,7 @@ def require_known(where: str, given: Iterable[str], known: Sequence[str]) -> Non
             near = [lower[one] for one in get_close_matches(name.lower(), lower, n=1, cutoff=0.5)]
             raise ValueError(
                 f"{where} must have no entry"
-                f" {name!r}{f', did you mean {near[0]}?' if near else '.'} Known entries:"
+                f" {name!r}{f', did you mean {near[0]}?' if near else '.'} Known:"
                 f" {', '.join(sorted(known))}"
             )
 

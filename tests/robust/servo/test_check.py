@@ -676,7 +676,7 @@ def test_gains_that_are_not_well_written_are_refused(tmp_path, change, message):
         ('notch = "80 Hz"', "filters must have an entry bandwidth with notch, got none"),
         (
             'notch = "80 Hz"\nwidth = "2 Hz"',
-            "filters must have no entry 'width'.* Known entries: bandwidth, depth, notch",
+            "filters must have no entry 'width'.* Known: bandwidth, depth, notch",
         ),
         ('low_pass = "80"', 'low_pass must be a number with its unit, such as "1 Hz" or "1 kHz"'),
     ],

@@ -98,7 +98,7 @@ PID = (
         (
             ("Kp =", "kp ="),
             (
-                r"pid.toml must have no entry 'kp', did you mean Kp\? Known entries: Kd, Ki, Kp, Tf,"
+                r"pid.toml must have no entry 'kp', did you mean Kp\? Known: Kd, Ki, Kp, Tf,"
                 r" delay, "
             ),
         ),

@@ -287,7 +287,7 @@ def test_an_axis_with_units_is_the_one_in_plain_numbers(tmp_path):
         (("kv = 30", ""), r"\[drive\] of axis.toml must have an entry kv, got none"),
         (
             ("kv = 30", "Kv = 30"),
-            r"\[drive\] of axis.toml must have no entry 'Kv', did you mean kv\? Known entries: delay",
+            r"\[drive\] of axis.toml must have no entry 'Kv', did you mean kv\? Known: delay",
         ),
         (("[drive]", "drive = 3\n[other]"), "axis.toml must have no entry 'other'"),
         (
