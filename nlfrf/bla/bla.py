@@ -155,7 +155,7 @@ class Bla(Channels):
     fs : float
         Sampling frequency [Hz].
     experiment : Experiment
-        Grid, period and realisations of the measurement.
+        Grid, number of periods and of realisations (draws of the random phases) of the measurement.
     level_source : str
         Source of the distortion variance: "detection" (output on the detection lines), "roughness"
         (scatter of the FRF between neighbouring lines), "realizations" (scatter over M >= 2
@@ -296,8 +296,8 @@ class Bla(Channels):
 
     @property
     def var_distortion(self) -> np.ndarray:
-        """(F,) or (n_y, n_u, F) variance, due to distortion, of the FRF of one realisation about
-        the BLA.
+        """(F,) or (n_y, n_u, F) variance, due to distortion, of the FRF of one realisation (draw of
+        the random phases) about the BLA.
 
         It does not decrease with the number of realisations. For one period it contains the noise.
         """
@@ -305,8 +305,10 @@ class Bla(Channels):
 
     @property
     def var_even(self) -> np.ndarray:
-        """(F,) or (n_y, n_u, F) variance of the FRF of one realisation, from the even detection
-        lines; nan without even detection lines.
+        """(F,) or (n_y, n_u, F) variance of the FRF of one realisation (draw of the random phases)
+        due to even distortion and noise.
+
+        It is estimated on even lines without excitation, and is nan if there are none.
         """
         return self.experiment.n_realizations * self.entries(self.cov.even)
 
@@ -314,9 +316,9 @@ class Bla(Channels):
     def var_bound(self) -> np.ndarray:
         """(F,) or (n_y, n_u, F) variance in the bound: |G - G_BLA|^2 / var_bound ~ F(2, 2 dof).
 
-        A statistical model estimates it from detection lines, roughness and scatter over
-        realisations (docs/guide/distortion.md). The F distribution has the 95 % and 99.9 %
-        quantiles of that model.
+        A statistical model estimates it from lines without excitation, from the scatter of G
+        between lines, and from the scatter over realisations (docs/guide/distortion.md). The F
+        distribution has the 95 % and 99.9 % quantiles of that model.
         """
         return self.entries(self.cov.bound)
 
@@ -348,7 +350,9 @@ class Bla(Channels):
         return np.asarray(self.var_total < 2 * noise)
 
     def covariance_of(self, of: str) -> np.ndarray:
-        """Return the (n_y, n_y, F) covariance of one experiment that `bound` uses for this `of`."""
+        """Return the (n_y, n_y, F) covariance of one experiment that `bound` uses for its argument
+        `of`.
+        """
         require_choice("of", of, ("bla", "realization"))
         if of == "bla":
             return self.cov.bound
@@ -399,9 +403,9 @@ class Bla(Channels):
         """Return `left` and `right` of the set {G + left Delta right, sigma_max(Delta) <= 1}, which
         contains the true matrix.
 
-        With C the covariance of one experiment and dG the error of G, the largest singular value of
-        C^-1/2 dG gamma^-1/2 has a known distribution (Roy's largest root). x_p is the p-quantile of
-        its square.
+        C is the covariance of one experiment, and gamma the field of `cov`. The error dG of G has
+        this property: the largest singular value of C^-1/2 dG gamma^-1/2 has a known distribution
+        (Roy's largest root). Below, x_p is the quantile of its square at probability `confidence`.
 
         Parameters
         ----------
@@ -478,9 +482,9 @@ class Bla(Channels):
         Parameters
         ----------
         decibels : float
-            Assumed ratio of |G_BLA - G_0| |U| to the distortion amplitude on odd detection lines
-            [dB]. For a static cubic on a special-odd grid it is 7.7 dB. For friction near a
-            resonance it is larger.
+            Assumed ratio of |G_BLA - G_0| |U| to the output amplitude on odd lines without
+            excitation [dB]. For a static cubic and the default grid of `nlfrf.multisine` it is 7.7
+            dB. For friction near a resonance it is larger.
 
         Returns
         -------
@@ -594,8 +598,8 @@ class Bla(Channels):
         """Estimate the variance of G from its scatter between neighbouring lines, to compare with
         `var_total`.
 
-        This estimate does not use detection lines. It is too high where G itself varies within a
-        few lines, as at a sharp resonance. It does not contain distortion that is smooth over
+        This estimate uses the excited lines only. It is too high where G itself varies within a few
+        lines, as at a sharp resonance. It does not contain distortion that is smooth over
         frequency.
 
         Returns

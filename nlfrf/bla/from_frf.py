@@ -43,7 +43,7 @@ def bla_from_frf(
     input_units: Sequence[str] = (),
     output_units: Sequence[str] = (),
 ) -> Bla:
-    """Make a `Bla` from an FRF and its standard deviation or coherence.
+    """Make a `Bla` (FRF with a bound) from an FRF and its standard deviation or coherence.
 
     Use this if you have an FRF of an analyser instead of a record. The variance contains whatever
     differs between the averages, noise and distortion together. They cannot be separated

@@ -93,8 +93,9 @@ def identify(
     level_from : str
         Source of the distortion variance. "detection": the output on odd lines without excitation
         (detection lines). "roughness": the scatter of the FRF between neighbouring excited lines.
-        "auto": "detection" if the ratio between detection and excited lines is known for the grid,
-        as for special-odd and random-odd; else "roughness", with a warning.
+        "auto": "detection" if the ratio of the distortion on excited lines to that on detection
+        lines is known for the grid, as for the grids "special-odd" and "random-odd" of `multisine`;
+        else "roughness", with a warning.
     n_detection : int
         Number of odd detection lines averaged for the variance on one excited line.
 
@@ -112,10 +113,10 @@ def identify(
     Warns
     -----
     DataWarning
-        The ratio between detection and excited lines is unknown for the grid, so "roughness" is
-        used. For several inputs also: inputs have equal phases or are nearly linearly dependent; an
-        experiment is much noisier than the others, or one of its channels has another gain or
-        delay; the record has one period only.
+        The ratio of the distortion on excited lines to that on detection lines is unknown for the
+        grid, so "roughness" is used. For several inputs also: inputs have equal phases or are
+        nearly linearly dependent; an experiment is much noisier than the others, or one of its
+        channels has another gain or delay; the record has one period only.
 
     References
     ----------

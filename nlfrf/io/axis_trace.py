@@ -80,7 +80,7 @@ class LevelWarning(DataWarning):
     """Warning that the force of an axis at rest differs much from the designed force, because of
     friction.
 
-    The trace itself is correct.
+    The recorded signals are correct.
 
     References
     ----------

@@ -546,7 +546,7 @@ def load_record(
         ``.csv .txt .tsv .dat .asc`` as instruments and spreadsheets write them, ``.lvm``, ``.mat``
         (Simulink scopes, dSPACE, ``[t u y]`` matrices), ``.npz``, ``.h5``, ``.tdms``, ``.mf4
         .mdf``, ``.uff .unv``, ``.parquet .feather``, ``.wav``. Several files are several
-        realisations of one experiment, as in `join_records`.
+        realisations (draws of the random phases) of one experiment, as in `join_records`.
     u, y, r : str, or a list of them
         Names of the input, output and reference; by default "u" and "y", and no reference. A name
         is that of a variable, column or channel. Write ``struct.field`` inside structs,
@@ -565,7 +565,7 @@ def load_record(
     n_samples : int, optional
         Samples in one period; by default found from the input.
     lines : LineGrid, optional
-        Excited and detection lines; by default found from the input.
+        Excited lines and detection lines (not excited); by default found from the input.
     n_discard : int
         Number of periods to leave out at the start.
     resample : bool

@@ -219,8 +219,8 @@ def load(path: str | os.PathLike[str]) -> Any:
     Returns
     -------
     Multisine, AxisExperiment, Record, Bla, UncertaintyModel or control.StateSpace
-        The saved object; a controller as a state space. A certificate gives its claim, without a
-        proof: `robust.io.verify_certificate` proves it.
+        The saved object; a controller as a state space. For a certificate it is the claim (what is
+        to be proved). `robust.io.verify_certificate` proves this claim.
 
     Raises
     ------

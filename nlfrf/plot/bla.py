@@ -117,7 +117,7 @@ def plot_bode(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> 
     confidence : float
         Probability of the drawn bound.
     ax : matplotlib Axes, optional
-        Axes that are replaced by the two returned ones; by default a new figure.
+        Axes in whose place the two axes are drawn; by default a new figure.
     """
     _require_single(bla)
     top, bottom = bode_axes(ax)
@@ -178,7 +178,7 @@ def plot_blas(
     confidence : float
         Probability of the drawn bounds.
     ax : matplotlib Axes, optional
-        Axes that are replaced by the two returned ones; by default a new figure.
+        Axes in whose place the two axes are drawn; by default a new figure.
     """
     if not isinstance(blas, list | tuple) or not blas:
         raise ValueError(f"blas must be a list of at least one Bla, got {short_form(blas)}")

@@ -38,7 +38,7 @@ def plot_frm(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> n
     confidence : float
         Probability of the drawn bound.
     ax : matplotlib Axes, optional
-        Axes that are replaced by the returned matrix of axes; by default a new figure.
+        Axes in whose place the matrix of axes is drawn; by default a new figure.
 
     Returns
     -------

@@ -43,7 +43,8 @@ _LINE_OFFSET = 0.3  # [lines] distance between the markers of two inputs
 
 
 def plot_excitation(ms: Multisine, *, ax: Axes | None = None) -> Axes:
-    """Draw one period of the first realisation over time, for every input.
+    """Draw one period of the first realisation (draw of the random phases) over time, for every
+    input.
 
     Arguments as in `plot_bla`.
     """
@@ -118,7 +119,7 @@ def plot_screened(screened: ScreenedStreams, *, ax: Axes | None = None) -> np.nd
     screened : ScreenedStreams
         Findings of screening, as for `nlfrf inspect`.
     ax : matplotlib Axes, optional
-        Axes that are replaced by the returned ones; by default a new figure.
+        Axes in whose place the returned axes are drawn; by default a new figure.
 
     Returns
     -------
@@ -190,7 +191,7 @@ def _labelled_amplitudes(ms: Multisine) -> dict[str, tuple[np.ndarray, str, floa
 
 
 def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -> Axes:
-    """Draw all periods of the first realisation on top of each other, over the time in the period.
+    """Draw all periods of the first realisation (draw of the random phases) on top of each other.
 
     Parameters
     ----------

@@ -230,7 +230,9 @@ class Record(Channels):
 
     @property
     def n_realizations(self) -> int:
-        """Number of realisations M. For several inputs n_u experiments are one realisation."""
+        """Number of realisations M (draws of the random phases). For several inputs n_u experiments
+        are one realisation.
+        """
         return self.u.shape[-3]
 
     @property
@@ -338,7 +340,8 @@ def require_varying(name: str, signal: np.ndarray, channels: Sequence[str] = ())
 
 @keep_warnings
 def join_records(records: Sequence[Record]) -> Record:
-    """Join records of one machine into one record with the realisations of all.
+    """Join records of one machine into one record with the realisations (draws of the random
+    phases) of all.
 
     Use this if the realisations of an experiment, or the experiments for several inputs, were
     recorded one by one.

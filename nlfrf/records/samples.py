@@ -98,8 +98,8 @@ def record_from_samples(
     n_samples : int, optional
         Samples in one period; by default found from the first input.
     lines : LineGrid, optional
-        Excited and detection lines; by default found from `r`, or from all inputs if `r` is not
-        given.
+        Excited lines and detection lines (not excited); by default found from `r`, or from all
+        inputs if `r` is not given.
     r : (n,) or (n_u, n) ndarray, or a list of M of them, optional
         References without noise, as in `Record`.
     n_discard : int
@@ -107,13 +107,13 @@ def record_from_samples(
     resample : bool
         Cut the periods where the input itself repeats, and interpolate between samples. Use this
         for a period that is not a whole number of samples, for a drifting clock, and for lost or
-        repeated samples. The sampling frequency of the record is then n_samples over the period
-        found.
+        repeated samples. The sampling frequency of the record is then n_samples over the length of
+        the period that was found.
     design : Multisine, optional
         Design that was played. Its lines and its period are used, and its signal is the reference.
         Noise on the measured inputs and distortion by the actuators then cause no error. A
-        "zippered" design gives no reference, and is for open loop only. Give the experiments in the
-        order of the design.
+        "zippered" design, in which each line excites one input, gives no reference, and is for open
+        loop only. Give the experiments in the order of the design.
     hold : str, optional
         Inputs between their samples, "zoh" or "band-limited"; see `Record`. By default the hold of
         the design.
@@ -135,11 +135,11 @@ def record_from_samples(
     Warns
     -----
     DataWarning
-        Faults that do not prevent a result: periods slightly out of place; a clipped or constant
+        Faults that do not prevent a result: small timing errors of periods; a clipped or constant
         part of a signal; outliers of an output; hammer hits instead of a multisine. Other warnings
-        state a change that was made: samples before and after the excitation are left out; a
-        position that wraps is unwrapped; a first period is left out if it differs from the others
-        for a reason other than a transient.
+        state a change that was made: samples without excitation at the ends are left out; a
+        position that jumps back after each turn is made continuous; a first period is left out if
+        it differs from the others for a reason other than a transient.
 
     Examples
     --------

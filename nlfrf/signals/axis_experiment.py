@@ -25,7 +25,7 @@ from nlfrf.signals.multisine import Multisine, require_one_input
 class AxisLimits:
     """Limits of an experiment on a drive; infinite means no limit.
 
-    The limits apply to multisine and base motion together.
+    The limits apply to the multisine together with the motion to which it is added.
 
     Fields
     ------
@@ -65,8 +65,10 @@ class AxisLimits:
 
 @value
 class AxisExperiment:
-    """Experiment on a running drive: a multisine added to one set point, with the expected force
-    and motion.
+    """Experiment on a running drive: a multisine added to one of its set points.
+
+    The experiment is a sequence of segments. In each segment the amplitude of the multisine and the
+    velocity of the axis are constant; the velocity may be zero.
 
     The usual order of calls is:
 
@@ -78,14 +80,15 @@ class AxisExperiment:
     Fields
     ------
     ms : Multisine
-        The multisine, before multiplication by `gains`; M realisations.
+        The multisine, before multiplication by `gains`; M realisations (draws of the random
+        phases).
     port : str
         Set point to which the drive adds the multisine: "position", "velocity" or "force".
     force_response, position_response : (F,) ndarray
         Expected response of the force set point and of the position to the port: complex amplitude
         per unit, on each line.
     gains : (S,) ndarray
-        Factor on the multisine in each segment.
+        Factor by which the multisine is multiplied in each segment.
     velocities : (S,) ndarray
         Velocity of the axis in each segment, without the multisine [m/s] or [rad/s].
     n_periods, n_discard : int
@@ -93,7 +96,7 @@ class AxisExperiment:
     position_unit, force_unit : str
         Units of the position and of the force set point.
     peak_force, peak_velocity, travel : float
-        Expected largest force set point, velocity and travel, base motion included, in these units.
+        Expected largest force set point, velocity and travel, in these units.
     kv, kp, tn, velocity_feedforward, lag, delay, force_constant : float
         Drive that the design assumes: position gain [1/s], velocity gain [A s/m] or [A s/rad],
         reset time [s], fraction of the set-point velocity that is fed forward, time constant and
@@ -208,7 +211,9 @@ class AxisExperiment:
 
     @property
     def rms(self) -> float:
-        """Expected rms of the force set point in the segment with the largest factor."""
+        """Expected rms of the force set point, in the segment with the largest amplitude of the
+        multisine.
+        """
         return float(self.gains.max() * np.sqrt(np.sum(self.force_amplitude**2) / 2))
 
     @property
@@ -219,7 +224,7 @@ class AxisExperiment:
 
     @property
     def excitation(self) -> np.ndarray:
-        """(M, n) signal added at the port."""
+        """(M, n) ndarray: signal added to the set point `port`."""
         gain = stepped_profile(self.gains, self.block, self.ms.n_samples // 4)
         repeats = -(-gain.size // self.ms.n_samples)
         return np.asarray(gain * np.tile(self.ms.u, repeats)[:, : gain.size])
@@ -234,7 +239,7 @@ class AxisExperiment:
 
     @property
     def units(self) -> dict[str, str]:
-        """Unit of each port."""
+        """Unit of each set point, by its name."""
         return {
             "force": self.force_unit,
             "velocity": f"{self.position_unit}/s",
@@ -248,8 +253,8 @@ class AxisExperiment:
 
     @property
     def groups(self) -> dict[str, tuple[int, ...]]:
-        """Segments that make each record, by the label of the record: one record per direction of
-        motion, or per amplitude of a ramp.
+        """Indices of the segments in each record, by the label of the record. There is one record
+        for each direction of motion, or for each amplitude at rest.
         """
         if self.is_ramp:
             return {f"level {s + 1}": (s,) for s in range(self.n_segments)}

@@ -43,7 +43,7 @@ def reduce_crest(
 
     - Without `target`: the best of a few random draws is taken. The bound of `identify` then nearly
       holds. For a fifth-power nonlinearity on fifty lines the 95 % bound contains the FRF of
-      another realisation with 93 % probability.
+      another realisation (draw of the phases) with 93 % probability.
     - With `target`: the signal is clipped, its amplitude spectrum is restored, and both steps are
       repeated. These phases are not random. Distortion and BLA differ from those of random phases,
       and the bound of `identify` may not hold.

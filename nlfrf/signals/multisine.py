@@ -136,15 +136,16 @@ class Multisine:
 
     @property
     def n_experiments(self) -> int:
-        """Number of experiments: for one input one per realisation; for several inputs n_u per
-        realisation of an orthogonal design, and one of a zippered design.
+        """Number of experiments. For one input there is one for each draw of the random phases. For
+        several inputs there are n_u for each draw with `design` "orthogonal", and one with
+        "zippered".
         """
         return self.phase.shape[-2]
 
     @property
     def n_realizations(self) -> int:
-        """Number of realisations; for several inputs a realisation is a set of experiments that is
-        sufficient for the matrix G.
+        """Number of realisations (draws of the random phases); for several inputs each is a set of
+        experiments that is sufficient to identify the matrix G.
         """
         return self.n_experiments // (self.n_inputs if self.design == "orthogonal" else 1)
 
@@ -275,7 +276,7 @@ def multisine(
         plant take V S^-1, from the SVD G = U S V^H of a first measurement.
     n_draws : int
         For several inputs, number of random draws of the phases. The draw whose largest crest
-        factor is smallest is kept.
+        factor (peak over rms) is smallest is kept.
     rng : numpy Generator, int or None
         Source of the random phases (and of the lines left out of a random-odd grid).
     hold : str

@@ -82,7 +82,7 @@ def run(
     Warns
     -----
     DataWarning
-        The turning points of the motion were more than a friction law stores, so its force is
+        The motion had more turning points than the friction law stores, so its force is
         approximate.
 
     References

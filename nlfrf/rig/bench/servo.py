@@ -373,7 +373,8 @@ def simulate_servo(
     axis : ServoAxis
         Machine and drive.
     ms : Multisine
-        M realisations of N samples at the sampling frequency of the drive.
+        Multisine with M realisations (draws of the random phases) of N samples, at the sampling
+        frequency of the drive.
     port : str
         Set point to which the multisine is added: "force" [N] or [Nm], "velocity" [m/s] or [rad/s],
         or "position" [m] or [rad].

@@ -257,8 +257,9 @@ def simulate(
 ) -> Record:
     """Simulate a multisine experiment on a machine: force in, position out.
 
-    Every realisation starts at rest and runs to steady state. Use this to try an experiment before
-    it is made. For a servo axis with a drive use `nlfrf.rig.simulate_servo`.
+    Every realisation (draw of the random phases) starts at rest and runs to steady state. Use this
+    to try an experiment before it is made. For a servo axis with a drive use
+    `nlfrf.rig.simulate_servo`.
 
     Parameters
     ----------
@@ -271,8 +272,7 @@ def simulate(
     n_discard : int
         Number of periods before them, in which the transient decays.
     oversampling : int
-        Integration steps per sample. With an even number of steps per period, an odd excitation
-        gives even lines with rounding errors only.
+        Integration steps per sample.
     hold : str
         Force between samples. "band-limited": the multisine itself. "zoh": each sample is held.
     executor : concurrent.futures.Executor, optional
@@ -301,8 +301,7 @@ def simulate(
     -----
     DataWarning
         The last two periods differ by more than 1e-4 of the rms; the step is too coarse for an
-        accurate resonance; or the turning points of the motion were more than a friction law
-        stores.
+        accurate resonance; or the motion had more turning points than the friction law stores.
 
     Examples
     --------

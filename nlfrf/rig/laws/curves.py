@@ -179,7 +179,8 @@ class ElasticPlastic(_YieldingCurve):
 
 @value(kw_only=False)
 class Table:
-    """Measured virgin curve: straight lines between given points, constant beyond the last one.
+    """Measured virgin curve (force on the way out from rest): straight lines between given points,
+    constant beyond the last one.
 
     Parameters
     ----------
