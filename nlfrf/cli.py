@@ -314,7 +314,7 @@ def identify(
         str, typer.Option(help="Removal of the transient: auto, none, discard or local.")
     ] = "auto",
     level_from: Annotated[
-        str, typer.Option(help="Source of the distortion level: auto, detection or roughness.")
+        str, typer.Option(help="Source of the distortion variance: auto, detection or roughness.")
     ] = "auto",
     detection: Annotated[
         int,
@@ -333,7 +333,7 @@ def identify(
         ),
     ] = False,
     csv: Annotated[
-        bool, typer.Option("--csv", help="Write a table too: mid-bla.csv beside mid.npz.")
+        bool, typer.Option("--csv", help="Also write a table: mid-bla.csv for mid.npz.")
     ] = False,
     decimal: Decimal = ".",
     json: Json = False,

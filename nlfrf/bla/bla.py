@@ -732,7 +732,7 @@ def _describe_matrix(bla: Bla) -> str:
     """Describe each entry of the matrix in one line."""
     gain, made = np.abs(bla.G), bla.experiment
     rows = [
-        f"FRM of {bla.n_outputs} outputs by {bla.n_inputs} inputs on {bla.f.size} lines from"
+        f"FRF matrix of {bla.n_outputs} outputs by {bla.n_inputs} inputs on {bla.f.size} lines from"
         f" {bla.f[0]:g} to {bla.f[-1]:g} Hz, {made.design} {made.grid},"
         f" {format_count(made.n_realizations, 'set')} of experiments,"
         f" {format_count(made.n_experiments, 'experiment')}, {format_count(made.n_periods, 'period')}"
@@ -747,7 +747,7 @@ def _describe_matrix(bla: Bla) -> str:
             k = int(gain[j, i].argmax())
             rows.append(
                 f"  {out} by {name}: largest |G| {gain[j, i, k]:.4g} at {bla.f[k]:g} Hz; 95 % "
-                f"bound {100 * relative[j, i]:.2g} % of |G|; "
+                f"bound {100 * relative[j, i]:.2g} % of |G|; relative to |G|: "
                 + (
                     f"noise {noise[j, i]:.0f} dB, distortion"
                     if has_noise

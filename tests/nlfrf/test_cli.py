@@ -120,7 +120,7 @@ def test_several_inputs_make_a_matrix(nlfrf_command, tmp_path, suffix):
         "identify", "run0.npz", "run1.npz", *asked, "-o", f"G{suffix}", "--csv"
     )
     assert code == 0
-    assert "FRM of 2 outputs by 2 inputs" in out
+    assert "FRF matrix of 2 outputs by 2 inputs" in out
     table = "G.csv" if suffix == ".csv" else "G-bla.csv"
     assert out.count(f"wrote {table}") == 1
     assert (tmp_path / table).read_text().startswith("f [Hz],Re x/fx,Im x/fx,bound x/fx,Re x/fy")

@@ -178,7 +178,7 @@ PRINTED = {
         r"robust performance: proved, rigorous\nverified: True",
     ],
     "16_two_axis_stage": [
-        r"FRM of 2 outputs by 2 inputs on 147 lines",
+        r"FRF matrix of 2 outputs by 2 inputs on 147 lines",
         r"nominal model: 4 poles, sampled at 512 Hz",
         r"--- careful ---\nverdict: +STATISTICALLY ROBUST",
         r"robust stability at all frequencies: yes",
