@@ -1,5 +1,5 @@
-"""Check the installation: versions, names that import something else, linear algebra, compiled
-code, readers of files.
+"""Check the installation: versions, modules hidden by other files, linear algebra, compiled code,
+readers of files.
 
 A file of the user with the name of a module hides it from every program run in its folder:
 `robust.py` hides our package, `control.py` a required one, `random.py` one of Python. Only the

@@ -1,4 +1,6 @@
-"""Refusals: one clear line with the parameter, its requirement, and its value."""
+"""Checks of arguments. An error message is one line with the parameter, its requirement, and its
+value.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Axes, legends and decibels of every picture of both packages."""
+"""Axes, legends and decibels for the pictures of both packages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Packages for one part only, which an extra of this package installs."""
+"""Optional packages, and the extra (pip) that installs each."""
 
 from __future__ import annotations
 

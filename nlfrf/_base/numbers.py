@@ -1,5 +1,5 @@
 """Small least-squares problems in many windows at once, Fourier transforms of long signals,
-quantiles of roots.
+quantiles of Roy's largest root.
 """
 
 from __future__ import annotations

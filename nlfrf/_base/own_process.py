@@ -5,9 +5,9 @@ Libraries in C can hang, run out of memory or crash on a damaged file, and nothi
 stop them. So a child process reads such a file, and sends the arrays through a pipe in blocks:
 neither process ever holds an array twice. Any failure of the child ends as one clear error here.
 
-Compressed files, and wrong headers, can demand any amount of memory. `require_size` is the one
-limit of every reader, in its own process or not. It is called with the sizes in the headers, before
-anything is unpacked.
+Compressed files, and wrong headers, can demand any amount of memory. `require_size` limits it for
+every reader. It is called with the sizes in the headers, before anything is unpacked. The child
+sends a line of JSON, and then the arrays:
 
     {"arrays": [[name, type, shape], ...], "units": ..., "clocks": ..., "notes": ...}  newline  the arrays, in C order
 """

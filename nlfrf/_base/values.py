@@ -1,9 +1,9 @@
 """``@value``: the only way in which this project makes a value type.
 
-A value is frozen and made by keyword. Its arrays are copied when it is made and cannot be written
-afterwards, so a value that was valid once stays valid. At a prompt it is one line; its `str()` fits
-100 columns. It has no ``==``, because comparing arrays for equality is rarely meant. Validation
-goes into ``__post_init__``, which runs after the arrays are frozen.
+A value is a frozen dataclass with keyword arguments. Its arrays are copied when it is made, and are
+read-only afterwards, so a valid value stays valid. Its `repr` is one line, and its `str` has at
+most 100 columns. It has no ``==``, because comparing arrays for equality is rarely meant.
+Validation is in ``__post_init__``, which runs after the arrays are frozen.
 """
 
 from __future__ import annotations

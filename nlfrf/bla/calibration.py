@@ -1,11 +1,10 @@
-"""Variance of a cubic's output on excited lines against that on detection lines, and a correction
-for the crest factor.
+"""Ratio of the distortion variance on excited lines to that on detection lines, for a cubic
+nonlinearity; and a correction for the crest factor of the input.
 
-For y = u^3 the output on line k sums every combination f1 + f2 + f3 = k of excited lines (Pintelon
-& Schoukens, 2nd ed., 3.4). The grid decides how many combinations reach a detection line and how
-many an excited line. So a variance on detection lines needs a factor before it holds on excited
-lines. The counts are convolutions, computed by FFT, and exact for any amplitude spectrum;
-simulation would need thousands of realisations.
+For y = u^3 the output on line k is the sum over all excited lines with f1 + f2 + f3 = k (Pintelon &
+Schoukens, 2nd ed., 3.4). The grid decides how many of these terms are on a detection line, and how
+many on an excited line. So the variance on excited lines is that on detection lines times a factor.
+The numbers of terms are convolutions, computed by FFT, and exact for any amplitude spectrum.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
-"""A channel whose gain or delay in one experiment differs from that in the others.
+"""Find a channel whose gain or delay in one experiment differs from the other experiments.
 
-A channel that is wrong by a factor 1 + a in experiment e leaves V = Y - G U = a X there, with X its
-contribution to G U. So a is the weighted regression of V on X over all lines. X has the random
-phases of that experiment, and a smooth G has not: the regression finds a mismatch long before the
-matrix jumps from line to line. An error that all experiments have in common looks like the plant
-and is not found.
+If a channel is wrong by a factor 1 + a in one experiment, the residual there is V = Y - G U = a X,
+with X the contribution of the channel to G U. So a is found by weighted regression of V on X over
+all lines. X has the random phases of the experiment, and G is smooth, so a small a is found. An
+error that all experiments have in common looks like the plant, and is not found.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Hermitian matrices on every line, the line as last axis: products, inverses, correlations, square
 roots.
 
-For one channel each function is a scalar operation, so that SISO records pay no overhead.
+For one channel each function is a fast scalar operation.
 """
 
 from __future__ import annotations

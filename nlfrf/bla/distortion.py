@@ -1,17 +1,17 @@
-"""The variance of one realisation's FRF about the BLA: one statistical model of stochastic
-nonlinear distortion.
+"""Variance of the FRF of one realisation about the BLA, by a statistical model of the distortion.
 
-docs/guide/distortion.md derives it on one page. On an odd line j the distortion Y_S is complex
-normal with
+docs/guide/distortion.md derives the model. On an odd line j the distortion Y_S is complex normal
+with
 
     E|Y_S(j)|^2 = lambda g(j) c(j),        log lambda locally linear over frequency.
 
-Six hypotheses have equal prior weight. Their *place*: g = |G|^2 (before the dynamics) or 1 (behind
-them). Their *law*: c is the power of a cubic of the input on line j, that of a cubic of the output,
-or 1 (saturation, jump, friction). The data are the powers on the nearest detection lines, the
-roughness of the FRF over its excited lines (Pintelon & Schoukens, 7.2.2), and the scatter over
-realisations. Each is a scaled chi-square. So the posterior of the variance is a mixture of scaled
-inverse chi-squares, and the distribution of the error of G is a mixture of scaled F(2, 2 nu).
+There are six hypotheses of equal prior weight, from two places and three laws of the nonlinearity.
+*Place*: before the dynamics, g = |G|^2; or behind them, g = 1. *Law*: c is the power on line j of a
+cubic of the input, or of a cubic of the output, or c = 1 (saturation, jump, friction). The data are
+the powers on the nearest detection lines, the scatter of the FRF between excited lines (roughness;
+Pintelon & Schoukens, 7.2.2), and the scatter over realisations. Each is a scaled chi-square
+variable. So the posterior of the variance is a mixture of scaled inverse chi-squares, and the error
+of G has a mixture of scaled F(2, 2 nu) distributions.
 
 Functions work on arrays whose last axis is that of the excited lines, (F,). Hypotheses (H,) are on
 the first axis, the lines of a window (n,) on the second.

@@ -1,7 +1,7 @@
-"""Checks of the experiments behind a matrix: every line excited, equal amplitude spectra,
+"""Checks of experiments with several inputs: every line excited, equal amplitude spectra,
 independent phases.
 
-They run before the estimate, because the estimate itself shows none of these faults.
+The checks are made before the estimation, because its result does not show these faults.
 """
 
 from __future__ import annotations

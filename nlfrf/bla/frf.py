@@ -1,11 +1,10 @@
-"""The frequency response matrix over all sets, with its covariance by noise and in total, and
+"""The frequency response matrix from all experiments, its covariance due to noise and in total, and
 checks of its phases.
 
     G = Y Z^H (U Z^H)^-1,  Z: references, or the inputs of each set        (Pintelon & Schoukens, 2nd ed., 2.7, 4.3.1)
 
-Over two neighbouring steps of equal length between lines, the phase of a smooth FRF changes by the
-same angle, whatever its delay. The phase of an output over the input of another realisation changes
-at random.
+The phase of a smooth FRF changes by nearly the same angle from line to line at equal distances, for
+any delay. If an output is divided by the input of another realisation, the phase changes at random.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Indices of the lines of a grid, and windows of neighbouring lines around each excited line.
 
-They are computed once for each grid, because every estimate of distortion averages over such
-windows.
+They are computed once for each grid, and used by every estimate of the distortion.
 """
 
 from __future__ import annotations

@@ -4,10 +4,10 @@ residual.
     (1 + a1 r + a2 r^2) G(r) = b0 + b1 r + b2 r^2,  r: distance in the window (a1 = a2 = 0: polynomial)
 
 Pintelon & Schoukens, 2nd ed., 7.2 and 7.3. The value at r = 0 is an FRF with less scatter. The
-residual is a distortion variance: with random phases the stochastic distortion is rough over
-frequency, while the FRF is smooth. It needs no detection lines. The rational model is used if it
-explains the FRF much better (a resonance a few lines wide). The part that neither model follows
-counts as distortion, so the variance may be too high there, not too low.
+residual is an estimate of the distortion variance without detection lines: with random phases the
+distortion varies at random from line to line, while the FRF is smooth. The rational model is used
+if it explains the FRF much better, as at a resonance a few lines wide. What neither model explains
+counts as distortion, so the variance may be too high, but not too low.
 
 On a grid with few lines a resonance is narrower than a window. Then one rational function of low
 order, with real coefficients and stable poles, is fitted to all lines, and used if it halves the

@@ -1,10 +1,9 @@
-"""Realisations with the same phases, merged as further periods; unequal amplitude spectra; low
-crest factors.
+"""Merge realisations with the same phases; find unequal amplitude spectra and low crest factors.
 
-The same file played again is no new realisation: it has the same distortion, which the scatter does
-not show. Its phases show the repeat. For lines a < b and c < d with b - a = d - c the sum phi_b -
-phi_a - phi_d + phi_c does not change with a delay or with a constant phase, so equal phases are
-found whatever the trigger, without a search over delays.
+If the same signal is played again, the distortion is the same, so this is not a new realisation but
+further periods of the same one. It is recognised by its phases. For lines a < b and c < d with b -
+a = d - c the sum phi_b - phi_a - phi_d + phi_c does not depend on the delay. So equal phases are
+found without a search over delays.
 """
 
 from __future__ import annotations

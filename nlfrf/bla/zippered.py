@@ -1,14 +1,14 @@
-"""The matrix from experiments in which each line drives one input: columns interpolated between
-their own lines.
+"""The matrix G from experiments in which each line excites one input (zippered): each column is
+interpolated between the lines of its input.
 
     (1 + a1 r + a2 r^2) G_ji(r) = B_0 + B_1 r + B_2 r^2,  r: distance in the window
 
-A column is measured on its own lines. On other lines it is fitted over the nine nearest of its own
-lines. All entries of a machine share its poles, so a1 and a2 are fitted to all columns at once. The
-first rounds are reweighted by the denominator of the round before (Sanathanan & Koerner 1963),
-because a small denominator would hide the peak it makes. Gauss-Newton rounds follow, because noise
-in the regressors biases the reweighted fit. The errors of the lines of a window are propagated to
-the fitted value to first order.
+Column i is measured on the lines of input i. On other lines it is fitted over the nine nearest of
+these lines. All entries have the same poles, so a1 and a2 are fitted to all columns at once. The
+first iterations divide by the denominator of the iteration before (Sanathanan & Koerner 1963);
+otherwise resonances would have too little weight. Gauss-Newton iterations follow, because noise in
+the regressors biases the first ones. The errors of the lines in a window are propagated to the
+fitted value to first order.
 """
 
 from __future__ import annotations

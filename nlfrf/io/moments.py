@@ -1,5 +1,5 @@
-"""Check that channels were sampled at the same moments, if the file has a time axis or a start for
-each.
+"""Check that channels were sampled at the same times, if the file has a time axis or a start time
+for each.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """NPZ files of NumPy: every array, read without a copy where possible.
 
-A member is a small header and its numbers, compressed or not. The header gives the number of
-entries, the archive the number of bytes of the member. If the two contradict each other, or exceed
-the limit of `require_size`, nothing of the file is unpacked.
+Each array is a header and its numbers, compressed or not. The header states the number of entries,
+the archive the number of bytes. If the two contradict each other, or exceed the limit of
+`require_size`, nothing is unpacked.
 """
 
 from __future__ import annotations

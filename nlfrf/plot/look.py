@@ -1,5 +1,5 @@
-"""Common look of the pictures: a colour and a marker for each kind of line; rounding errors are
-left out.
+"""Common look of the pictures: a colour and a marker for each kind of line; curves of rounding
+errors are not drawn.
 """
 
 from __future__ import annotations

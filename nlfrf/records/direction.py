@@ -1,9 +1,9 @@
 """Find which of two signals was played and which is the response, from their lines.
 
-A machine adds distortion, noise and transients between the excited lines, and removes none of them.
-If both signals are periodic and the detection lines of one are empty while those of the other are
-not, the first was played. If the detection lines do not decide, a signal whose excited lines have
-one level was played: the resonances of a machine make the levels of a response differ.
+A machine adds distortion, noise and transients on lines without excitation. So if one of two
+periodic signals has no power on these lines and the other has, the first was played. If this does
+not decide, the signal whose excited lines have equal amplitudes was played: the resonances of a
+machine make the amplitudes of a response differ.
 """
 
 from __future__ import annotations

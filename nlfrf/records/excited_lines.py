@@ -1,8 +1,8 @@
 """Find the excited lines of a measured input.
 
-Measured inputs are coloured and noisy, and have power on lines that were not excited (an amplifier
-or a current loop distorts). So a line is compared with its own noise and its neighbours, never with
-the largest line.
+Measured inputs are coloured and noisy, and the distortion of an amplifier or a current loop has
+power on lines that were not excited. So a line is compared with its own noise and its neighbours,
+and not with the largest line.
 """
 
 from __future__ import annotations

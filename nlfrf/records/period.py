@@ -1,9 +1,8 @@
 """Find the period of a measured signal: the lag at which the signal is most like itself.
 
-The autocorrelation of a whole record takes several times its memory. So a long record is first
-searched for exact repeats, as a generator makes them. Then it is decimated where it is smooth, and
-the samples at one end are searched for everywhere else. The lags found are checked against the
-whole record.
+The autocorrelation of a whole record needs several times its memory. So a long record is first
+searched for exact repeats, as from a generator. Otherwise it is decimated if it is smooth, and its
+last samples are searched for in the rest. The lags found are checked with the whole record.
 """
 
 from __future__ import annotations

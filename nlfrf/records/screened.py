@@ -1,6 +1,4 @@
-"""Faults that screening finds in streams of samples, sample by sample, before they are cut: for a
-picture.
-"""
+"""Faults found in signals before they are cut into periods, sample by sample, for a picture."""
 
 from __future__ import annotations
 

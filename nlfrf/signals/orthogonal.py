@@ -1,12 +1,12 @@
-"""Multisines for several inputs at once: orthogonal sets of experiments, or one experiment with
-divided lines.
+"""Multisines for several inputs: orthogonal sets of experiments, or one experiment in which each
+line excites one input.
 
     U_ie(k) = A_i(k) exp(j phi_i(k)) T_ie exp(j psi_e(k)),    T T^H = n_u I,  |T_ie| = 1
 
 phi and psi are random over lines, inputs, experiments and sets. So every experiment has independent
-phases in every channel, and the results for one random-phase multisine (the BLA, the grids,
-detection lines) hold for each of them, while U U^H = n_u diag(A_i^2) exactly (Dobrowiecki &
-Schoukens 2007). Zippered: each line drives one input only.
+random phases in every channel, and the theory of random-phase multisines holds for each of them.
+Yet U U^H = n_u diag(A_i^2) exactly, which separates the inputs (Dobrowiecki & Schoukens 2007). In a
+"zippered" design each line excites one input only.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""The header of a text table, by one table of rules: names and units of the columns, and the clock
-of the preamble.
+"""The header of a text table, by a table of rules: names and units of the columns, and the sampling
+rate or time in the preamble.
 
 A row of the header has a label, as in ``Unit,V,V`` and ``Interval,0.001``, and `_RULES` give its
 meaning. Or it has a cell for each column: names, units, types, comments. If a header has fewer or

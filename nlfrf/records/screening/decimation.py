@@ -1,6 +1,4 @@
-"""Decimation of long signals where they are smooth: the means of blocks show faults and period as
-well.
-"""
+"""Decimation of long, smooth signals: means over blocks of samples show faults and period as well."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Find samples lost or repeated inside a period: before the gap the period is shifted against the
-next one.
+"""Find samples that were lost or repeated inside a period: before this gap the period is shifted
+against the next one.
 
-With a short gap, or one near an end, the period as a whole looks like one with a little noise. But
-all samples behind the gap are early or late, which falsifies the FRF.
+With a short gap, or one near an end, the period looks like one with a little noise. But all samples
+after the gap are early or late, which makes the FRF wrong.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""Faults of a raw record: a period that is not whole, a drifting clock, lost samples, clipping,
-dead channels.
+"""Faults of a record before it is cut: a period that is not a whole number of samples, a drifting
+clock, lost samples, clipping, constant channels.
 
-Each of them would count as distortion. The periods of the input are aligned with each other: in a
-valid record period j begins exactly j n_samples after the first. Its delay against this place shows
-the fault: a delay that grows evenly is a wrong or fractional period, a curved one is a drifting
-clock, and one that jumps by whole samples is a gap. Cutting the record along these delays, between
-the samples if need be, cures all three.
+Each fault would count as distortion. In a valid record period j begins exactly j n_samples after
+the first one. The delay from this place shows the fault. A delay that increases linearly means a
+wrong or fractional period. If it is curved over j, the clock drifts. If it jumps by whole samples,
+samples were lost or repeated. If the record is cut at these delays, between the samples if
+necessary, all three are repaired.
 """
 
 from __future__ import annotations

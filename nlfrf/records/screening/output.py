@@ -1,9 +1,9 @@
-"""Faults of the output against the input: lost samples, another clock, a changed sign, and drifts
-over the periods.
+"""Faults of the output relative to the input: lost samples, another clock, a changed sign, and
+drifts over the periods.
 
-In a valid record the phase of Y/U on the excited lines is the same in every period. A slope of it
-over frequency is a delay: one that jumps by whole samples is a gap in y, one that grows evenly is a
-clock of y that differs from that of u.
+In a valid record the phase of Y/U on the excited lines is the same in every period. A change of
+this phase that is proportional to frequency is a delay. If the delay jumps by whole samples,
+samples of y were lost or repeated. If it increases linearly, the clock of y differs from that of u.
 """
 
 from __future__ import annotations

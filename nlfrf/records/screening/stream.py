@@ -1,5 +1,5 @@
-"""Faults of one signal before it is cut into periods: a position that wraps, silence, outliers,
-hits of a hammer.
+"""Faults of one signal before it is cut into periods: a position that jumps back after each turn,
+silence, outliers, hammer hits.
 """
 
 from __future__ import annotations

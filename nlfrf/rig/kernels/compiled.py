@@ -1,4 +1,4 @@
-"""The compiler of the integrators, an extra that every simulation needs."""
+"""The compiler of the integrators (numba), an optional package that every simulation needs."""
 
 from nlfrf._base.extras import import_extra
 

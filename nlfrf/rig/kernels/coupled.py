@@ -2,10 +2,9 @@
 
     M x'' + C x' + K x + cubic springs + friction(x') = force
 
-Fourth-order Runge-Kutta steps of all axes together, with the states of their laws. Trial stages use
-the committed memories. These are committed at the end of a step, or of a part of it. A step is
-divided where a law turns: at the first of all axes that stops, breaks away, or turns its bristles
-round.
+All axes are integrated together with the states of their laws, by fourth-order Runge-Kutta. The
+memories of the laws are constant within a step, and are updated at its end. A step is divided where
+a law changes: where the first of all axes stops, breaks away, or reverses its bristles.
 
 This file calls kernels of other files, which the cache of compiled code on disk does not check. So
 a cached function that calls `advance_axes` carries a digest of the files, as explained in `loops`.
