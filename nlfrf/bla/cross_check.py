@@ -149,8 +149,9 @@ def second_opinion(
     """Estimate the distortion of a record by two methods that fail for different reasons.
 
     One method uses the detection lines (lines without excitation). The other uses the scatter of
-    the FRF between neighbouring lines. Use this if a bound looks too wide or too narrow: the
-    printed result names the lines on which the estimates differ, and the usual reasons.
+    the frequency response (FRF) between neighbouring lines. Use this if a bound looks too wide or
+    too narrow: the printed result names the lines on which the estimates differ, and the usual
+    reasons.
 
     Parameters
     ----------

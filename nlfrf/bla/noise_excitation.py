@@ -45,7 +45,8 @@ def identify_noise(
     f_min: float,
     f_max: float,
 ) -> Bla:
-    """Estimate the BLA from a record with noise excitation, which is not periodic.
+    """Estimate the best linear approximation (BLA) from a record with noise excitation, which is
+    not periodic.
 
     If you can choose the excitation, use a multisine and `identify`: only they separate distortion
     from noise.

@@ -35,7 +35,8 @@ _LINES = (".-", ".--", ".:")  # line styles of several BLAs, after all colours a
 
 
 def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Axes:
-    """Draw the magnitude of the BLA with its bound and its standard deviations.
+    """Draw the magnitude of the best linear approximation (BLA) with its bound and its standard
+    deviations.
 
     Amplitudes on the detection lines (lines without excitation) are drawn over |U|, in the unit of
     G.
@@ -109,7 +110,8 @@ def _draw_magnitude(ax: Axes, bla: Bla, confidence: float) -> None:
 
 
 def plot_bode(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> tuple[Axes, Axes]:
-    """Draw the Bode plot of the BLA, with its bound as a band around magnitude and phase.
+    """Draw the Bode plot of the best linear approximation (BLA), with its bound as a band around
+    magnitude and phase.
 
     Parameters
     ----------
@@ -130,7 +132,8 @@ def plot_bode(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> 
 
 
 def plot_phase(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Axes:
-    """Draw the unwrapped phase of the BLA in degrees, with its bound as a band.
+    """Draw the unwrapped phase of the best linear approximation (BLA) in degrees, with its bound as
+    a band.
 
     Arguments as in `plot_bla`.
     """
@@ -165,7 +168,8 @@ def _phase_from_surest(G: np.ndarray, radius: np.ndarray) -> np.ndarray:
 def plot_blas(
     blas: Sequence[Bla], labels: Sequence[str], *, confidence: float = 0.95, ax: Axes | None = None
 ) -> tuple[Axes, Axes]:
-    """Draw the Bode plots of several BLAs in one picture, each with its bound.
+    """Draw the Bode plots of several best linear approximations (BLA) in one picture, each with its
+    bound.
 
     Use this to compare the BLA at several rms values of the excitation.
 

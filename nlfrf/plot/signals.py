@@ -197,7 +197,7 @@ def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -
     ----------
     record : Record
     signal : str
-        "u", "y" or "r".
+        Signal to draw: input "u", output "y" or reference "r".
     ax : matplotlib Axes, optional
         Axes to draw on; by default a new figure.
     """

@@ -45,8 +45,8 @@ def reduce_crest(
       holds. For a fifth-power nonlinearity on fifty lines the 95 % bound contains the FRF of
       another realisation (draw of the phases) with 93 % probability.
     - With `target`: the signal is clipped, its amplitude spectrum is restored, and both steps are
-      repeated. These phases are not random. Distortion and BLA differ from those of random phases,
-      and the bound of `identify` may not hold.
+      repeated. These phases are not random. The distortion and the best linear approximation differ
+      from those of random phases, and the bound of `identify` may not hold.
 
     Parameters
     ----------

@@ -259,8 +259,8 @@ def multisine(
     lines : LineGrid or array of int, optional
         The excited lines of a "custom" grid.
     n_log : int, optional
-        Number of lines, about, to keep of the grid, spaced logarithmically. Use it for a band over
-        several decades.
+        Approximate number of lines to keep, spaced logarithmically. Use it for a band over several
+        decades.
     n_realizations : int
         Number of realisations: draws of the random phases on the same grid. For several inputs each
         realisation is a set of experiments.
@@ -291,8 +291,8 @@ def multisine(
     ------
     ValueError
         The band contains no lines or exceeds the Nyquist frequency; `amplitude` does not fit the
-        lines; a number is out of range; or the design is "zippered" on a special-odd grid, for
-        which the distortion on excited lines cannot be derived from detection lines.
+        lines; a number is out of range; or the design is "zippered" on a "special-odd" or "odd-odd"
+        grid, for which `identify` cannot estimate the distortion.
 
     References
     ----------

@@ -80,8 +80,8 @@ def level_study(
     progress: Callable[[int, int], object] | None = None,
     resume: str | PathLike[str] | None = None,
 ) -> LevelStudy:
-    """Simulate the same multisine on a machine at several levels (rms values), and identify the BLA
-    at each.
+    """Simulate the same multisine on a machine at several levels (rms values), and identify the
+    best linear approximation (BLA) at each.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ def run(
     ----------
     machine : Rig, ServoAxis or friction law
         The machine to run.
-    signal : (n,) ndarray, (channels, n) for a rig of matrices, or dict of them for an axis
+    signal : (n,) ndarray, (channels, n) for a `Rig` with several axes, or dict for a `ServoAxis`
         One value per sample. An array for a `ServoAxis` is the position set point. A dict for a
         `ServoAxis` has these names: "position" [m] or [rad], the position set point; "velocity"
         [m/s] or [rad/s], added to the velocity set point; "force" [N] or [Nm], added to the output
