@@ -316,10 +316,10 @@ def cause_of(refusal: str) -> str:
     causes = {
         "delay than": "a delay",
         "misses this model": "misfit",
-        "no longer rises": "lowest level slips",
+        "at which the friction sticks: it is": "lowest level slips",
         "differ enough": "low levels alike",
         "span from": "no span",
-        "friction slides": "highest level sticks",
+        "level at which the friction slides": "highest level sticks",
         "Reverse the sign": "reversed sign",
         "above the band": "a mode above the band",
     }

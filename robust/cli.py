@@ -392,7 +392,9 @@ def design(
         ("plant-integrators", plant_integrators),
     ):
         if given is not None and given is not False and method != "pid":
-            raise ValueError(f"--{option} must be given with --method pid, got it with {method}")
+            raise ValueError(
+                f"--{option} must be given with --method pid only, got it with {method}"
+            )
     result: robust.Design
     if method == "pid":
         plant = (
@@ -1142,9 +1144,7 @@ def _synthesise(
     dt: float,
     delay: float,
 ) -> tuple[robust.UncertaintyModel, robust.Design]:
-    """Return the model in a file and its H-infinity controller; the demands are peak, error and
-    factor.
-    """
+    """Return the model in a file and its H-infinity controller for peak, error and factor."""
     if bandwidth is None:
         raise ValueError(f"--bandwidth must be given [Hz] for {method}")
     plant, (peak, error, factor) = models.load_model(model), demands

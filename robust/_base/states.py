@@ -10,9 +10,7 @@ from enum import StrEnum
 
 
 class State(StrEnum):
-    """An enum whose members equal their text, and are shown, printed and written to files as that
-    text.
-    """
+    """Enum whose members equal their text, and are printed and written to files as that text."""
 
     def __repr__(self) -> str:
         return repr(self.value)

@@ -418,9 +418,7 @@ def fold_aliases(
 
 @value
 class RsBreakdown:
-    """Parts of rs at one frequency: from that frequency, from the aliases, from the measured
-    band.
-    """
+    """Parts of rs at one frequency: from it, from the aliases, from the measured band."""
 
     omega: float  # the frequency [rad/s]
     total: float  # rs there
@@ -511,9 +509,7 @@ def aliases_of_set(
     dt: float,
     delay: float,
 ) -> Aliases:
-    """Return the aliases of a set around a continuous plant under a controller of sampling time dt
-    [s].
-    """
+    """Return the aliases of a continuous set with a controller of sampling time dt [s]."""
     row = FORMS[form]
     return Aliases(
         dt=dt,

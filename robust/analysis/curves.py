@@ -43,9 +43,7 @@ class Curves:
 
     @property
     def rs(self) -> np.ndarray:
-        """Robust-stability measure (W,): the set is stable iff it is below one everywhere (SP
-        7.43).
-        """
+        """Robust-stability measure (W,): the set is stable iff rs < 1 everywhere (SP 7.43)."""
         return (
             FORMS[self.form].rs_measure(self.w, self.b)
             if self.folded_rs is None
@@ -169,9 +167,7 @@ def loop_curves(
     w_P: np.ndarray | None,
     W: np.ndarray | None = None,
 ) -> Curves:
-    """Compute the curves of a loop from the responses of its parts; they are finite at poles of G
-    and K.
-    """
+    """Compute the curves of a loop from the responses of its parts; finite at poles of G and K."""
     W = np.ones(omega.size) if W is None or not FORMS[form].depends_on_units else W
     S, a, b = perturbed_sensitivity_terms(
         form, w, G=replace_infinite(G), K=replace_infinite(K), W=W

@@ -411,9 +411,7 @@ def smallest_margin(
     block: tuple[np.ndarray, ...],
     skew: float,
 ) -> tuple[float, float]:
-    """Return the frequency at which a block of the sensitivity limits the margin, and the margin
-    there.
-    """
+    """Return frequency and value of the smallest margin of a block of the sensitivity."""
     shift = (skew - 1) / 2 * np.eye(block[0].size)
     blocks = [(1, 1)] * block[0].size
     if isinstance(S, control.FrequencyResponseData):

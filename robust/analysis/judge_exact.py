@@ -85,9 +85,7 @@ def judge_exact(loop: Loop, effort: Effort) -> Findings:
 
 
 def _rs_breakdown_at_peak(loop: Loop, margins: Margins) -> RsBreakdown | None:
-    """Split the largest rs for continuous plants under a sampled controller; None for any other
-    loop.
-    """
+    """Split the largest rs of a continuous set with a sampled controller; else None."""
     if loop.aliases is None:
         return None
     return rs_breakdown(

@@ -175,9 +175,7 @@ def assemble_matrix_on_lines(
 
 
 def judge_matrix_lines(loop: MatrixLoopOnLines, _: Effort) -> Findings:
-    """Return the findings for several channels on the lines of their FRF; none of them is a
-    proof.
-    """
+    """Return the findings for several channels on the lines of their FRF; none is a proof."""
     omega, one = np.asarray(loop.G.omega), np.eye(loop.G.noutputs)
     L = np.einsum("jkw,klw->wjl", np.asarray(loop.G.frdata), response_by_channel(loop.K, omega))
     turns, clear = winding_of_matrix(omega, one + L, loop.wanted)
@@ -217,9 +215,7 @@ def judge_matrix_lines(loop: MatrixLoopOnLines, _: Effort) -> Findings:
 def _require_usable_frf(
     omega: np.ndarray, G: np.ndarray, K: control.StateSpace, sampled_frf: float | None
 ) -> None:
-    """Refuse an FRF that is not finite, and a controller with another clock or too slow for the
-    lines.
-    """
+    """Require a finite FRF, and a controller of the same and sufficient sampling rate."""
     dt = timebase(K)
     if not np.all(omega > 0):
         raise ValueError(
@@ -232,8 +228,8 @@ def _require_usable_frf(
         )
     if dt and omega[-1] * dt >= np.pi:
         raise ValueError(
-            f"K must be sampled fast enough for the lines up to {format_hertz(omega[-1])}, got dt ="
-            f" {dt:g} s"
+            f"K must have its Nyquist frequency above the last line, {format_hertz(omega[-1])},"
+            f" got dt = {dt:g} s"
         )
     require_sampling_time("K", K, reference="the FRF", wanted=sampled_frf)
 

@@ -206,9 +206,7 @@ def _complete_bounds(
 def _prove_stability_and_performance(
     system: UncertainSystem, curves: MuCurves, solver: str | None
 ) -> tuple[Certificate, ...]:
-    """Prove stability, and performance if stability is proved and the grid does not
-    contradict it.
-    """
+    """Prove stability, and performance if stability is proved and the grid allows it."""
     stability = _prove_bound(
         system, system.loop, blocks=system.structure, subject="robust stability", solver=solver
     )
@@ -258,9 +256,7 @@ def _apply_parameter_margin(
 def _find_parameter_crossing(
     system: UncertainSystem, omega: np.ndarray, *, peak: float
 ) -> Crossing | None:
-    """Find real parameters that break the loop: they do so at frequencies between the lines of a
-    grid.
-    """
+    """Find real parameters that destabilise the loop, at frequencies between the grid lines."""
     blocks = system.structure
     if not any(block.kind == "real" for block in system.blocks.values()):
         return None

@@ -185,9 +185,7 @@ class Loop:
 
     @cached_property
     def aliases(self) -> Aliases | None:
-        """Aliases of a set of continuous plants under a sampled controller; None for any other
-        loop.
-        """
+        """Aliases of a continuous set with a sampled controller; None for any other loop."""
         if self.continuous_plant is None:
             return None
         return aliases_of_set(
@@ -208,9 +206,7 @@ class Loop:
 
     @property
     def reason_against_system(self) -> str:
-        """Reason why the loop is not a state space with a perturbation pulled out; empty if it is
-        one.
-        """
+        """Reason why the loop is not a state space with a perturbation; empty if it is one."""
         if FORMS[self.form].depends_on_units:
             return f"no inequality is set up for the {self.form} form; exact arithmetic proves it"
         if self.continuous_plant is not None:
@@ -272,8 +268,8 @@ def assemble_loop(
         raise ValueError(
             f"delay must leave at most {_MAX_STATES} states in the loop, got {delay:g} s"
             + (f" with {dt:g} s each sample" if dt else "")
-            + f" around {G.nstates + K.nstates} states. A longer sampling time shortens the delay"
-            " line."
+            + f" around {G.nstates + K.nstates} states. A longer sampling time needs fewer"
+            " states for the delay."
         )
     pade_delay, unsampled = 0.0, None
     if dt_G:
@@ -289,8 +285,8 @@ def assemble_loop(
         if FORMS[model.form].depends_on_units:
             raise ValueError(
                 f"K must have the sampling time of the nominal model for the {model.form} form,"
-                f" whose set is not that of the sampled plant, got {dt_K:g} s and a continuous"
-                " nominal. Use sampled(nominal, dt) as the nominal"
+                f" because sampling changes its set, got {dt_K:g} s and a continuous nominal."
+                " Use sampled(nominal, dt) as the nominal"
             )
         dt, unsampled = dt_K, G
         shift = np.floor(delay / dt + 1e-9) * dt
@@ -376,9 +372,7 @@ def decide_in_floating_point(loop: Loop) -> StabilityResult:
 
 
 def find_margins(loop: Loop, curves: Curves, band: tuple[float, float]) -> Margins:
-    """Find the margins over all frequencies: the largest values of the curves on a grid,
-    refined.
-    """
+    """Find the margins over all frequencies: the largest values of the curves, refined."""
     names = ["rs", "half_disk", *([] if loop.w_P is None else ["np_"])]
 
     def stacked(of: Curves, names: list[str]) -> np.ndarray:
@@ -432,9 +426,7 @@ def perturbed_sensitivity(
 
 
 def is_stable_with(plant: control.StateSpace, seen: control.StateSpace, loop: Loop) -> bool:
-    """Return whether the loop is stable with another plant; `seen` is that plant with hold and
-    delay.
-    """
+    """Return whether the loop is stable with another plant `seen`, with hold and delay."""
     other = replace(
         loop, G=seen, undelayed_plant=plant if loop.pade_delay else seen, given_plant=plant
     )

@@ -414,8 +414,8 @@ def predict_level(
     nominal = decide_nominal_stability(loop)
     if not nominal.stable:
         raise ValueError(
-            "K must stabilise the nominal plant for its loop to have a level, got one that is"
-            f" {nominal}"
+            "K must stabilise the nominal plant, because only a stable loop has a level, got a"
+            f" loop that is {nominal}"
         )
     found = tuple(
         (
@@ -447,9 +447,7 @@ def require_one_channel_loop(model: object) -> None:
 
 
 def _measured_levels(model: UncertaintyModel, bla: Bla | Sequence[Bla] | None) -> np.ndarray:
-    """Return the lowest and highest rms of u, and of y, (2, 2), over the records; nan if one is
-    unknown.
-    """
+    """Return (2, 2) lowest and highest rms of u, and of y, over the records; nan if unknown."""
     if bla is None:
         levels = [(one.rms_u, one.rms_y) for one in model.records]
     else:
@@ -486,9 +484,7 @@ def _step_level(name: str, signal: StepSignal, loop: Loop) -> _SignalLevel:
 
 
 def _noise_level(name: str, signal: NoiseSignal, loop: Loop) -> _SignalLevel:
-    """Return the effect of noise in a band on plant input and output: density times squared gains,
-    integrated.
-    """
+    """Return the rms that noise in a band causes at plant input and output."""
     low, high = _noise_band(name, signal, loop.dt)
     grid = np.concatenate(
         [loop.grid(loop.model.omega), loop.band, np.geomspace(1e-9 * high, high, _WIDE)]
@@ -526,8 +522,8 @@ def _noise_band(name: str, signal: NoiseSignal, dt: float) -> tuple[float, float
     if np.isnan(high):
         if not dt:
             raise ValueError(
-                f"{name} must end at a frequency (omega_max) in a continuous loop, got none: its"
-                " rms would be infinite"
+                f"{name} must have a highest frequency (omega_max) in a continuous loop,"
+                " because its rms is infinite otherwise, got none"
             )
         high = np.pi / dt
     if dt and max(high * dt, signal.omega_min * dt * (1 + 1e-6)) > np.pi * (1 + 1e-9):

@@ -74,8 +74,8 @@ def performance_loop(model: UncertaintyModel, K: Controller, w_P: Weight | None)
     nominal = decide_stability(system.N)
     if not nominal.stable:
         raise ValueError(
-            "K must stabilise the nominal plant for a worst case to exist, got a loop that is"
-            f" {nominal}"
+            "K must stabilise the nominal plant, because a worst case exists only then, got a"
+            f" loop that is {nominal}"
         )
     return system
 

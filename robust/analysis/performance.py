@@ -228,7 +228,8 @@ def _check_loop_gain(omega: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, np.n
     omega, L = require_real_array("omega", omega, ndim=1), np.asarray(L)
     if L.shape != omega.shape or L.dtype.kind not in "iufc":
         raise ValueError(
-            f"L must be one number a frequency, ({omega.size},), got {L.dtype} of shape {L.shape}"
+            f"L must have one number for each frequency, shape ({omega.size},), got {L.dtype}"
+            f" of shape {L.shape}"
         )
     if omega.size and not (omega[0] > 0 and np.all(np.diff(omega) > 0)):
         raise ValueError("omega must be positive and increase")
@@ -456,7 +457,8 @@ def step_of_plant(
     loop = control.StateSpace(A, B[:, [j]], C, D[:, [j]], dt)
     if not is_stable(loop):
         raise ValueError(
-            "K must stabilise the plant for a step response to exist, got a loop that is not stable"
+            "K must stabilise the plant, because only a stable loop has a step response, got a"
+            " loop that is not stable"
         )
     final = float(evaluate_transfer(A, B, C, D, np.array([1.0 if dt else 0.0]))[0, j, j].real)
     t, out = simulate_step(

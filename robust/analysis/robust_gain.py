@@ -108,8 +108,8 @@ def robgain(system: UncertainSystem, level: float) -> _RobustGain:
         )
     if not system.inputs:
         raise ValueError(
-            "system must have inputs and outputs for its gain, got none: give them to"
-            " interconnection()"
+            "system must have inputs and outputs between which its gain is computed, got none:"
+            " give them to interconnection()"
         )
     level = require_positive("level", level)
     nominal, N = decide_stability(system.N), system.N

@@ -194,9 +194,7 @@ def _assemble(
     delay: float,
     n_unstable: int,
 ) -> tuple[AnyLoop, Callable[[Effort], Findings]]:
-    """Return the loop of a model and a controller, and its judge; refuse parts that do not fit
-    together.
-    """
+    """Return the loop of a model and a controller, and its judge; check that they fit."""
     if has_several_channels(model):
         channels = LoopOfChannels(model=model, K=multivariable("K", K), w_P=w_P, delay=delay)
         return channels, partial(judge_mu, channels)

@@ -132,17 +132,17 @@ def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> Sampl
     require_record_form(model, "to be folded into a sampled set, or a sampled nominal")
     if model.perturbation == "operator":
         raise ValueError(
-            "model must have a sampled nominal for operators with several channels under a sampled"
-            " K: use fit_nominal(..., dt=)"
+            'model must have a sampled nominal for the class "operator" with several channels'
+            " and a sampled K, got a continuous one: use fit_nominal(..., dt=)"
         )
     nominal = sampled(model.nominal, dt, delay)
     omega = _sampled_grid(model, nominal, dt)
     k, tails = _alias_indices_and_tails(model, dt)
     if not np.isfinite(tails).all():
         raise ValueError(
-            "model must filter its perturbation before the sampler: above the Nyquist frequency"
-            f" the {model.form} weights do not fall off, and the sum of the aliases is unbounded."
-            ' Use form="input", or a sampled nominal (fit_nominal(..., dt=))'
+            f"model must have {model.form} weights that fall above the Nyquist frequency,"
+            ' because the sum of the aliases is unbounded otherwise. Use form="input", or a'
+            " sampled nominal (fit_nominal(..., dt=))"
         )
     left, right, share = _folded_radii(model, nominal, omega=omega, dt=dt, k=k, tails=tails)
     rows = np.concatenate([left, right])
@@ -164,9 +164,7 @@ def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> Sampl
 
 
 def _folded_claim(model: UncertaintyModel, made: UncertaintyModel) -> FoldedClaim:
-    """Return the claim that a sampled set contains a continuous one; each element is its own
-    block.
-    """
+    """Return the claim that a sampled set contains a continuous one; one block per element."""
     left, right, V_left, V_right = (
         tuple(map(to_matrices, weights))
         for weights in (model.left, model.right, made.left, made.right)

@@ -303,9 +303,7 @@ def _join_proof_sentences(
 
 
 def describe_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
-    """Describe the parts of the largest rs: at its frequency and at the aliases, measured and
-    assumed.
-    """
+    """Describe the parts of the largest rs: its frequency and its aliases."""
     if not found.is_bounded:
         return (
             "the sum over the aliases is unbounded, because nothing filters the perturbation before"
@@ -589,9 +587,7 @@ def worst_sensitivity_fact(margins: Margins, *, single: bool) -> Fact:
 
 
 def describe_broken(margins: Margins) -> str:
-    """Describe the perturbation that makes the loop singular, block by block; empty if none was
-    found.
-    """
+    """Describe the perturbation that makes the loop singular, by block; empty if none."""
     if not margins.worst:
         return ""
     parts = ", ".join(f"{name} {number:+.3g}" for name, number in margins.worst.items())

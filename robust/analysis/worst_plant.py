@@ -165,8 +165,8 @@ def worst_case(
     nominal = decide_nominal_stability(loop)
     if not nominal.stable:
         raise ValueError(
-            "K must stabilise the nominal plant for a worst case to exist, got a loop that is"
-            f" {nominal}"
+            "K must stabilise the nominal plant, because a worst case exists only then, got a"
+            f" loop that is {nominal}"
         )
     omega = loop.grid(model.omega)
     band = (float(model.omega[0]), float(model.omega[-1]))
@@ -194,8 +194,8 @@ def worst_case(
         model, plant
     ):  # only these forms need factors; the perturbation of the others is exact
         raise ValueError(
-            "model must have a worst plant that floating point resolves, got one outside of the set"
-            " by rounding"
+            "model must have a worst plant that floating point can represent, got a plant that"
+            " rounding moves outside the set"
         )
     seen = plant_in_loop(plant, loop, delay)
     at, omega = np.array([where]), np.unique(np.append(omega, where))
@@ -277,8 +277,8 @@ def step_response(
     step = step_of_plant(plant.nominal, K, delay=delay, duration=duration, reference=reference)
     if not worst.stable:
         warnings.warn(
-            f"a plant of the set makes the loop unstable, at {format_hertz(worst.omega_worst)}: the"
-            " step response is that of the nominal plant alone",
+            f"a plant of the set makes the loop unstable, at {format_hertz(worst.omega_worst)}:"
+            " the step response contains the nominal plant only",
             DesignWarning,
             stacklevel=2,
         )
@@ -364,9 +364,7 @@ def _worst_case_matrix(
 
 
 def _performance_gain(system: UncertainSystem, Delta: control.StateSpace, omega: float) -> float:
-    """Return the largest singular value from inputs to outputs at omega [rad/s], with a
-    perturbation.
-    """
+    """Return the largest singular value from inputs to outputs with a perturbation."""
     return float(
         np.linalg.norm(
             response_by_channel(upper_lft(system.N, Delta), np.array([omega]))[:, :, 0], 2
@@ -389,9 +387,7 @@ def _phase_band(omega: np.ndarray, dt: float) -> tuple[float, float]:
 
 @value
 class _BreakingPerturbation:
-    """A perturbation for several channels that puts a pole of the loop on the stability boundary
-    (SP 8.8).
-    """
+    """A perturbation that puts a pole of the loop on the stability boundary (SP 8.8)."""
 
     size: float  # gain of the perturbation: it lies in the set if below one
     omega: float  # frequency at which the loop becomes singular [rad/s]
@@ -470,8 +466,8 @@ def breaking_perturbation(model: UncertaintyModel, K: Controller) -> _BreakingPe
     k = int(found.value.argmax())
     if not found.value[k] > 0:
         raise ValueError(
-            "K must respond to the plant for a perturbation to break the loop, got one that"
-            " does not"
+            "K must not be zero, because no perturbation destabilises the loop then, got a"
+            " zero controller"
         )
     assert found.delta is not None  # a lower bound comes with its perturbation
     delta = found.delta[:, :, k] * found.value[k]  # gain one

@@ -189,9 +189,7 @@ def _continuous_loop(machine: FrictionPlant, K: control.StateSpace) -> FrictionL
 
 
 def pad_states(part: np.ndarray, size: int) -> np.ndarray:
-    """Pad a row or rows (..., n) over the states of the machine with zeros to the states of the
-    loop.
-    """
+    """Pad rows (..., n) over the states of the machine to the states of the loop."""
     return np.concatenate([part, np.zeros((*part.shape[:-1], size - part.shape[-1]))], axis=-1)
 
 

@@ -107,9 +107,7 @@ def _undamped_roots(roots: np.ndarray) -> np.ndarray:
 
 
 def _describe_modal_damping(G: control.StateSpace) -> str:
-    """Describe the damping of the modes, which contains that of the friction at the level of the
-    fit.
-    """
+    """Describe the damping of the modes, which contains the friction of the fit's level."""
     found = poles(G)
     found = found[found.imag > _OSCILLATORY_TOLERANCE * np.abs(found).max()]
     if not found.size:

@@ -77,9 +77,7 @@ class FrictionPlant:
 
     @property
     def velocity(self) -> np.ndarray:
-        """(n,) or (P, n) row of the velocity at the friction port: x' = velocity @ p for any
-        forces.
-        """
+        """(n,) or (P, n) row of the port velocity: x' = velocity @ p for any forces."""
         return self.C_port @ self.A
 
     @property
@@ -160,7 +158,9 @@ def friction_plant(
     """
     if isinstance(mass, (control.StateSpace, control.TransferFunction)):
         if stiffness is not None or damping != 0.0:
-            raise ValueError("stiffness must be left out with a model, which has its own, got one")
+            raise ValueError(
+                "stiffness must be left out with a model, which already contains it, got one"
+            )
         return _plant_from_model(mass, bool(port), position_unit)
     if port:
         raise ValueError(
@@ -169,7 +169,9 @@ def friction_plant(
         )
     mass = require_positive("mass", mass)
     if stiffness is None:
-        raise ValueError("stiffness must be given with a mass [N/m], zero for a free one, got none")
+        raise ValueError(
+            "stiffness must be given with a mass [N/m], zero for a free mass, got none"
+        )
     stiffness = require_nonnegative("stiffness", stiffness)
     damping = require_nonnegative("damping", damping)
     units = mechanical_units(position_unit)
@@ -298,7 +300,7 @@ def _plant_from_model(model: LinearSystem, port: bool, position_unit: str) -> Fr
         )
     if not G.nstates:
         raise ValueError(
-            "mass must be a model that moves, from force to position, got a gain without states"
+            "mass must be a dynamic model from force to position, got a gain without states"
         )
     if timebase(G):
         raise ValueError(
@@ -317,9 +319,10 @@ def _plant_from_model(model: LinearSystem, port: bool, position_unit: str) -> Fr
     size = np.linalg.norm(places, axis=1)[:, np.newaxis] * np.linalg.norm(B, axis=0)
     if np.any(np.abs(places @ B) > ROUNDING * size):
         raise ValueError(
-            "mass must have a velocity at its friction port (C B = 0 there), got one that jumps by"
-            f" {np.abs(places @ B).max():.3g} {units.velocity} per {units.force} of force. Fit it"
-            " with at least two poles more than zeros"
+            "mass must be a model whose velocity at the friction port does not jump with the"
+            f" force (C B = 0 there), got a jump of {np.abs(places @ B).max():.3g}"
+            f" {units.velocity} per {units.force} of force. Fit it with at least two poles more"
+            " than zeros"
         )
     ports = B[:, 1:] if port else B
     push = np.diag(
@@ -329,10 +332,10 @@ def _plant_from_model(model: LinearSystem, port: bool, position_unit: str) -> Fr
         push < -ROUNDING * np.linalg.norm(places @ G.A, axis=1) * np.linalg.norm(ports, axis=0)
     ):
         raise ValueError(
-            "mass must be a model that a force accelerates in its own direction at the friction"
-            f" port, got {push.min():.3g} {units.velocity} per second and {units.force}: its"
-            " friction would push. Change the sign of the model, and of K with it: force and"
-            " position are counted in one direction"
+            "mass must be a model that accelerates in the direction of the force at the"
+            f" friction port, got {push.min():.3g} {units.velocity} per second and"
+            f" {units.force}: friction would drive it. Change the sign of the model and of K, so"
+            " that force and position have the same positive direction"
         )
     several = wanted > 2
     description = f"model of order {G.nstates}"

@@ -64,8 +64,8 @@ def loop_sections(K: control.StateSpace) -> np.ndarray:
     if not wrong.max() < 1:
         k = int(wrong.argmax())
         raise ValueError(
-            f"K must be accurate as sections made of its roots, got an error of {error[k]:.2g} at "
-            f"{angles[k] / dt:.3g} rad/s"
+            f"K must be accurate as second-order sections, got an error of {error[k]:.2g} at"
+            f" {angles[k] / dt:.3g} rad/s"
         )
     return sections
 

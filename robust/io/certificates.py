@@ -128,9 +128,7 @@ def save_friction_proof(
 
 
 def load_claim(path: PathLike) -> LoopClaim | FrictionClaim | ChannelsClaim | ScheduleClaim:
-    """Return the claim of a certificate: of a loop, several channels, a machine with friction or a
-    schedule.
-    """
+    """Return the claim in a certificate file."""
     kinds: tuple[type, ...] = (FrictionClaim, ChannelsClaim, ScheduleClaim, LoopClaim)
     found = next(filter(None, (read_claim(path, kind) for kind in kinds)), None)
     if found is None:

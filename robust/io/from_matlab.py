@@ -70,9 +70,7 @@ def _is_numeric(array: np.ndarray | None) -> bool:
 
 
 def _sampling_time_of_fields(fields: Mapping[str, np.ndarray], name: str) -> float:
-    """Return the sampling time [s]; refuse fields without one, with a delay, or in another unit of
-    time.
-    """
+    """Return the sampling time [s]; raise without one, with a delay, or in other units."""
     dt = (
         float(fields["ts"].real.item())
         if fields["ts"].size == 1 and _is_numeric(fields["ts"])
@@ -85,8 +83,8 @@ def _sampling_time_of_fields(fields: Mapping[str, np.ndarray], name: str) -> flo
         )
     if delayed := [key for key in _DELAYS if _is_numeric(fields.get(key)) and np.any(fields[key])]:
         raise ValueError(
-            f"{delayed[0]} must be zero in {name!r}: leave it out, and give a computation delay as"
-            " --delay"
+            f"{delayed[0]} must be zero in {name!r}: remove it, and give the computation delay"
+            " as --delay"
         )
     unit = str(fields.get("timeunit", np.array("seconds")))
     if unit != "seconds":

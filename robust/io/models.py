@@ -254,9 +254,7 @@ def load_model(path: PathLike) -> UncertaintyModel:
 def save_controller(
     K: Controller, path: PathLike, *, delay: float | None = None, unit: str = ""
 ) -> None:
-    """Write a controller to a ``.json`` file, with the computation delay [s] and the unit of its
-    plant.
-    """
+    """Write a controller to a ``.json`` file, with its computation delay [s] and unit."""
     K = as_controller("K", K)
     require_kind("unit", unit, str)
     content: JsonObject = {
@@ -291,9 +289,7 @@ def load_system(path: PathLike) -> UncertaintyModel | control.StateSpace:
 
 
 def load_controller_context(path: PathLike) -> tuple[float | None, str]:
-    """Return the computation delay [s] and the unit of the plant for a controller; None, "" if
-    unknown.
-    """
+    """Return computation delay [s] and unit of a controller file; None, "" if unknown."""
     if to_path(path).suffix.lower() == ".mat":
         return None, ""
     content = read_json(path, (CONTROLLER_SCHEMA,))[1]

@@ -80,9 +80,7 @@ class PidGains:
 
     @property
     def _unusable_times(self) -> str:
-        """Describe the times of the ideal form that no block takes, with the reason; empty without
-        any.
-        """
+        """Describe the times of the ideal form that no block accepts; empty without any."""
         times = [("Ti", self.integral_time)] * bool(self.ki) + [
             ("Td", self.derivative_time)
         ] * bool(self.kd)
@@ -157,9 +155,7 @@ class PidGains:
 
     @property
     def forms(self) -> list[str]:
-        """Return the parallel form, the ideal form and the difference equation with units, one line
-        each.
-        """
+        """Return the parallel form, the ideal form and the difference equation, one line each."""
         per_s, times_s = (f" {self.unit}/s", f" {self.unit} s") if self.unit else ("", "")
         parts = [f"Kp = {self.kp:.6g}{f' {self.unit}' if self.unit else ''}"]
         parts += [f"Ki = {self.ki:.6g}{per_s or ' 1/s'}"] if self.ki else []
@@ -268,9 +264,7 @@ def _loop_gains(K: control.StateSpace, dt: float | None, unit: str) -> PidGains:
 
 
 def format_gains(K: Controller, unit: str, *, plc: bool = False) -> str:
-    """Format the gains of a PID, one row each, also by the names of a PLC; empty for any other
-    controller.
-    """
+    """Format the gains of a PID, one row each, also by names of a PLC; else empty."""
     with suppress(ValueError):
         found = pid_gains(K, unit=unit)
         loops = found if isinstance(found, tuple) else (found,)
@@ -409,9 +403,7 @@ def _require_same_response(
 
 
 def _pid_structure(K: control.StateSpace, dt: float) -> tuple[bool, float]:
-    """Return True if a PID integrates, and its filter time [s] (0 without a filter); refuse
-    anything else.
-    """
+    """Return whether a PID integrates, and its filter time [s]; raise for anything else."""
     p = poles(K).astype(complex)
     s = 2 / dt * (p - 1) / (p + 1) if dt else p
     size = np.abs(s)

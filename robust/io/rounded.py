@@ -152,7 +152,7 @@ def round_controller(
     error, omega = largest_error(K, _realise(K, _chain(groups, scale), gain, pole))
     if not error <= _LARGEST_ERROR:
         raise ValueError(
-            f"K must be accurate as sections made of its roots, got an error of {error:.2g} of |K|"
+            f"K must be accurate as second-order sections, got an error of {error:.2g} of |K|"
             f" at {omega:.3g} rad/s: lower its order with robust.reduce_controller"
         )
     tracking = _tracking_gain(rest, gain, pole) if limited and gain else 0.0
@@ -277,8 +277,8 @@ def _split_slowest(
     )
     if n_integrators > 1 and limited:
         raise ValueError(
-            f"limit must be left out for a controller with {n_integrators} integrators: it is for"
-            " at most one"
+            "limit must be left out for a controller with more than one integrator, got"
+            f" {n_integrators} integrators"
         )
     if n_integrators > 1 or not real.size:
         return whole
@@ -356,9 +356,7 @@ def _integral(gain: float, pole: float, tracking: float) -> list[Statement]:
 
 
 def _round_statement(statement: Statement, kind: type[np.floating]) -> Statement:
-    """Return a statement with rounded coefficients, without terms that vanish; refuse one too
-    large.
-    """
+    """Return a statement with rounded coefficients, without terms that are zero."""
     require_representable(np.array([number for number, _ in statement.terms]), kind)
     terms = [(float(kind(number)), name) for number, name in statement.terms]
     return Statement(
@@ -458,9 +456,7 @@ def _bound_l1(A: np.ndarray, b: np.ndarray, rows: np.ndarray) -> np.ndarray:
 def _order_sections(
     groups: list[tuple[tuple[complex, ...], tuple[complex, ...]]], gain: float, unit: float
 ) -> list[tuple[tuple[complex, ...], tuple[complex, ...]]]:
-    """Return the sections in an order of small rounding: each is placed where the bound is
-    least.
-    """
+    """Return the sections in an order with a small rounding bound."""
     found: list[tuple[tuple[complex, ...], tuple[complex, ...]]] = []
     for group in groups:
         trials = [[*found[:k], group, *found[k:]] for k in range(len(found) + 1)]

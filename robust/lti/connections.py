@@ -265,9 +265,7 @@ def lower_lft(P: control.StateSpace, K: control.StateSpace) -> control.StateSpac
 
 
 def upper_lft(N: control.StateSpace, Delta: control.StateSpace) -> control.StateSpace:
-    """Return F_u(N, Delta): the first inputs and outputs of N closed through Delta, with all
-    states.
-    """
+    """Return F_u(N, Delta): the first inputs and outputs of N closed by Delta."""
     k, m = Delta.noutputs, Delta.ninputs
     columns = np.r_[k : N.ninputs, :k]
     rows = np.r_[m : N.noutputs, :m]

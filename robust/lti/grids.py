@@ -125,9 +125,7 @@ def mode_lines(s: np.ndarray, band: tuple[float, float]) -> np.ndarray:
 
 
 def interpolate_frf(omega: np.ndarray, known: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """Return (W,) an FRF between its lines, in log magnitude and phase; outside them its end
-    values.
-    """
+    """Return (W,) an FRF interpolated in log magnitude and phase, constant outside."""
     log = np.log(np.maximum(np.abs(G), 1e-300)) + 1j * np.unwrap(np.angle(G))
     return np.exp(np.interp(omega, known, log))
 

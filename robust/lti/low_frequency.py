@@ -155,9 +155,7 @@ def _model_columns(x: np.ndarray, top: float) -> np.ndarray:
 
 
 def _places(top: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the places of lags and zeros, and of modes, over the first line, for lines up to
-    `top`.
-    """
+    """Return the frequencies of lags, zeros and modes relative to the first line."""
     return np.exp(np.arange(0, np.log(3 * top), _SPACING)), np.exp(
         np.arange(0, np.log(1.5 * top), 2 * _BIN)
     )

@@ -106,9 +106,7 @@ def sampling_times_differ(one: control.StateSpace, other: control.StateSpace) ->
 
 
 def one_sampling_time(steps: Iterable[float | None]) -> float:
-    """Return the sampling time [s] that the given ones share, 0 if none is stated; refuse two that
-    differ.
-    """
+    """Return the sampling time [s] that all share, 0 if none is stated; raise if two differ."""
     stated = sorted({float(step) for step in steps if step})
     if stated and stated[-1] - stated[0] > SAMPLING_TOLERANCE * stated[-1]:
         raise ValueError(
@@ -187,9 +185,7 @@ def axis_points(omega: np.ndarray, dt: float) -> np.ndarray:
 
 
 def balance_matrix(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return A scaled so that rows and columns are alike in size, by powers of two, and the
-    scales.
-    """
+    """Return A scaled by powers of two so that rows and columns are alike, and the scales."""
     with np.errstate(
         invalid="ignore"
     ):  # scales beyond any integer, in which scipy looks for a permutation

@@ -134,9 +134,7 @@ def _reach_and_see(
 
 
 def channel_units(size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return scales of rows and columns for which entries of these sizes are alike; one if all are
-    zero.
-    """
+    """Return scales of rows and columns that make entries of these sizes alike."""
     known = size > 0
     logs = np.log(np.where(known, size, 1.0))
     rows, columns = np.zeros(len(size)), np.zeros(size.shape[1])

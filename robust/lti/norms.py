@@ -33,9 +33,7 @@ def to_continuous(
 def to_discrete(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the bilinear image s = (z - 1)/(z + 1) of a continuous system, the inverse of
-    `to_continuous`.
-    """
+    """Return the bilinear image s = (z - 1)/(z + 1), the inverse of `to_continuous`."""
     n = A.shape[0]
     inverse = _invert_for_bilinear(np.eye(n) - A, "s = 2/dt (or where prewarping puts that)")
     return (
@@ -52,8 +50,8 @@ def _invert_for_bilinear(A: np.ndarray, place: str) -> np.ndarray:
         return np.linalg.inv(A)
     except np.linalg.LinAlgError:
         raise np.linalg.LinAlgError(
-            f"system must have no pole at {place}, got one: the bilinear map would send it to"
-            " infinity"
+            f"system must have no pole at {place}, because the bilinear map moves it to"
+            " infinity, got one"
         ) from None
 
 
@@ -151,9 +149,7 @@ def _balancing_coordinates(
 
 
 def modal_coordinates(A: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return coordinates with one or two states for every mode, and back; None if modes nearly
-    coincide.
-    """
+    """Return modal coordinates and back; None if modes nearly coincide."""
     found, vectors = np.linalg.eig(A)
     columns = []
     for value, vector in zip(found, vectors.T, strict=True):

@@ -177,9 +177,7 @@ def state_space(name: str, system: object) -> control.StateSpace:
 
 
 def _controller_hint(thing: object) -> str:
-    """Return a hint for a message: a design has its controller in the field K; else an empty
-    string.
-    """
+    """Return the hint that a design has its controller in the field K, else ""."""
     return (
         "; its controller is its field K"
         if isinstance(getattr(thing, "K", None), control.StateSpace)
@@ -211,9 +209,7 @@ def reachable_entry(K: control.StateSpace, j: int, i: int) -> control.StateSpace
 
 
 def structurally_minimal(matrices: Matrices, dt: float | None) -> control.StateSpace:
-    """Return the system with the states that inputs reach and outputs see, by the zeros of A, B and
-    C alone.
-    """
+    """Return the system without states that A, B and C disconnect by their zeros."""
     A, B, C, D = matrices
     links, reached, seen = A != 0, (B != 0).any(axis=1), (C != 0).any(axis=0)
     for _ in range(len(A)):
@@ -225,9 +221,7 @@ def structurally_minimal(matrices: Matrices, dt: float | None) -> control.StateS
 
 
 def _require_complete(name: str, system: control.StateSpace) -> control.StateSpace:
-    """Return a state space with a sampling time (unless it is a gain) and finite matrices, or
-    refuse it.
-    """
+    """Return a state space with a sampling time and finite matrices, or raise."""
     if system.dt is True and system.nstates:
         raise ValueError(f"{name} must state its sampling time, got dt=True")
     if system.dt is True:  # a discrete gain without a rate: it fits any
@@ -240,9 +234,7 @@ def _require_complete(name: str, system: control.StateSpace) -> control.StateSpa
 
 
 def repeat_over_channels(name: str, weight: Weight, n: int) -> control.StateSpace:
-    """Return a weight for n signals; a weight with a single input and output is repeated on each of
-    them.
-    """
+    """Return a weight for n signals; a weight with one channel is repeated."""
     weight = multivariable(name, weight)
     if (weight.ninputs, weight.noutputs) == (1, 1) and n > 1:
         return block_diagonal([weight] * n, weight.dt)
@@ -256,9 +248,7 @@ def repeat_over_channels(name: str, weight: Weight, n: int) -> control.StateSpac
 def from_polynomials(
     name: str, num: np.ndarray, *, den: np.ndarray, dt: float | None
 ) -> control.StateSpace:
-    """Return the controllable canonical form in scaled time, balanced, for coefficients over many
-    decades.
-    """
+    """Return the controllable canonical form, in scaled time and balanced."""
     num = np.trim_zeros(np.asarray(num, float), "f")
     den = np.trim_zeros(np.asarray(den, float), "f")
     if den.size == 0 or not (np.isfinite(num).all() and np.isfinite(den).all()):
@@ -449,9 +439,7 @@ def order_roots(roots: np.ndarray, tolerance: float = 1e-14) -> np.ndarray:
 
 
 def _split_conjugates(roots: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the real roots of a real polynomial, in order of size, and the upper roots of its
-    pairs.
-    """
+    """Return real roots and upper complex roots of a real polynomial, sorted."""
     roots = np.asarray(roots, dtype=complex)
     real = np.abs(roots.imag) <= tolerance * np.abs(roots)
     return np.sort(roots[real].real), roots[~real & (roots.imag > 0)]

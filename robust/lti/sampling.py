@@ -81,7 +81,7 @@ def sampled(system: LinearSystem, dt: float, delay: float = 0.0) -> control.Stat
     if not all(np.isfinite(part).all() for part in (Phi, after, late, early)):
         fastest = np.linalg.eigvals(A).real.max()
         raise ValueError(
-            f"dt must keep the numbers within floating point, got {dt:g} s with a pole at"
+            f"dt must be so short that exp(A dt) stays finite, got {dt:g} s with a pole at"
             f" {fastest:.4g} rad/s"
         )
     n_memory = whole + (rest > 0)

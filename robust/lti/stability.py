@@ -141,9 +141,7 @@ def eigenvalues_with_rounding(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def connected_components(A: np.ndarray) -> list[np.ndarray]:
-    """Return the states of each part of a system whose states all act on each other, directly or
-    not.
-    """
+    """Return the groups of states of a system that act on each other."""
     reach = ((A != 0) | np.eye(len(A), dtype=bool)).astype(np.float32)
     for _ in range(len(A).bit_length()):  # paths of twice the length each time
         reach = (reach @ reach > 0).astype(np.float32)

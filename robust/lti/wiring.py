@@ -68,8 +68,8 @@ def join_by_name(
     around = np.eye(len(part_out)) - G.D @ inside
     if not is_well_posed(around):
         raise ValueError(
-            "systems must leave every loop among them well posed, got an algebraic loop of gain"
-            " one. Break it with a delay, or leave out the part that closes it"
+            "systems must form loops that are well posed, got an algebraic loop of gain one. Break it"
+            " with a delay, or remove a part of it"
         )
     # inputs i = inside o + drive v, outputs o = C x + D i, with v the external inputs and the
     # outputs of the ports

@@ -88,8 +88,8 @@ class LpvModel:
         if self.over in _LEVELS:
             raise ValueError(
                 "over must be a position, a load or another state of the machine, got"
-                f" {self.over!r}: a BLA at a level is an average over its record, and the plant had"
-                " it at no time"
+                f" {self.over!r}: a BLA at a level is an average over its record, and no state"
+                " of the plant"
             )
         require_increasing(self.points)
         require_choice(
@@ -249,9 +249,7 @@ class LpvModel:
 
 
 def constant_model(name: str, system: object, like: LpvModel) -> LpvModel:
-    """Return an `LpvModel` as it is, and one system as a model that does not go with the operating
-    point.
-    """
+    """Return an `LpvModel` unchanged, and a system as a constant `LpvModel`."""
     if isinstance(system, LpvModel):
         return system
     if isinstance(system, list | tuple):

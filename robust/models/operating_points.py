@@ -160,8 +160,9 @@ def interpolate(
     held_out = _held_out(sections, points, degree, fits, weight, omega, form)
     if held_out > 1:
         data_warning(
-            f"a left-out operating point deviates from the model of the others by {held_out:.2g}"
-            " times the weight: add operating points, or change the degree",
+            f"a left-out operating point deviates by {held_out:.2g} times the weight from the"
+            " model of the other points, so the model may be wrong between the points: add"
+            " operating points, or change the degree",
             DesignWarning,
         )
     return replace(plant, weight=weight, held_out=held_out)
@@ -194,8 +195,8 @@ def _require_apart(sections: np.ndarray, points: np.ndarray, over: str, unit: st
     """Refuse sections that cannot be told apart from point to point by their frequency."""
     if np.any(np.isnan(sections).any(axis=2) != np.isnan(sections[0]).any(axis=1)):
         raise ValueError(
-            "n_poles must give poles of the same kinds at every operating point, got real and"
-            " complex ones"
+            "n_poles must give real or complex poles at every operating point alike, got a"
+            " pair that is real at one point and complex at another"
         )
     pairs = np.flatnonzero(~np.isnan(sections[0, :, 1]))
     size = np.log(np.maximum(np.abs(sections[:, pairs, 0]), 1e-300)) / 2
@@ -207,8 +208,8 @@ def _require_apart(sections: np.ndarray, points: np.ndarray, over: str, unit: st
                 raise ValueError(
                     f"at must have more operating points between {points[k]:g} and"
                     f" {points[k + 1]:g} {unit}".rstrip()
-                    + f": the modes at {f[0]:.3g} and {f[1]:.3g} Hz move as far as they are apart,"
-                    " and may cross"
+                    + f": the modes at {f[0]:.3g} and {f[1]:.3g} Hz move by more than their"
+                    " distance between these points, and cannot be paired"
                 )
 
 

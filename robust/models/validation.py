@@ -318,8 +318,9 @@ def _hold_factor(model: UncertaintyModel, bla: Bla, inside: np.ndarray) -> np.nd
     at = np.asarray(model.nominal.omega)
     if np.abs(np.log(bla.omega[inside, None] / at[at > 0])).min(axis=1).max() > _LINE_TOLERANCE:
         raise ValueError(
-            "bla must have lines of the FRF on which the model is based, got others: between its"
-            " lines the FRF is unknown. A model based on a fit (fit_nominal) takes any lines"
+            "bla must have lines of the FRF that is the nominal of the model, got others,"
+            " between which this FRF is unknown. A model with a fitted nominal (fit_nominal)"
+            " allows any lines"
         )
     if "unknown" in (model.origin.hold, bla.hold):
         return np.ones(bla.omega.size)

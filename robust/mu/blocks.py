@@ -116,8 +116,9 @@ def structure_for(
     if found.shape != tuple(shape):
         raise ValueError(
             f"{name} must add up to the {shape[0]} outputs and {shape[1]} inputs of {of}, got"
-            f" {found.shape[0]} rows and {found.shape[1]} columns. A block is (rows, cols) as {of}"
-            " is cut: the outputs it reads, the inputs it drives."
+            f" {found.shape[0]} rows and {found.shape[1]} columns. A block is (rows, cols): the"
+            f" number of outputs of {of} that are its input, and of inputs of {of} that are its"
+            " output."
         )
     return found
 

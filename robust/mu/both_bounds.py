@@ -276,9 +276,7 @@ def _at_every_frequency(
 def _exact_certificates(
     N: control.StateSpace, blocks: Blocks, margin: SkewedMargin
 ) -> tuple[Certificate, ...]:
-    """Return the proof over the rationals if the box of parameters is whole and few intervals
-    suffice.
-    """
+    """Return the proof over the rationals if the box is whole and few intervals suffice."""
     if len(margin.certificates) == 1 and not margin.n_unstable:
         system, given = scaled_system(margin, margin.level), blocks_with_kinds(blocks)
         exact = certify_intervals(system, given, 1 - SLACK, most=_EXACT_INTERVALS)

@@ -59,8 +59,8 @@ def gain_bound(N: np.ndarray, blocks: Blocks) -> np.ndarray:
     W, n_out, n_in = M.shape
     if rows >= n_out or cols >= n_in:
         raise ValueError(
-            f"blocks must leave some of the {n_out} outputs and {n_in} inputs of N to the"
-            f" performance, got {rows} rows and {cols} columns"
+            f"blocks must use fewer than the {n_out} outputs and {n_in} inputs of N, because"
+            f" the others are the performance channel, got {rows} rows and {cols} columns"
         )
     gain = np.full(W, np.inf)
     stable = upper_bound(M[:, :rows, :cols], blocks, target=1.0)
@@ -302,9 +302,7 @@ def _inverse_root(A: np.ndarray) -> np.ndarray:
 
 
 def _longest_step(roots: list[np.ndarray], steps: list[np.ndarray]) -> np.ndarray:
-    """Return (W,) the longest step up to one for which all matrices stay positive; nan if it is
-    unknown.
-    """
+    """Return (W,) the longest step up to one that keeps all matrices positive; else nan."""
     least = np.zeros(len(steps[0]))
     for root, step in zip(roots, steps, strict=True):
         turned = conjugate_transpose(root) @ step @ root
@@ -389,9 +387,7 @@ def _perturbation_of_skewed_mu(
 def _ascend_gain(
     M: np.ndarray, delta: np.ndarray, s: BlockStructure
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (W,) gains and perturbations of size at most one, moved until the gain stops
-    growing.
-    """
+    """Return (W,) gains and perturbations of size at most one, improved by ascent."""
     rows, cols = s.shape
     delta, gain, todo = delta.copy(), np.zeros(len(M)), np.arange(len(M))
     for _ in range(_MAX_ASCENT):

@@ -127,9 +127,7 @@ def certify_intervals(
 
 @value(copy=False)
 class _Frozen:
-    """A scaling: X of every block and K of the real blocks, complex; X_L, X_R and K on the
-    channels.
-    """
+    """A scaling: X of every block and K of the real blocks; X_L, X_R and K on the channels."""
 
     X: tuple[np.ndarray, ...]
     K: tuple[np.ndarray, ...]
@@ -138,9 +136,7 @@ class _Frozen:
     skew: np.ndarray
 
     def popov(self, N: np.ndarray) -> np.ndarray:
-        """Return (W, m, m) X_R - N* X_L N + K N + N* K*, which is positive if it proves the
-        level.
-        """
+        """Return (W, m, m) X_R - N* X_L N + K N + N* K*; positive means the level is proved."""
         turned = self.skew @ N
         return np.asarray(
             self.right
@@ -254,9 +250,7 @@ class _IntervalSearch:
         return None, reached
 
     def around(self, low: float, high: float) -> np.ndarray:
-        """Return v for frequencies in and around an interval and around every pole, with both
-        signs.
-        """
+        """Return v for frequencies around an interval and every pole, with both signs."""
         alpha, beta, gamma, delta = _mobius(low, high)
         at_modes = np.abs(self.poles.imag)[:, None] + np.outer(self.poles.real, [-1, 0, 1])
         x = np.concatenate([np.outer(np.abs(self.poles), _MODE_OFFSETS).ravel(), at_modes.ravel()])
@@ -266,9 +260,7 @@ class _IntervalSearch:
         return np.concatenate([_AROUND, v[np.abs(v) < _FARTHEST]])
 
     def freeze(self, D_L: np.ndarray, D_R: np.ndarray, G: np.ndarray, *, floor: float) -> _Frozen:
-        """Return the scaling of a bound, with exact structure, above a share of the largest
-        scaling.
-        """
+        """Return the scaling of a bound with exact structure, bounded from below."""
         left, right = D_L.conj().T @ D_L, D_R.conj().T @ D_R
         skew, X, K, r, c = -1j * D_R.conj().T @ G @ D_L, [], [], 0, 0
         least = floor * float(np.abs(np.diag(left)).max())
@@ -312,9 +304,7 @@ def _on_unit_interval(
 
 
 def _least_eigenvalues(M: np.ndarray) -> np.ndarray:
-    """Return (W,) least eigenvalues of Hermitian matrices; -inf for matrices that are not
-    finite.
-    """
+    """Return (W,) least eigenvalues of Hermitian matrices; -inf if not finite."""
     fine = np.isfinite(M).all(axis=(1, 2))
     return np.where(fine, np.linalg.eigvalsh(np.where(fine[:, None, None], M, 0))[:, 0], -np.inf)
 
@@ -322,9 +312,7 @@ def _least_eigenvalues(M: np.ndarray) -> np.ndarray:
 def _storages(
     turned: Matrices, scaling: _Frozen, left: float, v: np.ndarray
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield P and Q as functions of v, with decreasing margin; nothing if no Q works on the
-    grid.
-    """
+    """Yield P and Q as functions of v, with decreasing margin; nothing if no Q works."""
     A, B, C, D = turned
     n, root = len(A), scaling.root
     g = np.linalg.solve(

@@ -191,9 +191,7 @@ def conjugate_transpose(M: np.ndarray) -> np.ndarray:
 
 
 def _osborne_balance(N: np.ndarray, s: BlockStructure, n_steps: int = 12) -> np.ndarray:
-    """Return (W, blocks) numbers d that balance the Frobenius norms of the blocks d_i N_ik /
-    d_k.
-    """
+    """Return (W, blocks) numbers d that balance the norms of the blocks d_i N_ik / d_k."""
     sizes = np.stack(
         [
             np.stack([np.linalg.norm(N[:, r, c], axis=(1, 2)) for c in s.cols], axis=1)

@@ -92,8 +92,8 @@ def _require_one_loop(report: RobustnessReport) -> None:
     """Refuse a report by the structured singular value, which has no curves for one loop."""
     if not report.is_single:
         raise ValueError(
-            "report must be of one loop for this picture, got one of several: plot_loop takes"
-            " loop_gains"
+            "report must be of a loop with one channel for this picture, got several channels:"
+            " give the result of loop_gains to plot_loop"
         )
 
 

@@ -409,9 +409,7 @@ def plot_orders(scan: OrderScan, *, ax: Axes | None = None) -> Axes:
 
 
 def _widened_band(model: UncertaintyModel) -> np.ndarray:
-    """Return frequencies [rad/s] for a curve: the band and half a decade on both sides, up to
-    Nyquist.
-    """
+    """Return frequencies [rad/s] of the band and half a decade on both sides, up to Nyquist."""
     high, dt = model.omega[-1] * BAND_MARGIN, max(map(timebase, model.weights))
     dt = dt or (0.0 if model.measured_only else timebase(model.nominal))
     if dt:

@@ -41,9 +41,7 @@ def mark_band(
 
 
 def fit_vertical_axis(ax: Axes, most: float = 80.0) -> None:
-    """Fit the vertical axis to the curves inside the frame, at most `most` decibels from the
-    top.
-    """
+    """Fit the vertical axis to the visible curves, at most `most` decibels from the top."""
     start, end = ax.get_xlim()
     seen = []
     for line in ax.get_lines():

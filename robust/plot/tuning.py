@@ -43,8 +43,8 @@ def plot_limits(design: Any, *, ax: Axes | None = None) -> Axes:
         raise ValueError(f"design must be a TunedDesign of robust.tune, got {short_form(design)}")
     if not design.limits:
         raise ValueError(
-            "design must have a stable loop to be drawn, got one without: nothing is known of its"
-            " limits"
+            "design must have a stable loop, because the limits of an unstable loop are"
+            " unknown, got an unstable one"
         )
     ax = axes_or_new(ax)
     ordered = sorted(design.limits, key=lambda one: (not one.hard, one.plant))

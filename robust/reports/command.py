@@ -116,9 +116,7 @@ def _read_frf(
 
 
 def with_units_of(record: nlfrf.Record, blas: Sequence[nlfrf.Bla]) -> nlfrf.Record:
-    """Return a record, with the units of the first BLA that has the same channels if it has
-    none.
-    """
+    """Return a record, with the units of the first BLA with these channels if it has none."""
     same = [bla for bla in blas if (bla.inputs, bla.outputs) == (record.inputs, record.outputs)]
     if not same or any(record.input_units + record.output_units):
         return record
@@ -305,8 +303,8 @@ def read_last_column(path: Path) -> np.ndarray:
     ):
         if names is None:
             raise ValueError(
-                f"{path} must have a line of names, or decimal points, got {lines[0]!r}: one number"
-                " or two columns"
+                f"{path} must start with a line of names, or have decimal points instead of"
+                f" commas, got {lines[0]!r}: one number or two columns"
             )
         if len(names) == 1:
             rows = [[".".join(row)] for row in rows]
@@ -389,8 +387,8 @@ def describe_bandwidth(
     )
     if not np.any((asked / within <= crossovers) & (crossovers <= asked * within)):
         warnings.warn(
-            f"{text}: off by more than a factor of {within:g} (--crossover-within). The plant does"
-            " not allow this shape of the loop; choose another --bandwidth",
+            f"{text}: off by more than a factor of {within:g} (--crossover-within). The plant"
+            " does not allow this shape of the loop; choose another --bandwidth",
             DesignWarning,
             stacklevel=2,
         )

@@ -183,9 +183,7 @@ def bla_section(blas: list[Bla]) -> Section:
 
 
 def cross_check_section(records: list[Record]) -> Section:
-    """Return the section on the distortion level by a second method, which fails for other
-    reasons.
-    """
+    """Return the section on the distortion level by a second, independent method."""
     facts, pictures = [], []
     for which, record in _numbered(" on", records):
         opinion = nlfrf.second_opinion(record)

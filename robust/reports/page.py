@@ -132,8 +132,8 @@ def write_report(
         require_kind(name, given, kind, NoneType)
     if friction is not None and not single:
         raise ValueError(
-            "friction must be left out for several channels: the proof takes a single loop only,"
-            " got a FrictionProof"
+            "friction must be left out for several channels, because the proof is for a single"
+            " loop only, got a FrictionProof"
         )
     blas = _as_list(bla) or [nlfrf.identify(one) for one in records]
     # records and BLAs may have newer warnings than the file of the model

@@ -74,9 +74,7 @@ class MachineFiles:
         return _join("robust", "prove", *files, self.controller, *around)
 
     def prove_model(self, model: Path = _NOMINAL) -> str:
-        """Return the command line of `robust prove` for a model and the stiffness of its
-        friction.
-        """
+        """Return the command `robust prove` for a model and its friction stiffness."""
         return f"{self.prove([model])} --stiffness {self.stiffness or 'NEWTON_PER_METRE'}"
 
     def identify(self, record: Path) -> str:
@@ -208,9 +206,7 @@ def _class_of_records(
 
 
 def _class_of_blas(blas: Mapping[Path, nlfrf.Bla], given: MachineFiles) -> MachineWithFriction:
-    """Return the class from BLAs, around a nominal if it is given; an error has the next
-    commands.
-    """
+    """Return the class from BLAs, around a nominal if given; errors name the next command."""
     files, measured = list(blas), list(blas.values())
     options = [f"--{LOAD_OPTIONS[name]}" for name in given.load]
     if wrong := options + ["--free"] * given.free + ["--masses"] * (given.masses != 1):
@@ -236,9 +232,7 @@ def _class_of_blas(blas: Mapping[Path, nlfrf.Bla], given: MachineFiles) -> Machi
 
 
 def _describe_source(path: Path, kind: str, load: LoadOptions | None = None) -> dict[str, object]:
-    """Return the entry of a file in a certificate: name, kind, digest, and options for
-    reading it.
-    """
+    """Return the entry of a file in a certificate: name, kind, digest, reading options."""
     options = {f"--{LOAD_OPTIONS[name]}": str(option) for name, option in (load or {}).items()}
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     return {
@@ -321,9 +315,7 @@ def _add_next_command(how: str) -> Iterator[None]:
 
 
 def save_proofs(proofs: Sequence[FrictionProof], out: Path, basis: _FrictionBasis) -> None:
-    """Save the certificates of proofs beside a result: out.certificate.json,
-    out.2.certificate.json.
-    """
+    """Save the certificates of proofs: out.certificate.json, out.2.certificate.json, ..."""
     proved = [
         proof
         for proof in proofs

@@ -108,19 +108,20 @@ class Learning:
         loop = self.loop
         if not loop.dt:
             raise ValueError(
-                "K must be sampled, as trials are samples, got a continuous controller:"
-                " discretize(K, dt)"
+                "K must be sampled, because a trial consists of samples, got a continuous"
+                " controller: discretize(K, dt)"
             )
         if self.model.perturbation == "operator":
             raise ValueError(
-                'model must have linear plants to learn on, got the class "operator": a nonlinear'
-                ' plant fills no disc at a frequency. perturbation="LTI" claims that the plants are'
-                " linear"
+                "model must be a set of linear plants, because only they give a disc at each"
+                ' frequency, got the class "operator". With perturbation="LTI" you claim that'
+                " the plants are linear"
             )
         if loop.aliases is not None and loop.aliases.inverse:
             raise ValueError(
-                "model must be multiplicative or additive for a sampled K on a continuous nominal,"
-                f" got {loop.form}: with its aliases the plant fills no disc at a frequency"
+                "model must be multiplicative or additive for a sampled K on a continuous"
+                f" nominal, got {loop.form}, with which the sampled plants are no disc at a"
+                " frequency"
             )
         if not self.u_max > 0:
             raise ValueError(f"u_max must be a positive limit of |u|, got {short_form(self.u_max)}")
@@ -227,9 +228,9 @@ class Learning:
             raise ValueError(f"e must have a sample for each of the {n} of u, got {error.size}")
         if n * self.dt < self.settling:
             warnings.warn(
-                "a trial must be longer than the longest time constant of the loop and the"
-                f" filters, {self.settling:.3g} s, for the factor to hold, got {n * self.dt:.3g} s:"
-                " let it run on at rest",
+                f"a trial of {n * self.dt:.3g} s is shorter than the longest time constant of"
+                f" the loop and the filters, {self.settling:.3g} s, so the factor per trial may"
+                " not hold: extend the trial with a time at rest",
                 DesignWarning,
                 stacklevel=2,
             )
@@ -378,23 +379,24 @@ def design_learning(
     require_one_channel(model, "learning is for one loop", "to learn on")
     factor = require_positive("factor", factor)
     if factor >= 1:
-        raise ValueError(f"factor must be below 1 for learning to contract, got {factor:g}")
+        raise ValueError(
+            f"factor must be below 1, because the error decreases only then, got {factor:g}"
+        )
     K = state_space("K", K)
     made = {"model": model, "K": K, "delay": delay, "L": L, "full": factor, "u_max": u_max}
     widest = Learning(**made, omega_Q=np.inf, factor=1.0)
     report = check(model, K, delay=delay)
     if not report.margins.rs > 1:
         raise ValueError(
-            f"K must leave every plant of the set stable to learn on, got {report.verdict}:"
-            f" {report.reason}"
+            f"K must stabilise every plant of the set, got {report.verdict}: {report.reason}"
         )
     if omega_Q is None:
         omega_Q = _largest_cutoff(widest, factor)
         if omega_Q < widest.loop.band[0]:
             raise ValueError(
-                f"factor must be reachable in the measured band, got {factor:g}, which is reached"
-                f" up to {format_hertz(omega_Q)} only, below {format_hertz(widest.loop.band[0])}."
-                " Use a smaller set, or give omega_Q"
+                f"factor must be achievable in the measured band, got {factor:g}, which is"
+                f" achievable up to {format_hertz(omega_Q)} only, below the band from"
+                f" {format_hertz(widest.loop.band[0])} on. Use a smaller set, or give omega_Q"
             )
     omega_Q = require_positive("omega_Q", omega_Q)
     filtered = Learning(**made, omega_Q=omega_Q, factor=1.0)
@@ -402,7 +404,7 @@ def design_learning(
     level = largest * (1 + _BELOW)
     if level >= 1:
         raise ValueError(
-            f"omega_Q must leave a factor below 1 per trial, got {largest:.3g} at"
+            f"omega_Q must give a factor per trial below 1, got {largest:.3g} at"
             f" {format_hertz(where)}"
         )
     if L != _SET:

@@ -106,9 +106,9 @@ def load_pid(path: str | os.PathLike[str]) -> _PidSettings:
     pid, unit = _read_pid(form, content, times)
     if dt and pid.kd and pid.filter_time < _LEAST_FILTER * dt:
         warnings.warn(
-            f"Tf = {1e3 * pid.filter_time:g} ms is below half a sample of {1e3 * dt:g} ms: the"
-            " derivative of the trapezoidal rule rings from sample to sample. Use a longer Tf,"
-            " unless the PID runs by another rule",
+            f"Tf = {1e3 * pid.filter_time:g} ms is below half a sample of {1e3 * dt:g} ms: with"
+            " the trapezoidal rule the derivative oscillates from sample to sample. Use a"
+            " longer Tf, unless the PID is discretised by another rule",
             DesignWarning,
             stacklevel=2,
         )
@@ -125,8 +125,8 @@ def _require_entries(path: str, content: JsonObject) -> str:
     """Return the form of a PID; refuse entries that are unknown, missing or for another form."""
     if "kv" in content:
         raise ValueError(
-            "path must hold a PID, got the gains of a drive; go on with: robust servo check TRACE"
-            f" {path}"
+            "path must hold a PID, got the gains of a drive; go on with: robust servo check"
+            f" TRACE {path}"
         )
     form = require_choice("form", content.get("form", "parallel"), tuple(_FORMS))
     integral, derivative = _FORMS[form]

@@ -183,8 +183,8 @@ def reduce_controller(
     before = check(model, K, w_P=w_P, delay=delay)
     if order is None and not before.verdict.is_robust:
         raise ValueError(
-            f"K must have a proof to keep, got '{before.verdict}': {before.reason}. Give an order"
-            " to reduce it anyway."
+            f"K must have a proved property that can be kept, got '{before.verdict}':"
+            f" {before.reason}. Give an order to reduce it anyway."
         )
     by_order: dict[int, list[tuple[str, control.StateSpace]]] = {}
     for method, n, small in _candidates(K, model, w_P=w_P, delay=delay):

@@ -223,7 +223,10 @@ def _synthesise_matching(
     """
     found = hinfsyn(_matching_plant(T_ref, T, effort=effort, dt=T.dt), T_ref.ninputs, T.ninputs)
     if not found.found:
-        raise ValueError(f"reference must allow a {name}, got one without: {found.reason}")
+        raise ValueError(
+            f"reference must be a transfer function for which a {name} exists, got"
+            f" none: {found.reason}"
+        )
     return found
 
 
@@ -235,7 +238,8 @@ def _reference_loop(model: UncertaintyModel, K: Controller, delay: float) -> Loo
     nominal = decide_nominal_stability(loop)
     if not nominal.stable:
         raise ValueError(
-            f"K must make a stable loop to follow a reference, got a loop that is {nominal}"
+            "K must stabilise the plant, because only a stable loop can follow a reference,"
+            f" got a loop that is {nominal}"
         )
     return loop
 
@@ -380,8 +384,9 @@ def feedforward_filter(
     if not is_stable(loop.G):
         raise ValueError(
             "model must have a stable nominal for a feedforward, got a pole at"
-            f" {rightmost_pole(loop.G):.4g}. Close a loop around it first (cascade), or use"
-            " prefilter, which feeds the closed loop; for a free mass use robust.servo.feedforward"
+            f" {rightmost_pole(loop.G):.4g}. Close an inner loop first (cascade), or use"
+            " prefilter, which needs a stable loop only; for a free mass use"
+            " robust.servo.feedforward"
         )
     T_ref = _on_time_base(reference, loop.dt)
     found = _synthesise_matching(T_ref, loop.G, effort=effort, name="feedforward")

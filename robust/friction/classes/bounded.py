@@ -81,8 +81,8 @@ class Bounded(FrictionClass):
         """Return the largest force of the class [N]; a given Fs must be equal to it."""
         if np.isfinite(Fs) and Fs != self.Fs:
             raise ValueError(
-                f"Fs must be that of the class, {self.Fs:g} {self.units.force}, or left out, got"
-                f" {Fs:g}"
+                f"Fs must be left out or equal to Fs of the class, {self.Fs:g}"
+                f" {self.units.force}, got {Fs:g}"
             )
         return self.Fs
 

@@ -286,9 +286,7 @@ def enlarge_block(entries: np.ndarray, rho: float) -> tuple[np.ndarray, np.ndarr
 
 
 def _sector_multiple(form: tuple[float, float, float], rho: float) -> tuple[float, float]:
-    """Return the largest multiple of the sector form below a form in (v, q), and the deficit that
-    remains.
-    """
+    """Return the largest multiple of the sector form below a form in (v, q), and the deficit."""
 
     def below(multiple: float) -> float:
         p, cross, r = (x - multiple * y for x, y in zip(form, _sector_form(rho), strict=True))

@@ -208,9 +208,7 @@ def _sampled_damping(c: float, K: control.StateSpace, delay: float) -> _Damping:
 def _decide_damping(
     left: _Damping, c: float, T: float, *, unit: str
 ) -> tuple[FrictionVerdict, str]:
-    """Return the verdict on the remaining damping: positive at every frequency, proved over the
-    rationals.
-    """
+    """Return the verdict on the remaining damping, proved over the rationals."""
     y, least = _least_damping(left)
     where = _frequency_of(y, T)
     size = np.abs(c) if T else np.abs(left.end)
@@ -246,9 +244,7 @@ def _decide_damping(
 
 
 def _least_damping(left: _Damping) -> tuple[float, float]:
-    """Return the smallest damping and its y approximately, for the report; the proof does not use
-    it.
-    """
+    """Return the smallest damping and its y approximately, for the report only."""
     slope = left.top.derivative() * left.bottom - left.top * left.bottom.derivative()
     roots = complex_roots(slope) if slope.degree() > 0 else []
     places = [0.0, np.inf, *(float(root.real.mid()) for root, _ in roots)]

@@ -16,9 +16,7 @@ from robust.proofs.exact.claim_files import WHOLE
 
 @value
 class Actuator:
-    """An actuator that delivers u = sat(command), and the numbers that prove rest in spite of
-    it.
-    """
+    """An actuator u = sat(command), and the numbers that prove rest in spite of it."""
 
     # limit, Fs: largest force of the actuator and of the friction [N]
     limit: float

@@ -15,9 +15,7 @@ from robust.proofs.exact.polynomials import to_rational
 
 @value
 class Settling:
-    """A bound of the distance from rest under friction with stiction, and the rate of decay that
-    proves it.
-    """
+    """A bound on the final distance from rest with stiction, and the decay rate that proves it."""
 
     decay: float  # lambda [1/s] in V' + 2 lambda V <= r^2
     Fs: np.ndarray  # (P,) largest friction force at each port [N]

@@ -47,9 +47,7 @@ def certified_verdict(
 
 
 def settled_by_bound(proof: FrictionProof) -> FrictionProof:
-    """Return the bound for any friction as the proof, if rest is not decided and there is a
-    bound.
-    """
+    """Return the bound for any friction as the result, if rest is not decided."""
     if proof.verdict is not FrictionVerdict.NOT_DECIDED or not np.isfinite(proof.error_bound):
         return proof
     return replace(proof, verdict=FrictionVerdict.SETTLES, settling_error=proof.error_bound)

@@ -44,9 +44,7 @@ _FREQUENCY_RATIOS = ((0.5, 3000.0), (15.0, 3000.0), (30.0, 1500.0), (5.0, 1200.0
 
 
 def filter_rates(reference: float, bristle_time: float = 0.0) -> list[np.ndarray]:
-    """Return sets of rates a_j [rad/s], each with the reference first; all are below
-    1/bristle_time.
-    """
+    """Return sets of rates a_j [rad/s] below 1/bristle_time, each with the reference first."""
     sets, fastest = [], 1 / bristle_time if bristle_time else np.inf
     for low, high in _FREQUENCY_RATIOS:
         top = min(high, 0.9 * fastest)

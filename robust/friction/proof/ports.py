@@ -23,9 +23,7 @@ _MIN_SHARE = 1e-9  # share of a row that must remain
 
 
 def largest_forces(machine: FrictionPlant, Fs: float | Sequence[float] | None) -> np.ndarray:
-    """Return the (P,) largest friction force of each port, nan if none was given; refuse another
-    number.
-    """
+    """Return the (P,) largest friction force of each port; nan if none was given."""
     if Fs is None:
         return np.full(machine.n_ports, np.nan)
     given = np.atleast_1d(np.asarray(Fs, dtype=object))

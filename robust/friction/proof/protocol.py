@@ -158,7 +158,7 @@ def require_stiction(stiction: float) -> float:
     stiction = require_real("stiction", stiction)
     if stiction < 1:
         raise ValueError(
-            "stiction must be at least 1, largest over smallest force of a slider, got"
+            "stiction must be at least 1, the ratio of largest to smallest slip force, got"
             f" {stiction:g}"
         )
     return stiction

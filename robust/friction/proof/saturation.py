@@ -81,9 +81,7 @@ def _velocity_within_reach(
 
 @value
 class _LureLoop:
-    """A sliding loop opened at its actuator (a Lur'e system), with the filters of the delivered
-    force.
-    """
+    """A sliding loop opened at its actuator (Lur'e system), with filters of the force."""
 
     loop: FrictionLoop  # the filters are its last states
     command_row: np.ndarray  # (n,) commanded force, as a row on the state before a sample
@@ -343,14 +341,12 @@ _NO_ACTUATOR_CLAIM = "anything with an actuator that saturates."
 def limits_of_force(
     machine: FrictionPlant, friction: FrictionClass, forces: np.ndarray, saturation: float
 ) -> Actuator:
-    """Return the actuator of a claim before its proof, or refuse a class or a force that has no
-    proof.
-    """
+    """Return the actuator of a claim; raise for a class or a force without a proof."""
     require_one_port(machine)
     if not friction.takes_actuator:
         raise ValueError(
-            f"saturation must be left out, there is no proof with it for {friction.description},"
-            " got one"
+            f"saturation must be left out for {friction.description}, because no proof with"
+            " saturation exists for it, got one"
         )
     limit = require_positive("saturation", saturation)
     Fs = float(forces[0])

@@ -44,9 +44,7 @@ _ROUNDED_UP = 1 + 1e-6
 
 @value(copy=False)
 class SettlingNumbers:
-    """The numbers of a proof that a loop settles: rates and weights of the filters, storage, rate
-    of decay.
-    """
+    """Numbers of a settling proof: filter rates and weights, storage, rate of decay."""
 
     rates: np.ndarray  # (J,) rates of the filters [rad/s], the reference first
     weights: np.ndarray  # (P, J) weights mu_j of each port

@@ -145,9 +145,7 @@ def _join_stretches(first: Stretch, second: Stretch) -> Stretch:
 
 
 def _jump_stretch(form: Dissipation, i: int, slack: float) -> Stretch:
-    """Return the Riccati map backwards over a jump, with the worst case of the block that acts
-    there.
-    """
+    """Return the Riccati map backwards over a jump, with the worst case of its block."""
     n = form.A.shape[0]
     jump, left = form.jumps[i], slack * np.eye(n)
     if i or form.block is None:

@@ -160,9 +160,7 @@ def assume_class(read: MachineRead, *, stiction: float, margin: float) -> Machin
 def machines_of(
     machine: FrictionPlant | MachineWithFriction, friction: MaxwellSlip | None
 ) -> tuple[tuple[FrictionPlant, ...], MaxwellSlip]:
-    """Return the machines to prove and the class; both come from a `MachineWithFriction` if one is
-    given.
-    """
+    """Return the machines to prove and the class, from both or a `MachineWithFriction`."""
     if isinstance(machine, MachineWithFriction) and friction is None:
         require_one_port(machine.machine)
         return machine.machines, machine.friction[0]

@@ -297,9 +297,7 @@ def _usable_edge(record: nlfrf.Record, machine: SlidingFit | FrictionFit) -> flo
 
 
 def _quiet_edge(record: nlfrf.Record, machine: SlidingFit | FrictionFit, most: float) -> float:
-    """Return the frequency [rad/s] up to which a step of the encoder makes less force than `most`
-    [N].
-    """
+    """Return the frequency [rad/s] up to which an encoder step makes less than `most` [N]."""
     step = _STEP_ACCELERATION * machine.mass * smallest_step(record.y)
     return float(np.sqrt(most / step)) if step else np.inf
 
@@ -307,9 +305,7 @@ def _quiet_edge(record: nlfrf.Record, machine: SlidingFit | FrictionFit, most: f
 def friction_of_period(
     record: nlfrf.Record, machine: SlidingFit | FrictionFit, edge: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return position [m] and friction force [N] of the mean period (n,), up to a frequency
-    [rad/s].
-    """
+    """Return position [m] and friction force [N] (n,) of the mean period, band-limited."""
     u, y = (np.asarray(one)[0].mean(axis=0) for one in (record.u, record.y))
     f, Y, _ = _friction_of_signals(u, y, record, machine, edge)
     return np.fft.irfft(Y, n=f.size), f
@@ -357,9 +353,7 @@ def _friction_of_signals(
 
 
 def _rigid_edge(machine: SlidingFit | FrictionFit) -> float:
-    """Return the frequency [rad/s] up to which a motor and a load move as one; infinite for one
-    mass.
-    """
+    """Return the frequency [rad/s] up to which motor and load move as one."""
     return (
         _RIGID * float(np.sqrt(machine.coupling / machine.load_mass))
         if machine.load_mass

@@ -159,9 +159,7 @@ def _port_responses(machine: FrictionPlant, omega: np.ndarray) -> tuple[np.ndarr
 
 
 def _relative_std(bla: Bla) -> np.ndarray:
-    """Return (W,) standard deviation of G relative to |G|, including the error of a linear
-    model.
-    """
+    """Return (W,) standard deviation of G over |G|, with the error of a linear model."""
     return np.asarray(np.sqrt(bla.var_total / np.abs(bla.G) ** 2 + _MODEL_ERROR**2))
 
 
@@ -261,9 +259,7 @@ def _variance_inflation(solution: _Solution, misfit: float) -> float:
 def _profile_interval(
     solutions: list[_Solution], i: int, *, least: float, spread: float
 ) -> tuple[float, float]:
-    """Return the profile-likelihood interval of parameter i over all rates of the slipping
-    element.
-    """
+    """Return the profile-likelihood interval of parameter i over all rates b."""
     low, high = np.inf, -np.inf
     for one in solutions:
         allowance = SIGMAS**2 * spread - (one.chi - least)
@@ -392,8 +388,8 @@ def read_blas(blas: list[Bla], nominal: object) -> MachineRead:
     )
     if not all(np.isfinite(bla.levels.excited).all() for bla in blas):
         raise ValueError(
-            "blas must contain the amplitude of the output, which an FRF from elsewhere"
-            " (nlfrf.bla_from_frf) does not: take BLAs that nlfrf.identify made of records"
+            "blas must contain the amplitude of the output, which an FRF of another program"
+            " (nlfrf.bla_from_frf) does not: use BLAs from nlfrf.identify"
         )
     units = mechanical_units(position_unit)
     holds = [hold_correction(bla.omega, bla.hold, fs=bla.fs, dt=0.0) for bla in blas]
@@ -499,16 +495,17 @@ def _read_stiffness(
         )
     if np.isfinite(top.slips_below):
         raise ValueError(
-            "blas must reach so high that the friction slides: at the highest level it slips more"
-            f" slowly than the lowest line, {top.slips_below:.3g} Hz, so that it counts as a spring"
-            " of the machine. Measure at a higher level, or from a lower frequency on"
+            "blas must contain a level at which the friction slides: at the highest level it"
+            f" slips only below the lowest line, at {top.slips_below:.3g} Hz, and cannot be"
+            " distinguished from a spring of the machine. Measure at a higher level, or from a"
+            " lower frequency on"
         )
     if top.slow - low > lost:
         raise ValueError(
-            "blas must reach so high that the friction slides: at the highest level the stiffness"
-            f" of the machine is uncertain by {(top.slow - low) / 1e3:.4g} {units.stiffness}, more"
-            f" than its loss to sliding ({lost / 1e3:.4g} {units.stiffness}). Measure at a higher"
-            " level, or for longer"
+            "blas must contain a level at which the friction slides: at the highest level the"
+            f" stiffness is uncertain by {(top.slow - low) / 1e3:.4g} {units.stiffness}, which"
+            f" is more than its decrease by sliding ({lost / 1e3:.4g} {units.stiffness})."
+            " Measure at a higher level, or longer"
         )
     return low, _stiffness_at_rest(fits, lost, units=units), fell
 
@@ -530,24 +527,26 @@ def _read_mass(fits: list[_LevelFit], model: _Model, units: MechanicalUnits) -> 
     if tau > SIGMAS * tau_std and (explained or worst.misfit <= worst.misfit_limit):
         raise ValueError(
             f"blas must have no other delay than {model.name}, got {1e3 * tau:.3g} +-"
-            f" {1e3 * tau_std:.1g} ms more: it would be missing in the loop, or look like softness."
-            ' Give a nominal with it: fit_nominal(blas[0], n_poles=2, n_zeros=0, delay="estimate")'
+            f" {1e3 * tau_std:.1g} ms more: the loop of the proof would not contain this delay."
+            " Give a nominal with it: fit_nominal(blas[0], n_poles=2, n_zeros=0,"
+            ' delay="estimate")'
         )
     softening, softening_std = weighted_mean(
         [fit.softening for fit in fits], [fit.softening_std for fit in fits]
     )
     if softening > SIGMAS * softening_std and worst.misfit <= worst.misfit_limit:
         raise ValueError(
-            f"blas must show no mode beyond {model.name}, got a reaction that softens with -w^4 by"
-            f" {softening:.2g} +- {softening_std:.1g} {units.force} s^4/{units.position}, as below"
-            " a mode above the band: it would be missing in the loop. Measure up to it, and give a"
+            f"blas must have no mode that {model.name} does not contain, got a dynamic"
+            f" stiffness with a term -w^4 of {softening:.2g} +- {softening_std:.1g}"
+            f" {units.force} s^4/{units.position}, the effect of a mode above the band: the loop"
+            " of the proof would not contain this mode. Measure up to this mode, and give a"
             " nominal with it"
         )
     if worst.misfit > worst.misfit_limit:
         raise ValueError(
-            f"blas must be of {model.order}: a level misses this model by {worst.misfit:.3g} times"
-            f" the variance of its lines ({worst.misfit_limit:.3g} is chance), so neither its mass"
-            f" nor its stiffness is right. {model.cure}"
+            f"blas must be of {model.order}: a level misses this model by {worst.misfit:.3g}"
+            f" times the variance of its lines ({worst.misfit_limit:.3g} is possible by chance),"
+            f" so its mass and stiffness are wrong. {model.cure}"
         )
     return weighted_mean([fit.mass for fit in fits], [fit.mass_std for fit in fits])
 
@@ -589,15 +588,16 @@ def _stiffness_at_rest(fits: list[_LevelFit], lost: float, *, units: MechanicalU
     _, added, difference, spread, ratio, other = extrapolations[0]
     if difference > allowed:
         raise ValueError(
-            "blas must reach so low that the stiffness no longer rises: it is"
-            f" {other.stiffness / 1e3:.4g} and {lowest.stiffness / 1e3:.4g} {units.stiffness} at"
-            f" the two lowest levels, {100 * difference / lost:.3g} % of the stiffness of the"
-            f" friction, more than {100 * _STIFFNESS_AGREEMENT:g} %. Measure at a lower level"
+            "blas must contain two low levels with the same stiffness, at which the friction"
+            f" sticks: it is {other.stiffness / 1e3:.4g} and {lowest.stiffness / 1e3:.4g}"
+            f" {units.stiffness} at the two lowest levels, {100 * difference / lost:.3g} % of"
+            f" the stiffness of the friction, more than {100 * _STIFFNESS_AGREEMENT:g} %."
+            " Measure at a lower level"
         )
     raise ValueError(
-        f"blas must hold two low levels that differ enough to show that both stick: at {ratio:.3g}"
-        f" times the force the stiffness falls by {difference / 1e3:.3g} +-"
-        f" {spread / SIGMAS / 1e3:.1g} {units.stiffness}, so that it may be {added / 1e3:.3g}"
-        f" {units.stiffness} more at rest, over {100 * _STIFFNESS_AGREEMENT:g} % of the stiffness"
-        " of the friction. Measure at a third of the lowest level"
+        "blas must contain two low levels that differ enough to show that the friction sticks:"
+        f" at {ratio:.3g} times the force the stiffness falls by {difference / 1e3:.3g} +-"
+        f" {spread / SIGMAS / 1e3:.1g} {units.stiffness}, so the stiffness at rest may be larger"
+        f" by {added / 1e3:.3g} {units.stiffness}, which is over {100 * _STIFFNESS_AGREEMENT:g}"
+        " % of the stiffness of the friction. Measure at a third of the lowest level"
     )

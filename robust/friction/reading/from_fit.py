@@ -96,11 +96,9 @@ def machines_of_fit(fit: FrictionFit) -> list[FrictionPlant]:
 
 
 def read_fit(fit: FrictionFit) -> MachineRead:
-    """Return an identified fit with the ends of its intervals; refuse a fit that leaves machine or
-    K0 open.
-    """
+    """Return an identified fit at the ends of its intervals; raise if it leaves K0 open."""
     if fit.reason:
-        raise ValueError(f"fit must leave neither machine nor K0 open, got: {fit.reason}")
+        raise ValueError(f"fit must determine machine and K0, got an open question: {fit.reason}")
     low = max(0.0, fit.interval("stiffness")[0])
     half_delay = HALF_WIDTH * fit.stds["delay"]
     machine = machines_of_fit(fit)[0]

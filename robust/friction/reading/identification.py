@@ -580,9 +580,7 @@ def _sign_of_mode(
 
 
 def _stuck_stiffness(levels: list[Motion], stds: list[np.ndarray], candidate: Candidate) -> float:
-    """Return the stiffness [N/m] of a free axis that no element explains; zero if it may be
-    chance.
-    """
+    """Return the stiffness [N/m] of a free axis that no element explains; zero by chance."""
     Q, left = tangent_of(levels, stds, candidate)
     worth, amount = gain_of(
         as_real([one.Y / std for one, std in zip(levels, stds, strict=True)]), Q, left

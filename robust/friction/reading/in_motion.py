@@ -152,8 +152,8 @@ def identify_sliding(
         )
     if speeds.shape != (len(records),) or not np.all(np.isfinite(speeds) & (speeds != 0)):
         raise ValueError(
-            f"velocities must be one for each of the {len(records)} records, none zero, got"
-            f" {speeds}"
+            f"velocities must contain one nonzero velocity for each of the {len(records)}"
+            f" records, got {speeds}"
         )
     if masses not in (1, 2):
         raise ValueError(f"masses must be 1, or 2 for a motor and a load, got {masses}")
@@ -178,8 +178,9 @@ def identify_sliding(
     coupled = {name: joined(name) for name in _COUPLED} if masses == 2 else {}
     if coupled and not 0 < coupled["load_mass"][0] < mass:
         raise ValueError(
-            f"records must show motor and load apart, got a load of {coupled['load_mass'][0]:.3g}"
-            f" of {mass:.3g} kg. Measure beyond the resonance"
+            "records must distinguish motor and load, got a load of"
+            f" {coupled['load_mass'][0]:.3g} kg of {mass:.3g} kg in all. Measure beyond the"
+            " resonance"
         )
     stds = {
         # the errors of all records are correlated, so averaging does not reduce them
@@ -235,9 +236,7 @@ def _fit_forces(
 
 
 def fit_linear(motion: Motion, masses: int) -> tuple[dict[str, float], dict[str, float]]:
-    """Return mass, damping, delay and further terms of a linear machine, with their standard
-    deviations.
-    """
+    """Return the parameters of a linear machine with delay, with standard deviations."""
     kept = motion.excited  # the other lines contain noise alone
     motion = replace(
         motion,

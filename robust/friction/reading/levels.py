@@ -26,9 +26,9 @@ def require_si(name: str, unit: str) -> None:
     parts = {part.strip("() ") for part in unit.split("/")}
     if wrong := sorted(parts & _SCALED_UNITS):
         raise ValueError(
-            f"{name} must be in m/N (rad/Nm where it turns), got {unit}: mass and stiffness are in"
-            f" kg and N/m, and the prefix of {' and '.join(wrong)} would be lost. Scale the channel"
-            " before identify"
+            f"{name} must be in m/N (rad/Nm for a rotary axis), got {unit}: mass and stiffness"
+            f" are in kg and N/m, so the prefix of {' and '.join(wrong)} would give wrong"
+            " values. Scale the channel before identify"
         )
 
 

@@ -61,9 +61,7 @@ class _LinearLoad:
 
     @property
     def numbers(self) -> dict[str, float]:
-        """Numbers of a candidate whose friction slides: without elements its stiction has no
-        effect.
-        """
+        """Numbers of a candidate whose friction slides; its stiction has no effect."""
         return {
             "mass": self.motor,
             "damping": self.damping / 2,

@@ -109,25 +109,25 @@ def machine_with_friction(
         )
     if records and measured:
         raise ValueError(
-            f"blas must be BLAs alone or Records alone, got {len(measured)} and {len(records)}: a"
-            " BLA has lost the motion that the estimate from records needs. Take the records of"
-            " all levels, or identify them"
+            f"blas must be BLAs alone or Records alone, got {len(measured)} and {len(records)}:"
+            " the estimate from records needs the motion, which a BLA does not contain. Use the"
+            " records of all levels, or identify all of them"
         )
     if not records:
         if free:
             raise ValueError(
-                "free must be left out with BLAs, which leave a spring to ground open, got True"
+                "free must be left out with BLAs, which do not show whether there is a spring"
+                " to ground, got True"
             )
         if masses != 1:
             raise ValueError(
-                "masses must be 1 with BLAs, which take a nominal for a flexible machine, got"
-                f" {masses}"
+                f"masses must be 1 with BLAs (for a flexible machine give a nominal), got {masses}"
             )
         return assume_class(read_blas(measured, nominal), stiction=stiction, margin=margin)
     if nominal is not None:
         raise ValueError(
-            "nominal must be left out with Records, which are read as one mass or two, got one:"
-            " give the BLAs, nlfrf.identify(record) of each"
+            "nominal must be left out with Records, whose model is one mass or two, got one:"
+            " give BLAs instead, nlfrf.identify(record) of each"
         )
     fit = identify_friction(records, free=free, masses=masses)
     return assume_class(read_fit(fit), stiction=stiction, margin=margin)

@@ -179,9 +179,7 @@ def _root_parts(roots: np.ndarray) -> np.ndarray:
 
 
 def _root_covariances(roots: np.ndarray, cov: np.ndarray, dt: float) -> np.ndarray:
-    """Return (n, 2, 2) covariance of real and imaginary part of each root, in the plane of the
-    model.
-    """
+    """Return (n, 2, 2) covariance of real and imaginary part of each root."""
     rows = _root_parts(roots)
     out = rows @ cov @ rows.transpose(0, 2, 1)
     if dt:

@@ -97,9 +97,7 @@ class _MatrixFitProblem:
     def fit_behind_delays(
         self, tau: np.ndarray, start: SharedPoles | None = None
     ) -> tuple[SharedPoles, float]:
-        """Return the best model behind given delays, from a start or from scratch, with its
-        cost.
-        """
+        """Return the best model with given delays, from a start or without, and its cost."""
         points, G, metric = self.without_delays(tau)
         model = start or fit_shared_poles(points, G, metric=metric, **self.options)
         return refine_shared_poles(
@@ -390,9 +388,7 @@ def _scan_input_delay(sought: _MatrixFitProblem, i: int) -> float:
 
 
 def _delay_step(sought: _MatrixFitProblem, model: SharedPoles, tau: np.ndarray) -> np.ndarray:
-    """Return (n_u,) the change of the delays in a Gauss-Newton step of delays and model
-    together.
-    """
+    """Return (n_u,) the change of the delays in a joint Gauss-Newton step."""
     points, G, metric = sought.without_delays(tau)
     # derivative of each column by its own delay, up to the sign
     turned = 1j * sought.omega[:, None, None] * G
@@ -430,19 +426,19 @@ def _warn_of_fit(fit: NominalFit, lines: FrfData, *, one_record: bool) -> None:
     ratio = float(np.sum(np.abs(fit.residual) ** 2 / var)) / fit.expected_cost
     if one_record and ratio > _COST_LIMIT:
         data_warning(
-            f"a nominal model of {fit.G.nstates} poles does not fit the measurement: its cost is"
-            f" {ratio:.3g} times that of scatter alone, and the misfit is added to the radius;"
-            f" {fit.describe_class_error()}",
+            f"a nominal model of {fit.G.nstates} poles does not fit the measurement: its cost"
+            f" is {ratio:.3g} times the cost that the variance of the FRF explains, and the"
+            f" misfit is added to the radius; {fit.describe_class_error()}",
             DesignWarning,
         )
     far = _poles_outside(fit.G, omega)
     if far.size:
         where = ", ".join(f"{w / 2 / np.pi:.4g}" for w in far)
         data_warning(
-            f"the nominal model has a pole where nothing was measured, at {where} Hz; the band is"
-            f" {omega.min() / 2 / np.pi:.4g} to {omega.max() / 2 / np.pi:.4g} Hz. Measure there if"
-            " the bound stays below |G| there, which friction may prevent; or use fewer poles if"
-            " the FRF allows it",
+            f"the nominal model has a pole where nothing was measured, at {where} Hz; the band"
+            f" is {omega.min() / 2 / np.pi:.4g} to {omega.max() / 2 / np.pi:.4g} Hz. Measure at"
+            " this frequency if the bound stays below |G| there, which friction may prevent; or"
+            " use fewer poles if the FRF allows it",
             DesignWarning,
         )
 
@@ -472,14 +468,15 @@ def checked_weight(
     excess = float(np.mean(20 * np.log10(np.abs(response(weight, omega)) / radius)))
     if excess > _EXCESSIVE_RATIO:
         data_warning(
-            f"the weight of order {weight.nstates} lies {excess:.1f} dB above the radius in the"
-            " mean over the measured lines: the set is much larger than the measurement requires. "
+            f"the weight of order {weight.nstates} is {excess:.1f} dB above the radius on"
+            " average over the measured lines: the set is much larger than the measurement"
+            " requires. "
             + (
                 "Leave out the order, so that it is chosen"
                 if order is not None and order < MAX_CHOSEN_ORDER
                 else (
-                    "The radius scatters from line to line, which no weight follows: average more"
-                    " realisations"
+                    "The radius scatters from line to line, and no weight can follow it:"
+                    " average more realisations"
                 )
             ),
             DesignWarning,
@@ -898,8 +895,8 @@ def _given_lines(
         if np.any(G) and not np.all(G):
             at = omega[np.argmin(np.abs(G))]
             raise ValueError(
-                f"std must be given where G is zero on a line, where 1/|G| is no weight: at {at:g}"
-                " rad/s"
+                "std must be given for an FRF that is zero on a line, because the default"
+                f" weight 1/|G| is infinite: at {at:g} rad/s"
             )
         return omega, G, np.abs(G) ** 2 + np.finfo(float).tiny, np.full(G.size, np.nan)
     var = require_real_array("std", std, ndim=1) ** 2
@@ -1022,9 +1019,7 @@ def with_delays(nominal: NominalFit | AnySystem | float) -> tuple[AnySystem | fl
 def single_nominal(
     nominal: NominalFit | AnySystem | float,
 ) -> tuple[control.StateSpace | control.FrequencyResponseData, float]:
-    """Return a nominal with one channel, an FRF or a system, with its delay inside, and that delay
-    [s].
-    """
+    """Return a nominal with one channel, with its delay inside, and that delay [s]."""
     plant, delay = with_delays(nominal)
     return (
         plant if isinstance(plant, control.FrequencyResponseData) else state_space("nominal", plant)

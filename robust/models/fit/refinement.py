@@ -160,9 +160,7 @@ def _evaluate_sections(x: np.ndarray, theta: np.ndarray, n: int) -> list[np.ndar
 
 
 def _relative_slopes(x: np.ndarray, sections: list[np.ndarray], *, out: np.ndarray) -> None:
-    """Write the derivative of each section by each of its parameters, over its value, into out (n,
-    W).
-    """
+    """Write the logarithmic derivative of each section by its parameters into out (n, W)."""
     with np.errstate(all="ignore"):
         for k, section in enumerate(sections):
             rows = out[2 * k : 2 * k + 2]
@@ -209,9 +207,7 @@ class MagnitudeProblem:
     log_x: np.ndarray
 
     def excess(self, theta: np.ndarray, log_k: float, order: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return log |W| - target at the points (and at zero and infinity), and its Jacobian (2n+1,
-        .).
-        """
+        """Return log |W| - target at the points and ends, and its Jacobian (2n+1, .)."""
         totals, slopes = log_sections(self.x, theta.reshape(2, order), order)
         N, ends = self.x.size, 2 * bool(np.isfinite(self.low))
         J = np.empty((2 * order + 1, N + ends))
@@ -255,9 +251,7 @@ class MagnitudeProblem:
         return theta
 
     def coarsen(self, most: int) -> MagnitudeProblem:
-        """Return the same target on fewer points: both ends of each group, with its highest
-        target.
-        """
+        """Return the target on fewer points: the ends of each group, with its maximum."""
         if self.x.size <= 1.2 * most:
             return self
         # groups are even over the index, over log frequency (lines of a multisine crowd at the top
@@ -437,9 +431,7 @@ def _descend_newton(
 def section_hessian(
     problem: MagnitudeProblem, theta: np.ndarray, *, order: int, first: np.ndarray, J: np.ndarray
 ) -> np.ndarray:
-    """Return the Hessian (2n, 2n) of sum first * excess by the parameters: a block for each
-    section.
-    """
+    """Return the Hessian (2n, 2n) of sum first * excess: a block for each section."""
     N, m = problem.x.size, order - order % 2
     c, slopes = first[:N], J[:-1, :N].reshape(2, order, N)
     sign = np.array([[1.0], [-1.0]])  # for zeros and poles of W

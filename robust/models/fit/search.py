@@ -177,9 +177,7 @@ class FitSearch:
     def best_of(
         self, starts: list[Roots], best: Roots | None = None, *, tolerance: float = CONVERGED
     ) -> Roots:
-        """Return the best of the refined starts and of a given fit; equal starts are refined
-        once.
-        """
+        """Return the best of the refined starts and a given fit; equal starts are refined once."""
         tried: list[float] = []
         for start in sorted(starts, key=lambda roots: roots[4]):
             if all(abs(start[4] - cost) > _SAME_COST * cost for cost in tried):
@@ -191,9 +189,7 @@ class FitSearch:
         return best
 
     def probability(self, roots: Roots) -> float:
-        """Return the probability that scatter and the error of the class leave a cost at least as
-        large.
-        """
+        """Return the probability of at least this cost by scatter and model error."""
         return probability_of_cost(roots[4], self.lines.dof, self.n_parameters(roots))
 
     def explained(self, roots: Roots) -> bool:
@@ -323,9 +319,7 @@ class FitSearch:
 
 
 def _trial_delays(lines: FrfData, dt: float) -> np.ndarray:
-    """Return delays [s] from zero to twice the mean group delay, or to one turn at the highest
-    line.
-    """
+    """Return delays [s] from zero to twice the mean group delay, or one turn at the last line."""
     order = np.argsort(lines.omega, kind="stable")
     phase = np.unwrap(np.angle(lines.G[order]))
     omega = lines.omega[order]

@@ -69,9 +69,7 @@ class SharedPoles:
 
     @property
     def n_parameters(self) -> int:
-        """Return the number of free real parameters: scaling C against B costs rank^2 of each
-        residue.
-        """
+        """Return the number of free real parameters (C/a and a B are the same model)."""
         n_y, rank = self.left.shape[1:]
         each = 1 + rank * (n_y + self.right.shape[1]) - rank**2
         real = self.poles.imag == 0

@@ -125,9 +125,7 @@ def fit_matrix_weights(
 
 
 def largest_gains(E: np.ndarray, L: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """Return (...) gains of W_l^-1 E W_r^-1, with L = W_l W_l* and R = W_r* W_r positive
-    definite.
-    """
+    """Return (...) gains of W_l^-1 E W_r^-1, with positive definite L and R."""
     # W_l, and W_r*, because R = W_r* W_r
     left = np.linalg.cholesky(L)
     right = np.linalg.cholesky(R)

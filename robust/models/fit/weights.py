@@ -281,9 +281,7 @@ def delay_weight(delay: float, *, gain: float = 0.0) -> control.StateSpace:
 
 
 def _delay_radius(x: np.ndarray, gain: float) -> np.ndarray:
-    """Return (W,) largest |k exp(-j x t) - 1| over 0 <= t <= 1 and |k - 1| <= gain, at x = omega
-    delay.
-    """
+    """Return (W,) max |k exp(-j x t) - 1| over 0 <= t <= 1, |k - 1| <= gain, x = omega delay."""
     return np.where(
         x < np.pi, np.sqrt(gain**2 + 2 * (1 + gain) * (1 - np.cos(np.minimum(x, np.pi)))), 2 + gain
     )
@@ -299,9 +297,7 @@ Fit = tuple[float, np.ndarray, float]  # error, theta, log_k
 
 
 def _least_squares(problem: MagnitudeProblem, order: int) -> list[Fit]:
-    """Return fits of the target itself from every start, with their largest error, the best one
-    first.
-    """
+    """Return fits of the target from every start with their largest error, best first."""
     few, fits = problem.thin(150), []
     for start in _starting_parameters(few, order):
         theta, log_k = fit_asymmetric(few, start, order=order, below=1.0, n_iterations=40)
@@ -358,9 +354,7 @@ def _add_states(problem: MagnitudeProblem, growth: _Growth, more: int) -> _Growt
 
 
 def _placed_weight(problem: MagnitudeProblem, start: np.ndarray, order: int) -> _Growth:
-    """Return the weight with sections refined from a start, by least squares and then by least
-    excess.
-    """
+    """Return the weight with sections refined by least squares, then by least excess."""
     theta, log_k = placed = fit_asymmetric(
         problem, start, order=order, below=_BELOW, n_iterations=8
     )
@@ -639,9 +633,7 @@ class _Demand:
 
 
 def _best_weight(demand: _Demand, order: int) -> _WeightFit:
-    """Fit a weight of given order: exact if possible, otherwise with the least mean excess
-    found.
-    """
+    """Fit a weight of given order: exact if possible, else with the least mean excess."""
     if order and (exact := _exact_weight(demand, order)):
         return exact
     problem = demand.problem()

@@ -255,9 +255,7 @@ _CURES = {
 
 
 def _warn_of_radius(model: UncertaintyModel) -> None:
-    """Warn if the relative radius reaches one below the crossover that the nominal was fitted
-    for.
-    """
+    """Warn if the relative radius reaches one below the crossover of the nominal fit."""
     relative, crossover = model.relative_radius(), model.origin.omega_c
     over = (model.omega <= crossover) & (relative >= 1)
     if not over.any():

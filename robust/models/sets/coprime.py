@@ -180,9 +180,7 @@ def _output_normal_form(factors: Matrices, X: np.ndarray) -> tuple[np.ndarray, n
 
 
 def _require_exact_factors(G: control.StateSpace, factors: Matrices, poles: np.ndarray) -> None:
-    """Refuse factors whose quotient is not the plant: plants made from them would lie outside the
-    set.
-    """
+    """Require factors whose quotient is the plant; others give plants outside the set."""
     if not poles.size:
         return
     fast, slow = np.abs(poles).max(), max(np.abs(poles).min(), 1e-12 * np.abs(poles).max())
@@ -192,8 +190,8 @@ def _require_exact_factors(G: control.StateSpace, factors: Matrices, poles: np.n
     off = float(np.max(np.abs(N - plant * M) / np.hypot(1, np.abs(plant))))
     if not off <= _FACTOR_TOLERANCE:
         raise ValueError(
-            "nominal must have coprime factors that floating point resolves, got factors with an"
-            f" error of {off:.2g} (numerical failure). Other units or fewer states may help"
+            "nominal must have coprime factors that can be computed accurately, got factors"
+            f" with an error of {off:.2g}. Other units or fewer states may help"
         )
 
 
@@ -227,8 +225,8 @@ def tangent_system(w: control.StateSpace) -> control.StateSpace:
     Y = stabilising_riccati(A, B, Q=C.T @ C, R=D.T @ D - 1, S=C.T @ D) if D[0, 0] ** 2 < 1 else None
     if Y is None:
         raise ValueError(
-            "weight must stay below one at all frequencies to make plants of the set, got one that"
-            " reaches it"
+            "weight must stay below one at all frequencies to make plants of the set, got a"
+            " weight that reaches one"
         )
     root = np.sqrt(1 - D.T @ D)
     gain, back = -(B.T @ Y + D.T @ C) / root, 1 / root

@@ -380,9 +380,7 @@ def _on_lines(system: control.StateSpace, omega: np.ndarray) -> np.ndarray:
 
 
 def _lines_of_systems(systems: Sequence[control.StateSpace]) -> np.ndarray:
-    """Return frequencies (W,) [rad/s] over the band of all poles and beyond, dense at each
-    resonance.
-    """
+    """Return (W,) frequencies [rad/s] beyond all poles, dense at each resonance."""
     dt = max(map(timebase, systems))
     s = np.concatenate([to_s_plane(poles_of(system), timebase(system)) for system in systems])
     s = s[np.isfinite(s) & (np.abs(s) > 0)]
@@ -430,12 +428,12 @@ def _find_nominal(G_p: np.ndarray, omega: np.ndarray, dt: float) -> control.Stat
             break
     if best is None:
         raise ValueError(
-            f"nominal must be given for FRFs on {omega.size} lines, which are too few to find one"
+            f"nominal must be given for FRFs on {omega.size} lines, which are too few to fit one"
         )
     if least > 1 / _MISFIT_SHARE:
         data_warning(
-            "nominal must be near the middle of the plants for a small set, and the one found is "
-            f"{_MISFIT_SHARE * least:.2g} times their spread away from it: give a nominal",
+            f"the fitted nominal is {_MISFIT_SHARE * least:.2g} times the spread of the plants"
+            " away from their middle, so the set is larger than necessary: give a nominal",
             DesignWarning,
         )
     return best
@@ -473,7 +471,8 @@ def make_family_set(
     require_choice("form", form, (*MATRIX_FORMS, AUTO))
     if form == ELEMENTS and full:
         raise ValueError(
-            'weights must be "diagonal" for elements, which have a weight each, got "full"'
+            'weights must be "diagonal" for the form elements, which has one weight for each'
+            ' entry, got "full"'
         )
     if family.is_parametric:
         rules = Extrapolation()
@@ -509,9 +508,7 @@ def _hold_family(
     perturbation: str,
     chosen: str,
 ) -> UncertaintyModel:
-    """Return a set in a form that covers every member; refuse if weights of the order are too far
-    off.
-    """
+    """Return a set of a form that covers every member, or raise."""
     for round_ in range(MAX_ROUNDS):
         model = _fit_set(
             family, form, full=full, order=order, rules=rules, perturbation=perturbation
@@ -524,9 +521,9 @@ def _hold_family(
     lift, at = float(reach.sizes.max()), float(reach.omega[reach.sizes.argmax()])
     if not lift < MAX_LIFT:
         raise ValueError(
-            f"form and order must allow stable proper weights over every deviation, got {form} of"
-            f" order {order} with a plant {lift:.3g} times as far from the nominal as the weights"
-            f" reach, at {at:.3g} rad/s"
+            "form and order must allow stable proper weights that cover every deviation, got"
+            f" {form} of order {order} with a plant at {lift:.3g} times the weights, at {at:.3g}"
+            " rad/s"
         )
     return _lift_set(
         model,

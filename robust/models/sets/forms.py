@@ -100,9 +100,7 @@ class Form:
         return unit if power == 1 else inverse_unit(unit) if unit and power == -1 else ""
 
     def radius_factor(self, omega: Array, absolute: Array, center: Array) -> Array:
-        """Return (W,) the factor from an absolute radius to the radius in this form; refuse one
-        without.
-        """
+        """Return (W,) the factor from an absolute radius to the radius in this form."""
         if self.vanishes_with_plant and np.any(center == 0):
             raise ValueError(
                 f"nominal must not vanish on a line for the {self.name} form, got zero"
@@ -405,9 +403,7 @@ def relative_radius(form: str, w: Array, size: Array) -> Array:
 def perturbed_sensitivity_terms(
     form: str, w: Array, *, G: Array, K: Array, W: Array | float = 1.0
 ) -> tuple[Array, Array, Array]:
-    """Return S, a, b of the perturbed sensitivity S_p = S (1 + a Delta)/(1 + b Delta), from
-    responses.
-    """
+    """Return S, a, b of S_p = S (1 + a Delta)/(1 + b Delta), from responses."""
     row = FORMS[form]
     with np.errstate(all="ignore"):
         S = 1 / (1 + G * K)

@@ -295,5 +295,5 @@ def _require_known_signals(
     for label in named_in:
         if label not in {*named_out, *external}:
             raise ValueError(
-                f"systems must have every input driven, got none that drives {label!r}"
+                f"systems must have a source for every input, got no output that drives {label!r}"
             )

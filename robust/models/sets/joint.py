@@ -87,9 +87,7 @@ def _shrunk_residual(r: np.ndarray, v: np.ndarray, missed: np.ndarray) -> tuple[
 def probability_of_frf(
     model: UncertaintyModel, summary: RecordSummary, missed: np.ndarray
 ) -> tuple[float, float]:
-    """Return `_joint_probability` for one channel, with the level that the roughness of G
-    confirms.
-    """
+    """Return `_joint_probability` for one channel, with the level from the roughness of G."""
     assert summary.scatter is not None  # for one channel
     inside = (summary.omega >= model.omega[0] * (1 - 1e-9)) & (
         summary.omega <= model.omega[-1] * (1 + 1e-9)

@@ -55,9 +55,7 @@ def hold_and_delay_factor(
 
 
 def warn_of_unknown_hold(model: FrfSource, dt: float) -> None:
-    """Warn if a record at the rate of the controller may include the hold, which would then count
-    twice.
-    """
+    """Warn if the record may contain the hold of the controller, which is then counted twice."""
     sampled = (
         isinstance(model, UncertaintyModel) and not model.measured_only and timebase(model.nominal)
     )
@@ -66,10 +64,11 @@ def warn_of_unknown_hold(model: FrfSource, dt: float) -> None:
     fs = origin_of(model).fs
     if dt * fs < _RATE_RATIO:
         data_warning(
-            f"hold of the record must be known, at {fs:g} Hz, for a controller at {1 / dt:g} Hz: a"
-            " hold is added here, and the record contains one already if u was the command of a"
-            ' converter. Load it with hold="zoh" (u is the command) or hold="band-limited" (u was'
-            " measured after the hold)",
+            f"hold of the record (sampled at {fs:g} Hz) is unknown: the check adds the hold of"
+            f" the controller at {1 / dt:g} Hz, but if u was the command of a converter, the"
+            " record already contains a hold, which is then counted twice. Load the record with"
+            ' hold="zoh" (u is the command) or hold="band-limited" (u was measured after the'
+            " hold)",
             DesignWarning,
         )
 

@@ -62,9 +62,7 @@ class _Terms:
     more: ExactMatrix
 
     def below(self, level: float) -> ExactMatrix:
-        """Return the matrix that is positive if and only if a Delta of gain below the level
-        suffices.
-        """
+        """Return the matrix that is positive iff a Delta of gain below the level exists."""
         left = self.left.times(to_rational(level) ** 2) + self.more
         return join_blocks([[left, self.E[0]], [self.E[1], self.right]])
 
@@ -237,9 +235,7 @@ def coprime_deviation(
 
 
 def right_roots(system: control.StateSpace, *, inverse: bool) -> int:
-    """Return the number of poles (in an inverse form: zeros) strictly outside the stability
-    region.
-    """
+    """Return the number of poles (inverse form: zeros) outside the stability region."""
     dt = timebase(system)
     if not inverse:
         return unstable_poles(system, dt)
@@ -248,9 +244,7 @@ def right_roots(system: control.StateSpace, *, inverse: bool) -> int:
 
 
 def require_equal_roots(form: str, systems: Sequence[control.StateSpace], *, inverse: bool) -> None:
-    """Refuse plants with another number of poles (or zeros) in the right half plane than the
-    nominal.
-    """
+    """Require plants with as many poles (or zeros) in the right half plane as the nominal."""
     own, *counts = (right_roots(system, inverse=inverse) for system in systems)
     if set(counts) - {own}:
         raise ValueError(

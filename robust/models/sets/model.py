@@ -556,9 +556,7 @@ class UncertaintyModel:
         return form.relative_weight(self.radius, np.abs(self.at(self.omega)))
 
     def describe_radius(self) -> str:
-        """Describe the largest radius below and above the crossover of the nominal, with its
-        parts.
-        """
+        """Describe the largest radius below and above the crossover, with its parts."""
         relative, crossover = self.relative_radius(), self.origin.omega_c
         if np.isnan(crossover) or np.isnan(relative).any():
             return ""
@@ -786,9 +784,7 @@ class UncertaintyModel:
         return next((row for row in BLOCK_FORMS.values() if row.one_channel == self.form), None)
 
     def deviations(self, plant: control.StateSpace) -> list[Deviation]:
-        """Return the deviation of a plant from the nominal; with "elements" one for each entry of
-        G.
-        """
+        """Return the deviation of a plant from the nominal, by entry of G for "elements"."""
         G, row = self.nominal, self._row
         if row is None:
             return [coprime_deviation(G, plant, weight=self.weight, shaping=self.shaping)]
@@ -864,9 +860,7 @@ class UncertaintyModel:
         return plants
 
     def open_loop(self) -> control.StateSpace:
-        """Return the system from (outputs of Delta, u) to (inputs of Delta, y), for several
-        channels.
-        """
+        """Return the system from (outputs of Delta, u) to (inputs of Delta, y)."""
         require_several_channels(self, "have its perturbations pulled out", "use check")
         G, dt = self.nominal, self.nominal.dt
         n_y, n_u = self.n_outputs, self.n_inputs

@@ -123,9 +123,7 @@ class OrderScan:
 
     @property
     def loop_radius(self) -> np.ndarray:
-        """Return (n,) largest |T_c| times the radius of each set over |G|; nan without a
-        crossover.
-        """
+        """Return (n,) max of |T_c| radius / |G| for each set; nan without a crossover."""
         return np.array([size.loop_radius for size in self.sizes])
 
     @property
@@ -530,9 +528,7 @@ def _choose_by_data(criterion: np.ndarray, fits: Sequence[NominalFit], reach: np
 
 
 def _needs_delay(fits: Sequence[NominalFit]) -> bool:
-    """Return True if scatter explains no fit without a delay whose poles and zeros the data
-    support.
-    """
+    """Return True if no supported fit without a delay explains the data."""
     return not any(
         fit.p_value > UNLIKELY_COST
         and not describe_doubts(fit)

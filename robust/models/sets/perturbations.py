@@ -87,9 +87,7 @@ def all_pass_of_poles(poles: np.ndarray, gain: float, dt: float) -> control.Stat
 
 
 def with_phase(omega: float, value: complex, dt: float) -> control.StateSpace:
-    """Return a first-order all-pass times |value| that takes the given complex value at omega
-    [rad/s].
-    """
+    """Return a first-order all-pass times |value| that equals value at omega [rad/s]."""
     x = 2 / dt * np.tan(omega * dt / 2) if dt else omega
     angle = float(np.angle(value))
     if abs(np.sin(angle)) < _REAL_ANGLE:

@@ -228,9 +228,7 @@ def sum_of_parts(parts: dict[str, np.ndarray]) -> np.ndarray:
 def record_radius_parts(
     bla: Bla, nominal: control.StateSpace | control.FrequencyResponseData, spec: RadiusSpec
 ) -> dict[str, np.ndarray]:
-    """Return the parts (F,) of the absolute radius about the nominal for one record with one
-    channel.
-    """
+    """Return the parts (F,) of the absolute radius for one record with one channel."""
     F = bla.f.size
     quantile = bla.f_quantile(spec.p, simultaneous=spec.simultaneous)
     # for a new realisation: the error of G itself, plus the scatter of one realisation, which M
@@ -279,9 +277,7 @@ def _model_misfit(bla: Bla, model: np.ndarray) -> np.ndarray:
 
 
 def _window_means(x: np.ndarray) -> np.ndarray:
-    """Return (F, ...) means over the lines around each line, in windows that stay inside at the
-    ends.
-    """
+    """Return (F, ...) means over the lines around each line, in windows inside the band."""
     F = len(x)
     sums = np.concatenate([np.zeros((1, *x.shape[1:])), np.cumsum(x, axis=0)])
     first = np.clip(np.arange(F) - _WINDOW // 2, 0, max(F - _WINDOW, 0))
@@ -438,9 +434,7 @@ def block_radii_of_record(
 
 
 def _root_quantiles(frm: Bla, spec: RadiusSpec) -> np.ndarray:
-    """Return (F,) the quantile of Roy's root: the block of a `Bla` over the root of its
-    covariance.
-    """
+    """Return (F,) quantile of Roy's root: block of a `Bla` over the root of its covariance."""
     left, _ = frm.block(spec.p, simultaneous=spec.simultaneous)
     size = np.einsum("jkf,jkf->f", left, left.conj()).real
     return size / np.einsum("jjf->f", frm.cov.bound).real

@@ -98,9 +98,7 @@ def _radius_of_plants(
     nominal: control.StateSpace | control.FrequencyResponseData,
     form: Form,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return lines [rad/s] and the largest deviation of a plant on each, in the unit of the
-    form.
-    """
+    """Return lines [rad/s] and the largest deviation of a plant, in the unit of the form."""
     lines = _lines_of_frfs(plants, nominal)
     each, differs = [], False
     for plant in plants:

@@ -111,9 +111,7 @@ def squared_line(low: arb, high: arb) -> TaylorModel:
 
 
 def _sqrt_upper(top: arb, bottom: arb) -> arb:
-    """Return an upper bound of sqrt(top/bottom); infinite if the bottom is not certainly
-    positive.
-    """
+    """Return an upper bound of sqrt(top/bottom); infinite unless bottom is positive."""
     if not bottom > 0:
         return arb.pos_inf()
     found = (top.abs_upper() / bottom.abs_lower()).abs_upper()
@@ -138,9 +136,7 @@ def product_of_systems(one: Quotient, other: Quotient) -> Quotient:
 
 @value(copy=False)
 class _Sums:
-    """Upper bounds of the sums over all aliases k != 0 on an interval; `AliasBounds` defines the
-    sums.
-    """
+    """Upper bounds of the sums over all aliases k != 0 on an interval (see `AliasBounds`)."""
 
     F: arb
     G: arb
@@ -281,9 +277,7 @@ class AliasBounds:
 
 
 def upper_end(x: arb) -> arb:
-    """Return the upper end of a ball without relevant negative numbers; infinity if it is not
-    finite.
-    """
+    """Return the upper end of a ball; infinity if it is not finite."""
     return x.abs_upper() if x.is_finite() else arb.pos_inf()
 
 
@@ -302,9 +296,7 @@ def _sine_up(x: arb) -> arb:
 
 
 def root_radius(*systems: Quotient) -> float:
-    """Return an approximate bound of the roots of systems (Fujiwara); it only places the first
-    cuts.
-    """
+    """Return an approximate bound of the roots (Fujiwara), which places the first cuts."""
     found = 0.0
     for system in systems:
         for p in (system.num, system.den):

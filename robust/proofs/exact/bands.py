@@ -340,9 +340,7 @@ def _exact_number(x: arb) -> fmpq:
 def _look_inside(
     low: fmpq, high: fmpq, parts: Sequence[TransferMatrix], inequality: Inequality
 ) -> Piece:
-    """Return a piece with M at a point inside, the geometric mean of its ends unless a pole is
-    there.
-    """
+    """Return a piece with M at a point inside, near the geometric mean of its ends."""
     top = high
     for bits in count(64, 64):
         with ctx.workprec(bits):

@@ -94,9 +94,7 @@ class LpvMatrices:
 
 
 def to_matrices(system: control.StateSpace) -> Matrices:
-    """Return the matrices of anything that has A, B, C, D and dt (a state space), number by
-    number.
-    """
+    """Return the matrices of an object with A, B, C, D and dt, number by number."""
     D = np.array(system.D, dtype=float, ndmin=2)
     n = int(np.size(system.A) ** 0.5 + 0.5)
     return Matrices(

@@ -39,9 +39,7 @@ C = TypeVar("C", bound=_Claim)
 
 
 def to_plain(part: object) -> Json:
-    """Return a part of a claim for JSON; floats are written with the digits that restore them
-    exactly.
-    """
+    """Return a part of a claim for JSON; floats are written so that they are restored exactly."""
     if is_dataclass(part):
         return {one.name: to_plain(getattr(part, one.name)) for one in fields(part)}
     if isinstance(part, np.ndarray | np.generic):

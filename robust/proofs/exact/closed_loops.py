@@ -64,9 +64,7 @@ def decide_closed_loop(claim: ClosedLoopClaim, *, deadline: float = inf) -> Deci
 
 
 def transfer_of_loop(plant: Matrices, controller: Matrices) -> TransferMatrix:
-    """Return F_l(P, K) as an exact system; a ZeroDivisionError is raised if the loop has no
-    solution.
-    """
+    """Return F_l(P, K) as an exact system; ZeroDivisionError if it is not well posed."""
     return TransferMatrix.of_rationals(
         *_closed_loop(plant, controller), discrete=bool(plant.dt or controller.dt)
     )

@@ -283,9 +283,7 @@ def _sum_of(bound: arb_series) -> arb:
 
 @value(copy=False)
 class _Logarithm:
-    """A function of u without roots, by the Taylor series of its logarithm and a bound of the
-    remainder.
-    """
+    """A function of u without roots: Taylor series of its logarithm, remainder bound."""
 
     value: acb
     series: acb_series
@@ -480,9 +478,7 @@ def _best_balance(sums: _Sums) -> tuple[float, tuple[float, float]]:
 
 
 def _is_below_one(upper: list[list[acb]]) -> bool:
-    """Return whether a Hermitian matrix of balls, given by its upper half, is less than the
-    identity.
-    """
+    """Return whether a Hermitian matrix of balls (upper half) is less than the identity."""
     n = len(upper)
     M = [[upper[i][j] if i <= j else upper[j][i].conjugate() for j in range(n)] for i in range(n)]
     rows = [

@@ -85,9 +85,7 @@ class PolynomialMatrix:
         )
 
     def is_positive_definite(self) -> bool:
-        """Return whether the symmetric matrix is certainly positive definite at every theta of [-1,
-        1].
-        """
+        """Return whether a symmetric matrix is positive definite at every theta in [-1, 1]."""
         if not self.shape[0]:
             return True
         leaves = _choose_intervals(self.to_array())

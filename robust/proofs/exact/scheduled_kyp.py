@@ -147,9 +147,7 @@ def require_schedule(
 
 
 def verify_schedule(claim: ScheduleClaim, *, time_cap: float = 60.0) -> Verification:
-    """Prove a claim again from its numbers alone; it takes a few seconds at most, which no cap
-    stops.
-    """
+    """Prove a claim again from its numbers alone, in a few seconds (without a cap)."""
     return summarise_claims({describe(claim): decide_schedule(claim)})
 
 

@@ -142,9 +142,7 @@ WHOLE_SAMPLES, _WHOLE_SAMPLES_DISCRETE, _SAME_CLOCK = 1e-9, 1e-6, 1e-9
 
 @value
 class Axis:
-    """The loop on s = j x: x is omega [rad/s] for a continuous loop, tan(omega dt/2) for a sampled
-    one.
-    """
+    """The loop on s = j x: x is omega [rad/s], or tan(omega dt/2) for a sampled loop."""
 
     # G, K, w, P: plant (hold and delay by samples inside), controller, weights; P is None without
     # one
@@ -328,9 +326,7 @@ def loop_terms(
 def map_parts(
     found: Squares, pair: Callable[[SquaredPart], Made]
 ) -> tuple[Made, Made, Made, Made | None, Made | None]:
-    """Return the results of `pair` for plant, controller and weights; None for a weight that is
-    absent.
-    """
+    """Return the results of `pair` for plant, controller and weights; None if absent."""
     P, W = (None if part is None else pair(part) for part in (found.P, found.W))
     return pair(found.G), pair(found.K), pair(found.w), P, W
 

@@ -282,9 +282,7 @@ def _part_in_sine(part: SquaredPart) -> SquaredPart:
 
 
 def _polynomial_in_sine(p: arb_poly, degree: int) -> arb_poly:
-    """Return (1 - u)^degree p(u/(1 - u)), a polynomial in u; with v = 1 - u the argument is 1/v -
-    1.
-    """
+    """Return (1 - u)^degree p(u/(1 - u)), a polynomial in u."""
     kind = type(p)
     shifted = p(kind([-1, 1]))
     return kind([shifted[k] for k in range(degree, -1, -1)])(kind([1, -1]))
@@ -305,9 +303,7 @@ def _ratio_at_infinity(part: SquaredPart, v: arb) -> tuple[arb, arb]:
 
 
 def _tail_frequency(found: Squares, inequalities: Inequalities) -> float:
-    """Return a frequency above which the claim holds for any phase of the delay; inf if none is
-    found.
-    """
+    """Return a frequency above which the claim holds for any delay; inf if none is found."""
     omega = 1e-3
     while omega < _MAX_OMEGA:
         v = arb(0).union(1 / arb(omega) ** 2)

@@ -79,9 +79,7 @@ def grows(claim: ScheduleClaim, trajectory: Trajectory) -> bool:
 
 
 def held_loop(claim: ScheduleClaim) -> ScheduledLoop:
-    """Return the loop of a claim with theta held within a sample, which has no block for its
-    motion.
-    """
+    """Return the loop of a claim with theta constant within a sample."""
     loop = replace(claim, rate=0.0, jumps=True).loop()
     assert loop is not None  # a motion may be too fast for a bound, a hold is not
     return loop

@@ -44,17 +44,13 @@ class Magnitude:
 
 
 def _log_max_distance(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return (I,) log of the product of the largest distances of the roots from each real
-    interval.
-    """
+    """Return (I,) log product of the largest distances of the roots from each interval."""
     ends = np.maximum(np.abs(low[:, None] - roots), np.abs(high[:, None] - roots))
     return np.asarray(np.log(ends).sum(axis=1))
 
 
 def _log_min_distance(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return (I,) log of the product of the smallest distances of the roots from each real
-    interval.
-    """
+    """Return (I,) log product of the smallest distances of the roots from each interval."""
     with np.errstate(divide="ignore"):
         nearest = np.clip(roots.real, low[:, None], high[:, None]) - roots
         return np.asarray(np.log(np.abs(nearest)).sum(axis=1))

@@ -96,9 +96,7 @@ def certify_scaled(
 def certify_with_one_scaling(
     system: control.StateSpace, blocks: Sequence[Block], *, solver: str | None, subject: str
 ) -> Certificate:
-    """Return the certificate of mu below one with one scaling for all frequencies, or a
-    failed one.
-    """
+    """Return the certificate of mu < 1 with one scaling for all frequencies."""
     found = certify_scaled(system, blocks, 1 - SLACK, solver=solver, subject=subject)
     if found is None:
         return failed_certificate(

@@ -151,9 +151,7 @@ def _solve(
 
 
 def _in_coordinates(loop: ScheduledLoop, S: np.ndarray, d: np.ndarray) -> list[np.ndarray]:
-    """Return the coefficients of A, B, C, D in the coordinates S^-1 x, with the channels balanced
-    by d.
-    """
+    """Return the coefficients of A, B, C, D in the states S^-1 x and scaled channels."""
     T = np.linalg.inv(S)
     rows, cols = (np.repeat(d, [block[k] for block in loop.blocks]) for k in (0, 1))
     A, B, C, D = (getattr(loop, name).to_array() for name in "ABCD")

@@ -240,9 +240,9 @@ def _warn_of_loop(axis: ServoAxis, wanted: Multisine) -> None:
     gains = f"kv = {drive.kv:g} 1/s, kp = {drive.kp:g} {drive.kp_unit} and tn = {drive.tn:g} s"
     if np.abs(closed_loop_poles(axis)).max() > 1 + _ROUNDING_OF_POLES:
         data_warning(
-            f"the loop of this axis with {gains} is unstable without friction: the computed peaks"
-            " and set points are wrong. Check the units of the gains, of torque_constant and of"
-            " the inertia"
+            f"the loop of this axis with {gains} is unstable without friction, so the computed"
+            " peaks and set points are wrong. Check the units of the gains, of torque_constant"
+            " and of the inertia"
         )
         return
     crossover, (first, last) = crossover_frequency(axis), wanted.f[[0, -1]]
@@ -368,9 +368,9 @@ def _level_within(
         limit = getattr(limits, name)
         if taken[name] > limit:
             raise ValueError(
-                f"base_velocity must be lower, or its strokes shorter, for a {name} of at most"
-                f" {limit:g} {unit}, got {base.velocity:g} {units['velocity']}: the base motion"
-                f" alone needs {taken[name]:.3g} {unit}"
+                f"base_velocity or the length of the strokes must be smaller for a {name} of at"
+                f" most {limit:g} {unit}, got {base.velocity:g} {units['velocity']}: the base"
+                f" motion alone needs {taken[name]:.3g} {unit}"
             )
         left[name] = limit - taken[name]
     if (

@@ -103,8 +103,8 @@ def play_experiment(
     n = _stop_sample(trace, AxisLimits() if limits is None else limits)
     if n < 2:
         raise ValueError(
-            "limits must be above force, velocity and travel of the first period, got limits that"
-            " are passed there"
+            "limits must be above force, velocity and travel of the first period, got limits"
+            " that are exceeded in it"
         )
     columns = {
         "t [s]": trace.t,
@@ -148,8 +148,8 @@ def _require_designed_gains(axis: ServoAxis, path: Path) -> None:
         ]
         raise ValueError(
             f"axis must have the gains of the design in {found[0].with_suffix('.npz').name!r},"
-            f" {numbers[1]}, got {numbers[0]}: design again with these, or the force differs from"
-            " the design"
+            f" {numbers[1]}, got {numbers[0]}: design again with these gains, because the force"
+            " differs from the design otherwise"
         )
 
 

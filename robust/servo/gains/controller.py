@@ -141,7 +141,7 @@ def gains_from_controller(K: LinearSystem, *, like: Drive, output_unit: str = ""
     )
     if not np.all(np.abs(measured) > 0):
         raise ValueError(
-            "K must act on every position that the drive reads, got a response of zero"
+            "K must depend on every position that the drive measures, got a response of zero"
         )
     p = -np.expm1(-1j * angles)
     if like.encoder == "both" or like.velocity_from == "observer" or like.position_every > 1:
@@ -168,7 +168,8 @@ def _read_pid(K: np.ndarray, p: np.ndarray, like: Drive) -> list[tuple[float, fl
     b, n0, n1, n2 = solve_relative(columns, R)
     if not abs(n1) + abs(n2) > 0:
         raise ValueError(
-            "K must act on the velocity, got a controller without a gain above zero frequency"
+            "K must depend on the velocity, got a controller whose gain is zero except at zero"
+            " frequency"
         )
     if abs(n0) <= _NO_INTEGRATOR * _SLOWEST * abs(n1):
         n0 = 0.0
@@ -237,7 +238,7 @@ def _read_known_velocity(
             np.concatenate([velocity, position]), K[0] * p
         )
     if not kp:
-        raise ValueError("K must act on the velocity, got a controller without a gain on it")
+        raise ValueError("K must depend on the velocity, got a controller with zero gain for it")
     return kp, by_position / kp, by_reset / kp, np.nan
 
 

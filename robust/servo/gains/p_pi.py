@@ -157,9 +157,9 @@ def warn_of_slow_position_loop(settings: Drive) -> None:
     if settings.position_every > 1:
         warnings.warn(
             f"the position loop runs once in {settings.position_every} periods of the velocity"
-            f" loop, and K is the mean over the {settings.position_every} possible shifts between"
-            " the two clocks: every verdict on K holds for this approximation and not for the"
-            " drive. Set position_every to 1 for a proof",
+            " loop, so the drive is periodically time-varying. K is its mean over the"
+            f" {settings.position_every} possible shifts between both loops, and every verdict"
+            " on K holds for this approximation only. Set position_every to 1 for a proof",
             DesignWarning,
             stacklevel=3,
         )

@@ -209,7 +209,7 @@ def _gain_row(at: PlantOnLines, name: str, omega: float, least: float) -> Demand
     """Return a least |L| of the nominal at a frequency."""
     least = require_real(name, least)
     if least <= 0:
-        raise ValueError(f"{name} must ask for a positive |L|, got {least:g}")
+        raise ValueError(f"{name} must contain a positive |L|, got {least:g}")
     where = _nearest_lines(at, name, omega)
     return demand_row(
         f"|L| >= {least:g} at {format_hertz(float(omega))}",

@@ -196,8 +196,8 @@ def _warn_of_rising_gain(family: list[PlantOnLines], dt: float) -> None:
     for at in family:
         if at.loop is None and at.highest * dt < 0.9 * np.pi and at.rises_at_end:
             warnings.warn(
-                f"|G| rises over the last lines, up to {format_hertz(at.highest)}: an unknown mode"
-                " above them may make the loop unstable. Measure at higher frequency, or lower"
+                f"|G| rises towards the last line, {format_hertz(at.highest)}: a mode above"
+                " this line may make the loop unstable. Measure at higher frequency, or lower"
                 " end_gain",
                 DesignWarning,
                 stacklevel=4,
@@ -329,8 +329,8 @@ def _best_proved(
             proved.append((lowered, history, f"{why}; {text}"))
     if not proved:
         raise ValueError(
-            "prove must be a class for which some gain of the controller is proved, got none at 1,"
-            " 1/2, ... 1/512"
+            "prove must be a class for which the proof holds with some gain, got no proof with"
+            " the gain times 1, 1/2, ... 1/512"
         )
     return min(proved, key=lambda one: task.merit(one[0]))
 
@@ -421,7 +421,7 @@ def _check_start(task: DesignTask, start: Controller) -> list[np.ndarray]:
     if loops_stable(K, task.family, task.n_unstable)[0] is not Stability.STABLE:
         return []
     if task.positive and np.any(linear_rows(task, theta) @ theta < 0):
-        raise ValueError("start must have gains that are all positive, got one that is negative")
+        raise ValueError("start must have positive gains only, got a negative gain")
     if task.stable and unstable_poles(K, task.basis.dt):
         raise ValueError(
             "start must be stable itself, got unstable poles. Or allow them with stable=False"
@@ -449,7 +449,7 @@ def _refuse_without_start(task: DesignTask, start: Controller | None) -> NoRetur
     if start is not None:
         K = task.basis.controller(start_from_controller(task.basis, start, task.at))
         why = loops_stable(K, task.family, task.n_unstable)[1]
-        raise ValueError(f"start must stabilise the plant, got one with which {why}")
+        raise ValueError(f"start must stabilise the plant, got a controller with which {why}")
     plants = "every plant" if len(task.family) > 1 else "the plant"
     gains = " with positive gains" if task.positive else ""
     gaps = [gap for at in task.family if (gap := _describe_phase_gap(at))]

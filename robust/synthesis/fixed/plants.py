@@ -214,8 +214,9 @@ def _measured_lines(
     right = tuple(one for one in readings if one.sign == (known.sign or readings[0].sign))
     if not right:
         raise ValueError(
-            "positive must be left out: by the phase of the FRF y falls as u rises. Change the sign"
-            " of one of them, or measure at lower frequency if this is wrong"
+            "positive must be left out, because the gain of the plant is negative according to"
+            " the phase of the FRF. Change the sign of u or y, or measure at lower frequency if"
+            " this is wrong"
         )
     low = right[0]
     omega, G = np.concatenate([low.omega[::_BELOW], omega]), np.concatenate([low.G[::_BELOW], G])

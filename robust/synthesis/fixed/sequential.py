@@ -186,8 +186,8 @@ def _require_plant(plant: Bla | UncertaintyModel, options: LoopOptions) -> float
     require_nonnegative("delay", options["delay"])
     if n_unstable := require_integer("n_unstable", options["n_unstable"], least=0):
         raise ValueError(
-            "n_unstable must be 0 for loops closed in turn, which start from a stable matrix, got"
-            f" {n_unstable}"
+            "n_unstable must be 0 for several channels, because their loops are closed one"
+            f" after the other from a stable plant, got {n_unstable}"
         )
     if isinstance(plant, Bla):
         return dt
@@ -200,8 +200,9 @@ def _require_plant(plant: Bla | UncertaintyModel, options: LoopOptions) -> float
     wild = unstable_pole_values(plant.nominal, step)
     if wild.size:
         raise ValueError(
-            "plant must be stable except for integrators to close loops in turn, got a pole at"
-            f" {wild[0]:.4g}: dk_iteration and ncfsyn stabilise it with a full controller"
+            "plant must be stable except for integrators, because its loops are closed one"
+            f" after the other, got a pole at {wild[0]:.4g}: use dk_iteration or ncfsyn, which"
+            " design a full controller"
         )
     return step
 
@@ -296,7 +297,8 @@ def _design_loop_k(
             ", ".join(str(j + 1) for j in range(len(K)) if K[j] is not None and j != k) or "none"
         )
         raise ValueError(
-            f"{_loop_name(plant, k)} must close with loops {closed} closed before it, but {error}"
+            f"{_loop_name(plant, k)} must have a controller when the loops {closed} are closed"
+            f" before it, but {error}"
         ) from None
 
 

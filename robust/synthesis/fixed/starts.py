@@ -343,7 +343,7 @@ def start_from_controller(basis: Basis, start: Controller, at: PlantOnLines) -> 
     error = float(np.max(np.abs(response(K, omega) - k) / np.abs(k)))
     if not error < 0.1:
         raise ValueError(
-            f"start must have the structure {basis.structure.name!r}, got one that the structure"
-            f" misses by {100 * error:.2g} %"
+            f"start must have the structure {basis.structure.name!r}, got a controller that"
+            f" differs from the nearest one of this structure by {100 * error:.2g} %"
         )
     return theta

@@ -101,7 +101,7 @@ class ControllerStructure:
             object.__setattr__(self, field, require_integer(field, getattr(self, field), least=0))
         if poles.size and self.n_poles not in (0, poles.size):
             raise ValueError(
-                f"n_poles must be that of the poles given, {poles.size}, got {self.n_poles}"
+                f"n_poles must be the number of the given poles, {poles.size}, got {self.n_poles}"
             )
         object.__setattr__(self, "poles", tuple(complex(p) for p in poles))
         object.__setattr__(self, "n_poles", int(poles.size) or self.n_poles)
@@ -129,8 +129,8 @@ def structure_of(
     if isinstance(name, ControllerStructure):
         if integrators or filter_time is not None:
             raise ValueError(
-                "integrators and filter_time must be left out with a ControllerStructure: it has"
-                " its own"
+                "integrators and filter_time must be left out with a ControllerStructure,"
+                " which contains both"
             )
         return name
     text = str(name)

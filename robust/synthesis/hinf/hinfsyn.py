@@ -719,7 +719,7 @@ def synthesise(
     plant = prepare_plant(P, n_y, n_u)
     hidden = hidden_mode(plant)
     if hidden:
-        raise ValueError(f"P must be stabilisable by a controller, got one where {hidden}")
+        raise ValueError(f"P must be stabilisable through u and y, got a plant where {hidden}")
     found = _synthesise_as_given(P, plant, wanted=wanted, n_steps=n_steps)
     found = _settle_lower_bound(P, plant, found=found, factor=factor)
     if _is_far_from_bound(found, wanted) and found.n_steps < n_steps:

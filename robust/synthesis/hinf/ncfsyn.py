@@ -156,7 +156,7 @@ def _riccati_solutions(
     )
     if X is None or Z is None:
         raise ValueError(
-            "G must be stabilisable and detectable once shaped, got a plant whose Riccati equations"
+            "W2 G W1 must be stabilisable and detectable, got a plant whose Riccati equations"
             " have no solution. Does W1 or W2 cancel an unstable or undamped mode?"
         )
     return X, Z
@@ -240,8 +240,8 @@ def _crossover_of_loop(gains: np.ndarray, omega_c: float, dt: float) -> control.
     """Return `crossover_weight` for one loop, from |G| (3,) at 0.9, 1 and 1.1 omega_c."""
     if not np.all((gains > 0) & np.isfinite(gains)):
         raise ValueError(
-            f"omega_c must lie where the plant has gain, got |G| = {gains[1]:g} at "
-            f"{omega_c:g} rad/s ({omega_c / (2 * np.pi):g} Hz)"
+            f"omega_c must be a frequency at which |G| is positive, got |G| = {gains[1]:g} at"
+            f" {omega_c:g} rad/s ({omega_c / (2 * np.pi):g} Hz)"
         )
     flat = np.log(gains[2] / gains[0]) / np.log(1.1 / 0.9) > -0.5
     zeros = np.zeros(0) if flat else np.array([-omega_c / 5])

@@ -306,8 +306,8 @@ class TunedDesign:
         seen = see_plants(self.plant, self.dt, delay=self.delay, worst=False)[plant]
         if isinstance(seen, MeasuredPlant):
             raise ValueError(
-                "plant must be the index of a system or a model, because a loop around an FRF is"
-                " not one system, got an FRF"
+                "plant must be the index of a system or a model, because the loop around an"
+                " FRF has no state space, got an FRF"
             )
         G = seen.system
         G = control.StateSpace(G.A, G.B, G.C, G.D, self.dt, remove_useless_states=False)

@@ -253,7 +253,7 @@ class FrictionChannel:
                 )
         if best[1] is None:
             raise ValueError(
-                "hard must hold a friction limit whose test can be computed, got a loop without"
-                " mobility"
+                "hard must contain a friction limit that can be computed, got a loop in which"
+                " the friction port does not move"
             )
         return best[1]

@@ -249,9 +249,9 @@ class TuningProblem:
                         else worst
                     )
                     raise ValueError(
-                        "system must have no pole outside the stability region that no block"
-                        f" moves, got one at s = {complex(s):.4g} rad/s with plant {k}. Leave the"
-                        " integrator or weight out, or let a block read it"
+                        "system must have no unstable pole that is independent of all blocks,"
+                        f" got a pole at s = {complex(s):.4g} rad/s with plant {k}. Remove the"
+                        " integrator or weight, or connect it to a block"
                     )
 
     def norms(self, x: np.ndarray) -> list[dict[int, tuple[float, float, bool]]]:

@@ -414,8 +414,9 @@ def _require_paths(problem: TuningProblem, limits: Limits) -> None:
             ]
             if size and max(size) <= _ZERO_GAIN:
                 raise ValueError(
-                    f"{_limit_name(channel.index, limits)} must be on a channel with a path, got"
-                    f" {channel.limit}, whose transfer function is zero for all blocks"
+                    f"{_limit_name(channel.index, limits)} must be a limit on a transfer"
+                    f" function that is not zero, got {channel.limit}, which is zero for all"
+                    " blocks"
                 )
             channel.limit.factor(np.array([1e-3, 1.0, 1e3]))
             if (
@@ -491,16 +492,16 @@ def _starting_point(problem: TuningProblem, k: int, rng: np.random.Generator) ->
             stable, clear = scene.stability_by_winding(start)
             if not clear:
                 raise ValueError(
-                    "plant must have lines close enough for the winding number of its loop, got an"
-                    f" FRF (plant {scene.index}) whose lines do not resolve it at the start of the"
-                    " blocks. Measure more finely around its modes, or at lower frequency, fit a"
-                    " model, or start with smaller gains"
+                    "plant must have lines so close that the winding number of its loop can be"
+                    f" counted, got an FRF (plant {scene.index}) with lines that are too far"
+                    " apart for the start of the blocks. Measure with more lines around the"
+                    " modes or at lower frequency, fit a model, or start with smaller gains"
                 )
             if not stable:
                 raise ValueError(
-                    "blocks must start with gains that stabilise an FRF, got a start that does not"
-                    f" for plant {scene.index}. Design it with design_frf, or start with smaller"
-                    " gains"
+                    "blocks must start with gains that stabilise every plant that is an FRF,"
+                    f" got a start that does not stabilise plant {scene.index}. Design the start"
+                    " with design_frf, or start with smaller gains"
                 )
         return controller.start
     signs = np.array([parameter.sign for _, parameter in controller.parameters])

@@ -245,7 +245,10 @@ G = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]], inputs="u", outputs="y")
             lambda: interconnection([G], {"d": Block("y", "v")}),
             "must drive inputs of the systems .u., got 'v'",
         ),
-        (lambda: interconnection([G], {}), "every input driven, got none that drives 'u'"),
+        (
+            lambda: interconnection([G], {}),
+            "a source for every input, got no output that drives 'u'",
+        ),
         (
             lambda: interconnection([G], {"d": Block("y", "u")}, inputs="u"),
             "outputs must be given together with inputs",

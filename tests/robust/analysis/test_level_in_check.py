@@ -108,7 +108,7 @@ def test_the_commands_name_signals_too(tmp_path, monkeypatch, capsys):
     code, _, _ = told("report m.json K.json --disturbance 0.1 -o r.html")
     assert (code, ">level</th>" in (tmp_path / "r.html").read_text(encoding="utf-8")) == (0, True)
     for command, message in (
-        ("check m.json continuous.json --noise 0.1", "noise must end at a frequency"),
+        ("check m.json continuous.json --noise 0.1", "noise must have a highest frequency"),
         ("check m.json K.json --noise -1", "noise must be zero or positive"),
         ("check m.json K.json --noise 1 --up-to 0", "up-to must be positive"),
     ):

@@ -323,7 +323,7 @@ def test_power_outside_the_measured_band_is_named():
     ("K", "signals", "message"),
     [
         (-2.0, {"noise": sine(1.0, 1.0)}, "K must stabilise"),
-        (1.0, {"noise": NoiseSignal(1.0)}, "noise must end at a frequency"),
+        (1.0, {"noise": NoiseSignal(1.0)}, "noise must have a highest frequency"),
         (
             control.tf([1], [1], 0.1),
             {"noise": sine(1.0, 40.0)},

@@ -70,7 +70,7 @@ def test_hold_and_delay_are_put_in():
         ),
         (
             lambda: check(frf(G), control.ss([], [], [], np.eye(2), 0.1)),
-            "K must be sampled fast enough",
+            "K must have its Nyquist frequency above the last line",
         ),
     ],
 )

@@ -289,7 +289,7 @@ def test_sections_that_lose_what_is_slow_are_refused():
     q = 1e-8
     K = control.ss([[1 - q, q], [-q, 1 - q]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]], 1e-4)
     with pytest.raises(
-        ValueError, match="K must be accurate as sections made of its roots, got an error of"
+        ValueError, match="K must be accurate as second-order sections, got an error of"
     ):
         controller_sections(K)
 

@@ -75,7 +75,7 @@ def test_frequencies_are_chosen_where_none_are_given():
         ),
         (
             lambda: robust.mu.worst_gain(SP_8_5, [(2, 2)]),
-            "blocks must leave some of the 2 outputs and 2 inputs",
+            "blocks must use fewer than the 2 outputs and 2 inputs",
         ),
         (
             lambda: robust.mu.bounds(control.FrequencyResponseData(SP_8_5, [1.0]), [(2, 2)], [2.0]),

@@ -76,7 +76,7 @@ def test_an_unstable_mode_that_a_dead_actuator_leaves_is_named():
     with pytest.raises(
         ValueError,
         match=(
-            "P must be stabilisable by a controller, got one where u does not reach the mode at"
+            "P must be stabilisable through u and y, got a plant where u does not reach the mode at"
             " s = 1"
         ),
     ):

@@ -306,7 +306,7 @@ def test_worst_gain_of_the_distillation_column_is_seen_by_no_perturbation():
         ),
         (
             lambda: gain_bound(np.ones((2, 2, 1)), [(2, 2)]),
-            "blocks must leave some of the 2 outputs",
+            "blocks must use fewer than the 2 outputs",
         ),
         (
             lambda: robust.mu.certify(control.ss([], [], [], [[1]]), [(1, 1)], solver="MOSEK"),

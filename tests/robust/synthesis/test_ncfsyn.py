@@ -178,7 +178,7 @@ def test_crossover_weight_puts_the_crossover(omega_c, T):
         ),
         (
             lambda: ncfsyn(control.tf([1], [1, 0]), control.tf([1, 0], [1, 1])),
-            "G must be stabilisable",
+            "W2 G W1 must be stabilisable",
         ),
         (lambda: crossover_weight(BOOK, -1.0), "omega_c must be positive"),
         (

@@ -88,7 +88,7 @@ def test_sampled_and_outside_of_the_loop():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: prefilter(model(), -5.0, control.tf([1], [1, 1])), "K must make a stable loop"),
+        (lambda: prefilter(model(), -5.0, control.tf([1], [1, 1])), "K must stabilise the plant"),
         (lambda: prefilter(model(), PI, control.tf([1], [1, -1])), "reference must be stable"),
         (lambda: prefilter(LAG, PI, control.tf([1], [1, 1])), "model must be an UncertaintyModel"),
         (

@@ -90,7 +90,7 @@ def test_a_pole_beside_one_is_told_from_it():
 
 def test_a_gain_is_no_machine():
     with pytest.raises(
-        ValueError, match="mass must be a model that moves, from force to position, got a gain"
+        ValueError, match="mass must be a dynamic model from force to position, got a gain"
     ):
         friction_plant(control.StateSpace([], [], [], [[0.0]]))
 

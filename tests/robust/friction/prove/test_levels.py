@@ -94,13 +94,13 @@ def slipping(force, rest=110e3, share=30e3, rate=150.0, noise=1e-3):
         (
             lambda: [level(80e3, 2.0), level(143e3, 0.102), level(144e3, 0.1)],
             (
-                "at 1.02 times the force the stiffness falls by [01].* it may be .* kN/m more at"
-                " rest, over 20 %"
+                "at 1.02 times the force the stiffness falls by [01].* may be larger by .* kN/m,"
+                " which is over 20 %"
             ),
         ),
         (
             lambda: [level(80e3, 2.0), level(144e3, 0.1, seed=1), level(144e3, 0.1)],
-            "two low levels that differ enough to show that both stick: at 1 times the force",
+            "two low levels that differ enough to show that the friction sticks: at 1 times",
         ),
         (
             lambda: [
@@ -109,8 +109,8 @@ def slipping(force, rest=110e3, share=30e3, rate=150.0, noise=1e-3):
                 level(144e3, 0.03),
             ],
             (
-                "so high that the friction slides: at the highest level it slips more slowly than"
-                " the lowest line, 5 Hz"
+                "a level at which the friction slides: at the highest level it slips only below the"
+                " lowest line, at 5 Hz"
             ),
         ),
         (
@@ -120,8 +120,8 @@ def slipping(force, rest=110e3, share=30e3, rate=150.0, noise=1e-3):
                 level(144e3, 0.03),
             ],
             (
-                "so high that the friction slides: at the highest level the stiffness of the"
-                " machine is uncertain by"
+                "a level at which the friction slides: at the highest level the stiffness is"
+                " uncertain by"
             ),
         ),
         (
@@ -343,9 +343,7 @@ def test_a_flexible_machine_is_read_around_its_nominal(flexible_levels):
         assert np.abs(np.linalg.eigvals(still.A).real).max() < 1e-6
         assert np.linalg.eigvals(damped.A).real.max() < -0.1
     nominal = robust.fit_nominal(flexible_levels[0], n_poles=4, n_zeros=2)
-    with pytest.raises(
-        ValueError, match=r"so low that the stiffness no longer rises: it is 40.* and 60"
-    ):
+    with pytest.raises(ValueError, match=r"at which the friction sticks: it is 40.* and 60"):
         robust.friction.machine_with_friction(
             [flexible_levels[0], flexible_levels[2], stiffer(40e3)], nominal=nominal
         )

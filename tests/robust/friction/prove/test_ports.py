@@ -384,7 +384,7 @@ def test_a_model_with_several_ports():
     assert isinstance(machine, FrictionPlant)
     assert machine.n_ports == 2
     assert screw_proof(machine=machine).verdict == "proved"
-    with pytest.raises(ValueError, match="velocity at its friction port"):
+    with pytest.raises(ValueError, match="velocity at the friction port"):
         friction_plant(control.StateSpace(A, B, np.vstack([C[:2], [0, 0, 0, 1]]), 0), port=True)
 
 

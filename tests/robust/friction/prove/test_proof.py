@@ -306,7 +306,7 @@ def test_a_model_of_the_rig_is_the_rig():
         (lambda: friction_plant(1.0), "stiffness must be given with a mass"),
         (
             lambda: friction_plant(control.ss(control.tf([1, 0], [1, 1, 1]))),
-            "must have a velocity at its friction",
+            "whose velocity at the friction port does not jump",
         ),
         (
             lambda: friction_plant(control.ss(control.tf([1, 0, 0], [1, 1, 1]))),
@@ -314,15 +314,15 @@ def test_a_model_of_the_rig_is_the_rig():
         ),
         (
             lambda: friction_plant(-control.tf([1], [2, 3, 100])),
-            "got -0.5 m/s per second and N: its friction would push",
+            "got -0.5 m/s per second and N: friction would drive it",
         ),
         (
             lambda: friction_plant(-control.tf([1], [2, 0, 0])),
-            "its friction would push. Change the sign of the model, and of K with it",
+            "friction would drive it. Change the sign of the model and of K",
         ),
         (
             lambda: friction_plant(load_with_port(-1.0), port=True),
-            "accelerates in its own direction at the friction",
+            "accelerates in the direction of the force at the friction",
         ),
         (
             lambda: friction_plant(control.ss([[0.5]], [[1]], [[1]], 0, T)),
@@ -353,7 +353,9 @@ def test_refusals(call, message):
 
 
 def test_a_bounded_class_has_its_own_friction():
-    with pytest.raises(ValueError, match=r"Fs must be that of the class, 1 N, or left out, got 5"):
+    with pytest.raises(
+        ValueError, match=r"Fs must be left out or equal to Fs of the class, 1 N, got 5"
+    ):
         prove_friction(RIG, 1e3, Bounded(1.0), Fs=5.0)
     assert (
         prove_friction(RIG, 1e3, Bounded(1.0), Fs=1.0).verdict

@@ -68,6 +68,7 @@ def test_what_rounding_spoils_is_not_returned(monkeypatch):
         "robust.analysis.worst_plant.perturbed_plant", lambda form, G, *rest: 1.5 * G
     )
     with pytest.raises(
-        ValueError, match="worst plant that floating point resolves, got one outside of the set"
+        ValueError,
+        match="worst plant that floating point can represent, got a plant that rounding moves",
     ):
         worst_case(the_model(G, 0.1), ncfsyn(G).K)

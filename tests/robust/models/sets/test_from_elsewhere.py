@@ -101,6 +101,6 @@ def test_friction_needs_amplitudes_that_nobody_noted():
     G, std = measured(1)
     with pytest.raises(
         ValueError,
-        match=r"blas must contain the amplitude of the output, .*take BLAs that nlfrf.identify",
+        match=r"blas must contain the amplitude of the output, .*use BLAs from nlfrf.identify",
     ):
         robust.friction.machine_with_friction([nlfrf.bla_from_frf(F, G, std=std)] * 3)

@@ -104,7 +104,7 @@ def test_an_unknown_hold_is_warned_of_where_it_matters(tmp_path):
     for plant in (bla, model):
         with pytest.warns(
             robust.DesignWarning,
-            match=r'hold of the record must be known, at 1000 Hz, .* hold="zoh"',
+            match=r'hold of the record .sampled at 1000 Hz. is unknown: .* hold="zoh"',
         ):
             robust.check(plant, K, certify=False)
     robust.check(
@@ -168,7 +168,8 @@ def test_matrices_of_two_holds_are_one_plant():
 
 def test_an_unknown_hold_of_several_inputs_is_warned_of():
     with pytest.warns(
-        robust.DesignWarning, match=r'hold of the record must be known, at 1000 Hz, .* hold="zoh"'
+        robust.DesignWarning,
+        match=r'hold of the record .sampled at 1000 Hz. is unknown: .* hold="zoh"',
     ):
         robust.design_frf(matrix_of("unknown"), "I", M_S=2.0, dt=1 / FS, n_iterations=1)
     with pytest.raises(ValueError, match="hold must be one of"):

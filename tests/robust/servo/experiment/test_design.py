@@ -183,7 +183,7 @@ def test_a_measured_loop_gives_the_spectrum_too():
         ),
         (
             {"base_velocity": 0.1, "limits": AxisLimits(travel=0.05)},
-            "base_velocity must be lower, or its strokes shorter, for a travel of at most 0.05 m",
+            "base_velocity or the length of the strokes must be smaller for a travel of at most 0.05 m",
         ),
         ({"base_velocity": 0.1, "limits": AxisLimits(force=5)}, "the base motion alone needs .* N"),
         ({"strokes": 2, "rms": 1}, "base_velocity must not be zero with strokes"),
@@ -386,11 +386,11 @@ def test_crossover_of_a_mass_under_a_velocity_loop():
     [
         (
             free("linear motor", kp=1500.0),
-            "is unstable without friction: the computed peaks and set points",
+            "is unstable without friction, so the computed peaks and set points",
         ),
         (
             free("linear motor", torque_constant=0.0528),
-            "is unstable without friction: the computed peaks and set points",
+            "is unstable without friction, so the computed peaks and set points",
         ),
         (
             free("linear motor", kp=1.43, kv=1.0, tn=0.4),

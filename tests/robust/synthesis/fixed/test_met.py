@@ -86,7 +86,7 @@ class TestSign:
     def test_and_one_that_is_wrong(self):
         bla = scattered(-FREE, np.geomspace(1, 300, 60), size=0.05, rng=np.random.default_rng(2))
         with pytest.raises(
-            ValueError, match=r"by the phase of the FRF y falls as u rises\. Change the sign"
+            ValueError, match=r"is negative according to the phase of the FRF\. Change the sign"
         ):
             design_frf(bla, "PI", M_S=2, positive=True)
 

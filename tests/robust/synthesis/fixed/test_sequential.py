@@ -187,7 +187,7 @@ def test_from_measured_lines_alone():
         (
             STAGE,
             {"M_S": 2.0, "n_unstable": 1},
-            "n_unstable must be 0 for loops closed in turn, .*, got 1",
+            "n_unstable must be 0 for several channels, .*, got 1",
         ),
         (STAGE, {"M_S": 2.0, "prove": 1}, "prove must be left out of a design for a matrix"),
         (

@@ -111,7 +111,7 @@ def test_a_start_that_does_not_stabilise_is_refused():
 def test_lines_too_coarse_for_a_mode_are_refused():
     """Two lines about a mode of 2 % damping: the winding number is open."""
     omega = np.array([0.1, 1.0, 5.0, 15.0, 26.0, 60.0, 200.0])
-    with pytest.raises(ValueError, match=r"lines close enough.*Measure more finely"):
+    with pytest.raises(ValueError, match=r"lines so close.*Measure with more lines"):
         robust.tune(
             [ERROR, FORCE],
             tuning.Plants(measured(omega), inputs="f", outputs="y"),
