@@ -18,7 +18,7 @@ MAX_SPECIAL_ODD_RATIO = 3.0  # largest ratio on a special-odd grid, in a narrow 
 #: Neither roughness nor detection lines show it. For the envelope a of a narrow band, with mean
 #: |a|^2 fixed, the mean of |a|^4 scatters by 4 / n and the middle lines by 3/2 (for a fifth power
 #: the share is 6 / n).
-COHERENT_SHARE = 8 / 3
+_COHERENT_SHARE = 8 / 3
 #: Three windows of nine lines. With fewer lines peaks are chance, and a band does not show how its
 #: level varies.
 FEW_LINES = 27
@@ -154,7 +154,7 @@ def crest_correction(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float
            [6. , 5.8]])
     """
     n, n_lines = U.shape
-    chance, few = COHERENT_SHARE / n_lines, n_lines < FEW_LINES
+    chance, few = _COHERENT_SHARE / n_lines, n_lines < FEW_LINES
     if U.size > _ENOUGH_AMPLITUDES and not low:
         return 1.0, chance
     ratio, gap = _cubic_distortion_ratio(U, lines)

@@ -20,7 +20,7 @@ from nlfrf.signals.lines import LineGrid
 
 #: Complex degrees of freedom of a known variance: its F quantile equals that of a chi-square to
 #: 1e-6.
-KNOWN_DOF = 1e6
+_KNOWN_DOF = 1e6
 # largest relative variation of a real gain: one that varies more has a phase
 _MAX_GAIN_VARIATION = 0.01
 # difference of a coherence from 1 up to which digits were lost in its computation, not in its file
@@ -220,7 +220,7 @@ def _entry_variances(
     if coherence is None:
         if np.any(numbers <= 0):
             raise ValueError(f"std must be positive on every line, got {numbers.min():g}")
-        return numbers**2, KNOWN_DOF if n is None else n - 1
+        return numbers**2, _KNOWN_DOF if n is None else n - 1
     if n is None:
         raise ValueError("n_averages must be given with coherence: the variance of G depends on it")
     if np.any((numbers <= 0) | (numbers > 1)):

@@ -41,7 +41,7 @@ def _set_phases(
     if design == "zippered":
         return phi
     psi = rng.uniform(0, 2 * np.pi, size=(1, n_inputs, n_lines))
-    return np.mod(phi + psi + np.angle(dft_matrix(n_inputs))[:, :, None], 2 * np.pi)
+    return np.mod(phi + psi + np.angle(_dft_matrix(n_inputs))[:, :, None], 2 * np.pi)
 
 
 def assign_lines(
@@ -67,7 +67,7 @@ def assign_lines(
     return (owner == np.arange(n_inputs)[:, None]).astype(float)
 
 
-def dft_matrix(n: int) -> np.ndarray:
+def _dft_matrix(n: int) -> np.ndarray:
     """Return (n, n) T with T T^H = n I and |T_ie| = 1, which separates the experiments of a set."""
     return np.exp(-2j * np.pi * np.outer(np.arange(n), np.arange(n)) / n)
 

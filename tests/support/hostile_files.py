@@ -13,9 +13,7 @@ import numpy as np
 from numpy.lib import format as npy
 
 from nlfrf._base import own_process
-from nlfrf._base.own_process import FACTOR
 from nlfrf.io.channels import read_channels
-from nlfrf.io.readers.tables import HEAD_BYTES
 from tests.support import measurement_files as files
 
 SECRET = 7777.0 + np.arange(64)  # numbers that stand in another file of the machine
@@ -137,7 +135,7 @@ def table_expands(folder, rng):
     wide = ",".join(["1"] * width) + "\n"
     path = folder / "short.csv"
     path.write_text(
-        wide * (2 * HEAD_BYTES // len(wide)) + "1\n" * int(rng.integers(400_000, 800_000))
+        wide * (2 * (1 << 17) // len(wide)) + "1\n" * int(rng.integers(400_000, 800_000))
     )
     return path
 
@@ -303,7 +301,7 @@ def harm_of(path):
     if wrong := [one for one in texts if "\n" in one or COMMANDS.search(one)]:
         return f"told {wrong[:3]}"
     size = sum(array.nbytes for array in found.arrays.values())
-    if size > own_process.UNPACKED + FACTOR * path.stat().st_size:
+    if size > own_process.UNPACKED + own_process.FACTOR * path.stat().st_size:
         return f"read {size} bytes"
     numbers = [
         array

@@ -32,7 +32,7 @@ _COMPLEX = re.compile(
     rf"(?<=\t)(?P<a>{_WRITTEN_OUT}),(?P<b>{_WRITTEN_OUT})(?=[\t\r\n]|$)",
     re.I,
 )
-HEAD_BYTES = 1 << 17  # bytes in which the layout is searched
+_HEAD_BYTES = 1 << 17  # bytes in which the layout is searched
 _MAX_WIDTH = 256  # most columns of a table with fewer rows
 BLOCK_ROWS = (
     1 << 16
@@ -46,7 +46,7 @@ _DATE, _DAYTIME = (
 def contents(path: Path) -> Contents:
     """Read columns by name, with units and clocks from the rows above the numbers."""
     with path.open("rb") as stream:
-        start = stream.read(HEAD_BYTES)
+        start = stream.read(_HEAD_BYTES)
     if (
         _END_OF_LABVIEW_HEADER in start
         and (n := path.read_bytes().count(_END_OF_LABVIEW_HEADER)) > 2
@@ -89,8 +89,8 @@ def _read_complex(text: str) -> Contents:
 
 def _read_table(start: bytes, path: Path | None = None) -> Contents:
     """Read a table from the first bytes of a file, or from all its bytes if there is no path."""
-    head = start[:HEAD_BYTES]
-    text = decode_text(head[: head.rfind(b"\n") + 1] or head if len(head) == HEAD_BYTES else head)
+    head = start[:_HEAD_BYTES]
+    text = decode_text(head[: head.rfind(b"\n") + 1] or head if len(head) == _HEAD_BYTES else head)
     layout = find_layout(text)
     size, n_lines = len(start) if path is None else path.stat().st_size, count_lines(start, path)
     require_size(8 * len(layout.numeric) * n_lines, size)  # a short row is padded with nan
@@ -99,7 +99,7 @@ def _read_table(start: bytes, path: Path | None = None) -> Contents:
             f"it has {layout.n_data_rows} rows of {width} columns: transpose it: rows are samples,"
             " columns channels"
         )
-    long = path is not None and size > HEAD_BYTES
+    long = path is not None and size > _HEAD_BYTES
     try:
         frame, no_numbers = _parse_columns(
             lambda: _open_at_numbers(start, path, layout.n_header_lines),

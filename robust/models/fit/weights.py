@@ -437,9 +437,9 @@ def _parameters_of_square(q: np.ndarray) -> np.ndarray:
 _MAX_ORDER = 16
 #: For a weight without a given order: its states return in every controller and proof.
 MAX_CHOSEN_ORDER = 12
-STATE_PRICE_DB = 0.1  # least saving of mean excess by one state
+_STATE_PRICE_DB = 0.1  # least saving of mean excess by one state
 # pairs of states after the best that may save nothing: of two spikes, one alone lowers no level
-PATIENCE = 2
+_PATIENCE = 2
 # log error of a first fit above which the radius is not a weight of its order
 _ROUGH_TOLERANCE = 0.1
 _MAX_EXACT_ORDER = 8
@@ -447,7 +447,7 @@ _LARGEST_STEP = 0.12  # of ln(omega) between two points of a fit, as for an assu
 _MOST_BETWEEN = 20  # points between two lines
 #: Least importance over the largest. For |T|, which falls by 40 dB a decade, a weight of order 4
 #: lay 78 dB over the radius without it.
-LEAST_IMPORTANCE = 0.1
+_LEAST_IMPORTANCE = 0.1
 _MAX_MEAN_EXCESS_DB = 30.0
 _REFINEMENT = 10
 _LIFT = 1e-7  # bound of what a parabola between the finest points could hide
@@ -663,16 +663,18 @@ def _choose_weight(demand: _Demand) -> _WeightFit:
     path = [_constant_weight(coarse)]
 
     def price(growth: _Growth) -> float:
-        return _DB * growth.fit[0] + STATE_PRICE_DB * growth.order
+        return _DB * growth.fit[0] + _STATE_PRICE_DB * growth.order
 
     best, most = path[0], fits[0].W.nstates if fits else MAX_CHOSEN_ORDER
-    while path[-1].order + 2 <= min(most, price(best) / STATE_PRICE_DB, best.order + 2 * PATIENCE):
+    while path[-1].order + 2 <= min(
+        most, price(best) / _STATE_PRICE_DB, best.order + 2 * _PATIENCE
+    ):
         path.append(_add_states(coarse, path[-1], 2))
         best = min(best, path[-1], key=price)
     if best.order:
         best = min(best, _add_states(coarse, path[best.order // 2 - 1], 1), key=price)
     fits.append(_finished_weight(demand, problem, best))
-    return min(fits, key=lambda fit: fit.mean_excess_db + STATE_PRICE_DB * fit.W.nstates)
+    return min(fits, key=lambda fit: fit.mean_excess_db + _STATE_PRICE_DB * fit.W.nstates)
 
 
 def _exact_orders(demand: _Demand) -> list[int]:
@@ -774,7 +776,7 @@ def _checked_demand(
             f"importance must be one number of at least 0 for each of {omega.size} frequencies, not"
             f" all of them 0, got {short_form(importance)}"
         )
-    share = np.maximum(share, LEAST_IMPORTANCE * share.max())
+    share = np.maximum(share, _LEAST_IMPORTANCE * share.max())
     return _Demand(omega=omega, radius=radius, dt=dt, share=share / share.sum())
 
 

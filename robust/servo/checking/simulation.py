@@ -31,7 +31,7 @@ _STIFF = ("rigid", "Maxwell slip or GMS")
 #: Number of runs; the laws take turns. On ten axes that hunt, rigid friction, Maxwell slip and
 #: LuGre with the same numbers hunted by the same amplitude to 8 %, Leuven by up to 19 % less and in
 #: fewer runs (benchmarks/bench_stranger.py).
-RUNS = 12
+_RUNS = 12
 #: Stribeck velocity [m/s] or [rad/s] if the records do not show it: the range that
 #: Armstrong-Hélouvry reports.
 _STRIBECK_VELOCITY = (5e-4, 5e-2)
@@ -51,7 +51,7 @@ _SWINGS = 0.02
 #: several numbers at an end of their intervals. Among 23 axes that hunt and 32 that rest
 #: (benchmarks/bench_stranger.py), a limit of 2 runs calls 23 and 10 of them hunting, 4 runs 23 and
 #: 5, 6 runs 18 and 1.
-FEWEST = 4
+_FEWEST = 4
 #: Changes of a drive to try against hunting, the mildest first: gain, and factor on it.
 _CHANGES = (
     ("tn", 1.5),
@@ -105,8 +105,8 @@ class SimulatedRest:
 
     @property
     def hunts(self) -> bool:
-        """True if the axis moves for ever in `FEWEST` runs or more."""
-        return self.count >= FEWEST
+        """True if the axis moves for ever in `_FEWEST` runs or more."""
+        return self.count >= _FEWEST
 
     @property
     def count(self) -> int:
@@ -196,20 +196,20 @@ def simulate_rest(
     force: FrictionForce,
     settings: Drive,
     *,
-    order: Sequence[int] = range(RUNS),
+    order: Sequence[int] = range(_RUNS),
     most: float = np.inf,
 ) -> SimulatedRest:
     """Simulate an axis in random moves and a final hold, with numbers drawn from their intervals.
 
     force : machine and friction as read, in the units of the drive (N and m, or Nm and rad). order
-    : indices of the runs, below `RUNS`. All drives get the same draws, so two drives differ by
+    : indices of the runs, below `_RUNS`. All drives get the same draws, so two drives differ by
     their gains alone. most : amplitude [m] or [rad] above which the simulation stops.
     """
     from scipy.stats import qmc
 
     laws = laws_not_refuted(force)
     run = tuple(law for law in laws if law in _STIFF) if "rigid" in laws else laws
-    draws = qmc.Sobol(4 + _MOVES, seed=1).random_base2(int(np.ceil(np.log2(RUNS))))
+    draws = qmc.Sobol(4 + _MOVES, seed=1).random_base2(int(np.ceil(np.log2(_RUNS))))
     found: list[tuple[float, float, float]] = []
     for k in order:
         found.append(_run_to_the_end(run[k % len(run)], force, settings, draws[k]))

@@ -8,7 +8,6 @@ import pytest
 from benchmarks.plants import played, wiener
 from nlfrf import multisine
 from nlfrf.bla.calibration import (
-    COHERENT_SHARE,
     crest_correction,
     cubic_variance,
     variance_ratio,
@@ -175,7 +174,7 @@ def test_of_few_lines_a_fifth_power_asks_for_what_is_allowed():
 def test_of_many_lines_the_common_gain_counts_where_peaks_are_low_and_chance_where_they_are_usual():
     k = np.arange(1, 101)
     U = np.exp(1j * np.pi * k**2 / 100 + 0.5j * np.random.default_rng(0).standard_normal((7, 100)))
-    chance = COHERENT_SHARE / 100
+    chance = 8 / 3 / 100
     assert crest_correction(U, k, low=False) == (1.0, chance)
     typical, common = crest_correction(U, k, low=True)
     assert common > chance

@@ -7,12 +7,12 @@ from itertools import product
 
 import numpy as np
 import pytest
+from scipy.linalg import dft
 
 import nlfrf
 from nlfrf import identify
 from nlfrf.bla.distortion import cubic_count_ratios
 from nlfrf.bla.line_index import index_lines
-from nlfrf.signals.orthogonal import dft_matrix
 
 EXCITED = (1, 3, 9, 11, 17, 19)
 
@@ -23,7 +23,7 @@ def followed(powers, line, n_u=2, psi=True):
 
     `powers`: which input each factor is, as (0, 0, 1) for u1^2 u2. Amplitudes one.
     """
-    T = dft_matrix(n_u)
+    T = dft(n_u)
     columns = [defaultdict(complex) for _ in range(n_u)]
     answers = [defaultdict(complex) for _ in range(n_u)]
     signed = [s * k for k in EXCITED for s in (1, -1)]
@@ -157,7 +157,7 @@ def test_one_phase_for_all_inputs_reads_the_cross_term_three_times_too_high():
         "odd", fs=512, n_samples=512, f_min=1, f_max=200, n_inputs=2, n_realizations=40, rng=1
     )
     psi = np.random.default_rng(0).uniform(0, 2 * np.pi, (1, 80, ms.f.size))
-    T = np.angle(dft_matrix(2))
+    T = np.angle(dft(2))
     copied = nlfrf.Multisine(
         fs=512,
         n_samples=512,

@@ -11,11 +11,11 @@ import pytest
 
 import nlfrf
 from nlfrf import DataWarning, servo_axis
-from nlfrf._base.files import write_table
 from nlfrf.io import load_trace
 from nlfrf.io.axis_trace import likeness
 from robust.servo import design_experiment, play_experiment
 from tests.robust.servo.experiment import test_levels
+from tests.support.tables import write_columns
 
 ROOT = Path(__file__).parents[3]
 N = 2000
@@ -84,7 +84,7 @@ class Run:
         if change:
             for name, factor in change.items():
                 table[:, self.names.index(name)] *= factor
-        write_table(
+        write_columns(
             self.folder / "changed.csv",
             table[rows],
             [(names or {}).get(one, one) for one in self.names],
@@ -353,7 +353,7 @@ def test_a_trace_that_begins_long_before(at_rest):
     rows = np.concatenate([np.zeros(3 * N, dtype=int), np.arange(len(at_rest.table))])
     table = at_rest.table[rows]
     table[:, 0] = np.arange(rows.size) / 4000
-    write_table(at_rest.folder / "early.csv", table, at_rest.names)
+    write_columns(at_rest.folder / "early.csv", table, at_rest.names)
     with pytest.raises(
         ValueError,
         match="path must begin with the played signal, or start must be the time at which it begins",

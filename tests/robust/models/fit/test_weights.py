@@ -11,11 +11,6 @@ from robust.lti.lti import response
 from robust.lti.realisation import from_roots, order_roots
 from robust.models.fit.refinement import magnitude_problem, section_hessian
 from robust.models.fit.weights import (
-    LEAST_IMPORTANCE,
-    MAX_CHOSEN_ORDER,
-    PATIENCE,
-    STATE_PRICE_DB,
-    WeightOrderError,
     cover_sampled,
 )
 
@@ -166,7 +161,7 @@ def test_more_order_never_costs_more_than_a_little():
 @pytest.mark.parametrize("dt", [0.0, 1e-4])
 @pytest.mark.parametrize("shape", [*SHAPES, "flat"])
 def test_every_state_of_a_chosen_order_pays(shape, dt):
-    """No order from one state less up to `PATIENCE` pairs more has a clearly smaller sum of excess
+    """No order from one state less up to two pairs more has a clearly smaller sum of excess
     and price.
     """
     radius = (SHAPES | {"flat": np.ones_like})[shape](OMEGA)
@@ -174,10 +169,10 @@ def test_every_state_of_a_chosen_order_pays(shape, dt):
     assert_covers(fit, OMEGA, radius, dt)
     order = fit.W.nstates
     assert order or shape == "flat"
-    assert order <= MAX_CHOSEN_ORDER
+    assert order <= 12
     for other in {
         max(order - 2, 0),
-        *range(order + 2, min(order + 2 * PATIENCE, MAX_CHOSEN_ORDER) + 1, 2),
+        *range(order + 2, min(order + 4, 12) + 1, 2),
     }:
         try:
             saved = (
@@ -187,7 +182,7 @@ def test_every_state_of_a_chosen_order_pays(shape, dt):
             continue
         # the choice is made on fewer points, and an edge between two lines is another demand on
         # those
-        assert saved < STATE_PRICE_DB * (other - order) + (1.0 if "step" in shape else 0.3)
+        assert saved < 0.1 * (other - order) + (1.0 if "step" in shape else 0.3)
 
 
 @pytest.mark.parametrize("rng", range(5))
@@ -246,7 +241,7 @@ def test_importance_says_where_excess_matters():
     assert_covers(plain, OMEGA, radius)
     excess = [20 * np.log10(np.abs(response(fit.W, OMEGA)) / radius) for fit in (plain, weighed)]
     assert excess[1].min() >= 0
-    counted = np.maximum(importance, LEAST_IMPORTANCE * importance.max())
+    counted = np.maximum(importance, 0.1 * importance.max())
     assert weighed.mean_excess_db == pytest.approx(np.average(excess[1], weights=counted), abs=1e-6)
     low, high = OMEGA < 100, OMEGA > 1000
     assert excess[1][low].mean() < excess[0][low].mean()
@@ -289,7 +284,9 @@ def test_random_radii_are_covered_everywhere(rng, n, scatter, order, dt):
     )
     try:
         fit = fit_weight(omega, radius, order=order, dt=dt)
-    except WeightOrderError:  # a walk over more than 30 dB
+    except ValueError as error:
+        if "dB" not in str(error):  # a walk over more than 30 dB
+            raise
         return
     assert_covers(fit, omega, radius, dt)
 

@@ -14,10 +14,11 @@ from robust.analysis.sampled_set import sampled_set
 from robust.io.certificates import verify_certificate
 from robust.proofs.exact.claim import to_matrices
 from robust.proofs.exact.claim_files import content_digest, from_plain, to_plain
-from robust.proofs.exact.folded_sets import ALIASES, FoldedClaim, FoldedPart, decide_folded
+from robust.proofs.exact.folded_sets import FoldedClaim, FoldedPart, decide_folded
 from tests.robust.analysis.test_sampled_set import INPUT, MIXED, SETS, made, number, rising
 
 T = 0.05
+ALIASES = "every alias in the weights"  # the claim
 ONE = to_matrices(number(1.0))
 
 

@@ -8,7 +8,6 @@ from flint import ctx
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from robust.proofs.exact.polynomial_matrices import BITS
 from robust.proofs.exact.sampled_motion import sample_plant
 
 DT = 2e-3
@@ -29,7 +28,7 @@ def augmented(theta):
 
 
 def sampled(rate, dt=DT):
-    with ctx.workprec(BITS):
+    with ctx.workprec(256):
         return sample_plant(A, B, dt=dt, rate=rate)
 
 

@@ -12,7 +12,7 @@ from flint import ctx
 
 from robust import prove_schedule
 from robust.models import LpvModel
-from robust.proofs.exact.polynomial_matrices import BITS, PolynomialMatrix
+from robust.proofs.exact.polynomial_matrices import PolynomialMatrix
 from robust.proofs.exact.scheduled_kyp import decide_schedule, moved_polynomials, verify_schedule
 from robust.proofs.exact.trajectories import Trajectory, grows, transition
 
@@ -58,7 +58,7 @@ def test_moves_of_p_lie_in_the_hull(degree):
     def at(array, theta):
         return np.tensordot(theta ** np.arange(len(array)), array, 1)
 
-    with ctx.workprec(BITS):
+    with ctx.workprec(256):
         hull = [each.to_array() for each in moved_polynomials(PolynomialMatrix.of(P), s)]
         anywhere = [each.to_array() for each in moved_polynomials(PolynomialMatrix.of(P), np.inf)]
     for theta in (-0.7, 0.0, 0.9):
@@ -74,7 +74,7 @@ def test_transition_of_a_moving_parameter():
     """x' = (a + b theta) x with theta linear: exp(a T + b mean T); and the product of many short
     steps.
     """
-    with ctx.workprec(BITS):
+    with ctx.workprec(256):
         scalar = transition(
             PolynomialMatrix.of(np.array([-1.0, 3.0]).reshape(2, 1, 1)), -0.5, 1.0, 2.0
         )

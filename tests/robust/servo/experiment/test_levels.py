@@ -10,7 +10,6 @@ import pytest
 
 import nlfrf
 from nlfrf import DataWarning, servo_axis
-from nlfrf._base.files import write_table
 from nlfrf.io import load_trace
 from nlfrf.rig import run
 from robust.servo import (
@@ -21,6 +20,7 @@ from robust.servo import (
     play_experiment,
 )
 from tests.support.backlash import play_backlash
+from tests.support.tables import write_columns
 
 N = 1000
 MS = nlfrf.multisine(fs=4000, n_samples=N, f_min=4, f_max=100, rng=1)
@@ -182,7 +182,7 @@ def levels_with_play(tmp_path, **machine):
     ramp = design_ramp(rough, ms, rms=200, n_levels=14, span=3e3)
     u, y = play_backlash(ramp, **BACKLASH, **FRICTION, **machine)
     table = np.column_stack([np.arange(u.size) / 2000, u, np.round(y / 1e-7) * 1e-7])
-    write_table(tmp_path / "trace.csv", table, ["t [s]", "force set point [N]", "position [m]"])
+    write_columns(tmp_path / "trace.csv", table, ["t [s]", "force set point [N]", "position [m]"])
     return find_levels(load_trace(tmp_path / "trace.csv", ramp), ramp)
 
 

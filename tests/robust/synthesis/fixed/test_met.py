@@ -9,7 +9,6 @@ import pytest
 import nlfrf
 from benchmarks.attack_met import judged
 from robust import DesignWarning, design_frf, sampled
-from robust._base.states import Stability
 from robust.io.pid import pid_gains
 
 FREE = control.tf([100], [1, 17, 0])
@@ -61,7 +60,7 @@ class TestSign:
 
     def test_what_is_open_is_said(self):
         design = design_frf(self.bla, "P", M_S=3.0, end_gain=1e3)
-        assert design.stability is Stability.UNDECIDED
+        assert design.stability == "undecided"
         assert not design.met
         assert "stability not decided: below its first line at 0.4775 Hz" in design.reason
         assert "--f-min" in design.reason
@@ -70,7 +69,7 @@ class TestSign:
 
     def test_positive_gains_say_it(self):
         design = design_frf(self.bla, "P", M_S=3.0, end_gain=1e3, positive=True)
-        assert design.stability is Stability.STABLE
+        assert design.stability == "stable"
         assert design.K.D[0, 0] > 0
 
     def test_the_advice_flips_no_sign_that_is_right(self):
