@@ -112,6 +112,15 @@ def no_figure_stays():
 
 
 @pytest.fixture
+def undrawn(monkeypatch):
+    """Reports whose words are looked at and not their pictures, which take most of the time."""
+    from robust.pages import html
+    from robust.pages.section import Picture
+
+    monkeypatch.setattr(html, "draw_picture", lambda caption, *_, **__: Picture("#", caption))
+
+
+@pytest.fixture
 def ax():
     """Axes of a figure of their own."""
     from matplotlib import pyplot as plt

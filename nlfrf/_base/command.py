@@ -26,7 +26,7 @@ from nlfrf._base.values import to_json
 if TYPE_CHECKING:
     from rich.console import Console
 
-OUTPUT_PARAMETERS = (
+_OUTPUT_PARAMETERS = (
     "out",
     "picture",
     "rounded",
@@ -62,7 +62,7 @@ def _guard_outputs(function: Callable[..., object]) -> Callable[..., object]:
     at its end.
     """
     signature = inspect.signature(function)
-    if not set(OUTPUT_PARAMETERS) & set(signature.parameters):
+    if not set(_OUTPUT_PARAMETERS) & set(signature.parameters):
         return function
 
     @functools.wraps(function)
@@ -70,14 +70,14 @@ def _guard_outputs(function: Callable[..., object]) -> Callable[..., object]:
         read = [
             path
             for name, value in given.items()
-            if name not in OUTPUT_PARAMETERS
+            if name not in _OUTPUT_PARAMETERS
             for path in _find_paths(value)
         ]
         with guarded_outputs(read, overwrite=overwrite) as running:
             require_writable(
                 *(
                     path
-                    for name in OUTPUT_PARAMETERS
+                    for name in _OUTPUT_PARAMETERS
                     for path in _find_paths(given.get(name))
                     if not path.is_dir()
                 )

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from nlfrf import doctor
-from nlfrf.doctor import examine, find_hiding_files
 from nlfrf.io.channels import extra_of_file
 
 ROOT = Path(__file__).parents[2]
@@ -181,21 +180,21 @@ def test_what_hides_nothing_is_not_named(tmp_path):
     (tmp_path / "random").mkdir()  # no package
     for name in ("test.py", "mine.py", "control.txt", "robust.json"):
         (tmp_path / name).write_text("")
-    assert find_hiding_files([tmp_path]) == []
+    assert doctor.find_hiding_files([tmp_path]) == []
     front, behind = tmp_path / "front", tmp_path / "behind"
     for folder in (front, behind):
         folder.mkdir()
         (folder / "control.py").write_text("")
-    assert [line.split(" hides ")[0] for line in find_hiding_files([front, behind])] == [
+    assert [line.split(" hides ")[0] for line in doctor.find_hiding_files([front, behind])] == [
         str(front / "control.py")
     ]
     (front / "some-1.0.dist-info").mkdir()  # modules are installed there
-    assert find_hiding_files([front]) == []
+    assert doctor.find_hiding_files([front]) == []
 
 
 def test_a_version_below_the_floor_is_a_fault(monkeypatch):
     monkeypatch.setattr(doctor, "installed_version", lambda name: "1.0" if name == "numpy" else "")
-    faults = examine()[1]
+    faults = doctor.examine()[1]
     assert any(fault.startswith("numpy must be >=2.2") and "got 1.0" in fault for fault in faults)
     assert any(fault.startswith("cvxpy must be installed") for fault in faults)
 
@@ -208,7 +207,7 @@ def test_linear_algebra_that_is_right_is_not_named(n):
 def test_linear_algebra_that_computes_wrong_is_named(monkeypatch):
     right = np.linalg.eigh
     monkeypatch.setattr(np.linalg, "eigh", lambda H: (right(H)[0] + 1e-3, right(H)[1]))
-    assert examine()[1] == doctor.find_wrong_algebra()
+    assert doctor.examine()[1] == doctor.find_wrong_algebra()
     assert doctor.find_wrong_algebra()[0].startswith(
         "NumPy's linear algebra must be right, got wrong factorisations: "
     )
@@ -260,7 +259,7 @@ def test_readers_that_the_files_of_a_folder_need_are_named(tmp_path, monkeypatch
         "run.tdms needs nptdms, which is not installed: pip install 'nlfrf[tdms]'",
         "v73.mat needs h5py, which is not installed: pip install 'nlfrf[hdf5]'",
     ]
-    assert examine(extra_of_file)[1] == doctor.find_missing_readers(tmp_path, extra_of_file)
+    assert doctor.examine(extra_of_file)[1] == doctor.find_missing_readers(tmp_path, extra_of_file)
 
 
 ABSENT = ("nptdms", "npTDMS", "asammdf", "h5py", "pyuff")
@@ -279,7 +278,7 @@ def test_a_file_of_ones_own_called_lazy_loader_is_named_by_whatever_imports_us(t
         == f"ImportError: {tmp_path / 'lazy_loader.py'} hides the package 'lazy_loader': rename"
         " that file"
     )
-    assert find_hiding_files([tmp_path])[0].startswith(
+    assert doctor.find_hiding_files([tmp_path])[0].startswith(
         last.removeprefix("ImportError: ").partition(":")[0]
     )
 

@@ -11,8 +11,6 @@ import pytest
 
 import nlfrf.cli
 import robust.cli
-from robust.pages import html as pages_html
-from robust.pages.section import Picture
 
 matplotlib.use("Agg")
 ROOT = Path(__file__).parents[2]
@@ -25,10 +23,7 @@ def section(heading):
     return re.search(rf"^## {heading}\n(.*?)(?=^## )", README, re.DOTALL | re.MULTILINE).group(1)
 
 
-@pytest.fixture(autouse=True)
-def undrawn(monkeypatch):
-    """The pictures of reports are looked at elsewhere."""
-    monkeypatch.setattr(pages_html, "draw_picture", lambda caption, *_, **__: Picture("#", caption))
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 
 def test_the_script_runs_and_has_twenty_lines(tmp_path, monkeypatch, capsys):

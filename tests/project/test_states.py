@@ -120,7 +120,8 @@ def returns_words():
 def is_prose(node, words):
     if isinstance(node, ast.Call) and name_of(node) == "str":
         return True
-    return name_of(node) in (words | PROSE if isinstance(node, ast.Call) else PROSE)
+    name = name_of(node)
+    return name in PROSE or (isinstance(node, ast.Call) and name in words)
 
 
 def is_text(node):

@@ -5,10 +5,12 @@ import pytest
 
 @pytest.fixture(scope="module")
 def friction_read_once():
-    """Let checks and commands take the friction of records that were read before."""
-    from tests.support.friction_fits import CALLERS, identify_once
+    """Let checks and commands take the friction of records, and the fits of machines, that were
+    made before.
+    """
+    from tests.support.friction_fits import CALLS
 
     with pytest.MonkeyPatch.context() as patch:
-        for caller in CALLERS:
-            patch.setattr(f"{caller}.identify_friction", identify_once)
+        for call, once in CALLS.items():
+            patch.setattr(call, once)
         yield

@@ -1,29 +1,42 @@
-"""Friction read from records once: to read the same records again takes seconds and gives the same
-fit.
-"""
+"""Fits made once: to fit the same measurement again takes seconds and gives the same."""
 
 import pickle
 import warnings
+from functools import wraps
 from hashlib import sha256
 
 from robust.friction.reading.identification import identify_friction
-
-#: Where the packages call `identify_friction`.
-CALLERS = ("robust.servo.checking.friction", "robust.friction.reading.machine_with_friction")
-_FITS = {}
+from robust.models import scan_orders
 
 
-def identify_once(records, **how):
-    """Return what `identify_friction` returns, and warn as it does; of records that were read
-    before from memory.
+def made_once(function):
+    """Return a function that returns what this one does, and warns as it does.
+
+    What was made before of the same arguments is taken from memory.
     """
-    key = sha256(pickle.dumps((list(records), sorted(how.items())))).digest()
-    if key not in _FITS:
-        with warnings.catch_warnings(record=True) as seen:
-            warnings.simplefilter("always")
-            fit = identify_friction(records, **how)
-        _FITS[key] = fit, seen
-    fit, seen = _FITS[key]
-    for one in seen:
-        warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
-    return fit
+    made = {}
+
+    @wraps(function)
+    def once(*given, **how):
+        key = sha256(pickle.dumps((given, sorted(how.items())))).digest()
+        if key not in made:
+            with warnings.catch_warnings(record=True) as seen:
+                warnings.simplefilter("always")
+                result = function(*given, **how)
+            made[key] = result, seen
+        result, seen = made[key]
+        for one in seen:
+            warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
+        return result
+
+    return once
+
+
+identify_once = made_once(identify_friction)
+scan_once = made_once(scan_orders)
+#: Where the packages call what is made once.
+CALLS = {
+    "robust.servo.checking.friction.identify_friction": identify_once,
+    "robust.friction.reading.machine_with_friction.identify_friction": identify_once,
+    "robust.servo.checking.machine.scan_orders": scan_once,
+}

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from nlfrf.hysteresis import ElasticPlastic, Exponential, Linear, MaxwellSlip, Parabola, Table, Tanh
+import nlfrf
 
 
 def virgin(curve, z):
@@ -10,15 +10,19 @@ def virgin(curve, z):
     a, forces = (
         np.abs(z),
         {
-            Linear: lambda a: curve.K0 * a,
-            Tanh: lambda a: curve.Fy * np.tanh(curve.K0 * a / curve.Fy),
-            Exponential: lambda a: curve.Fy * (1 - np.exp(-curve.K0 * a / curve.Fy)),
-            Parabola: lambda a: (
+            nlfrf.hysteresis.Linear: lambda a: curve.K0 * a,
+            nlfrf.hysteresis.Tanh: lambda a: curve.Fy * np.tanh(curve.K0 * a / curve.Fy),
+            nlfrf.hysteresis.Exponential: lambda a: (
+                curve.Fy * (1 - np.exp(-curve.K0 * a / curve.Fy))
+            ),
+            nlfrf.hysteresis.Parabola: lambda a: (
                 curve.Fy * (1 - np.maximum(1 - curve.K0 * a / (2 * curve.Fy), 0) ** 2)
             ),
-            ElasticPlastic: lambda a: np.minimum(curve.K0 * a, curve.Fy),
-            Table: lambda a: np.interp(a, np.append(0, curve.z), np.append(0, curve.F)),
-            MaxwellSlip: lambda a: np.minimum(
+            nlfrf.hysteresis.ElasticPlastic: lambda a: np.minimum(curve.K0 * a, curve.Fy),
+            nlfrf.hysteresis.Table: lambda a: np.interp(
+                a, np.append(0, curve.z), np.append(0, curve.F)
+            ),
+            nlfrf.hysteresis.MaxwellSlip: lambda a: np.minimum(
                 np.multiply.outer(a, curve.stiffness), curve.strength
             ).sum(axis=-1),
         },
@@ -32,4 +36,4 @@ def chord_elements(curve, knots):
     """
     slope = np.append(np.diff(virgin(curve, knots), prepend=0.0) / np.diff(knots, prepend=0.0), 0.0)
     stiffness = -np.diff(slope)
-    return MaxwellSlip(stiffness=stiffness, strength=stiffness * knots)
+    return nlfrf.hysteresis.MaxwellSlip(stiffness=stiffness, strength=stiffness * knots)

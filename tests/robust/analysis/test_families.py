@@ -8,11 +8,11 @@ import control
 import numpy as np
 import pytest
 
+import robust
 from benchmarks.soundness import WRONG, judged
 from robust import worst_case
 from robust.analysis import check_structure
 from robust.analysis.loop import assemble_loop, decide_nominal_stability
-from robust.margins import disk_margin
 from robust.models.sets.interconnection import Block, interconnection
 from robust.models.sets.model import UncertaintyModel
 from robust.proofs.search.stability import decide_stability
@@ -59,7 +59,7 @@ def test_every_check_decides_close_to_the_boundary(dt):
         assert nominal.stable == stable
         assert nominal.unstable == nominal.at_boundary == (not stable)
         assert "on the stability boundary or beyond it" in str(nominal) or stable
-        beside = disk_margin(
+        beside = robust.margins.disk_margin(
             G * control.ss([], [], [], [[gain * (1 - 1e-13 * stable)]], dt)
         )  # the sum rounds
         assert (beside.alpha > 0) == stable

@@ -4,9 +4,9 @@ import control
 import numpy as np
 import pytest
 
+import robust
 from robust import ncfsyn, sampled
 from robust.lti.lti import response
-from robust.margins import ncf_margin, nu_gap
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 
@@ -28,11 +28,11 @@ def test_nu_gap_does_not_depend_on_the_scale_of_the_states():
     omega = np.geomspace(1e-4, 0.999 * np.pi / 0.01, 20_000)
     first, second = (response(G, omega) for G in plants)
     chord = np.abs(first - second) / np.sqrt((1 + np.abs(first) ** 2) * (1 + np.abs(second) ** 2))
-    gap = nu_gap(*plants)
+    gap = robust.margins.nu_gap(*plants)
     assert gap == pytest.approx(chord.max(), rel=1e-3)
     for size in (1e-6, 1e6):
         scaled = [control.StateSpace(G.A, G.B * size, G.C / size, G.D, G.dt) for G in plants]
-        assert nu_gap(*scaled) == pytest.approx(gap, rel=1e-6)
+        assert robust.margins.nu_gap(*scaled) == pytest.approx(gap, rel=1e-6)
 
 
 def test_nu_gap_closed_forms():
@@ -41,13 +41,13 @@ def test_nu_gap_closed_forms():
     0.02, 0.8988, 0.8941; two gains: their chordal distance.
     """
     a, b, c = control.tf([100], [2, 1]), control.tf([100], [2, -1]), control.tf([100], [1, 2, 1])
-    assert nu_gap(a, b) == pytest.approx(0.02, abs=5e-5)
-    assert nu_gap(a, c) == pytest.approx(0.8988, abs=5e-5)
-    assert nu_gap(b, c) == pytest.approx(0.8941, abs=5e-5)
-    assert nu_gap(1.0, 2.0) == pytest.approx(1 / np.sqrt(10))
-    assert nu_gap(c, c) < 1e-12
+    assert robust.margins.nu_gap(a, b) == pytest.approx(0.02, abs=5e-5)
+    assert robust.margins.nu_gap(a, c) == pytest.approx(0.8988, abs=5e-5)
+    assert robust.margins.nu_gap(b, c) == pytest.approx(0.8941, abs=5e-5)
+    assert robust.margins.nu_gap(1.0, 2.0) == pytest.approx(1 / np.sqrt(10))
+    assert robust.margins.nu_gap(c, c) < 1e-12
     assert (
-        nu_gap(control.tf([1], [1, -1]), control.tf([-1], [1, -1])) == 1.0
+        robust.margins.nu_gap(control.tf([1], [1, -1]), control.tf([-1], [1, -1])) == 1.0
     )  # no winding: as far as can be
 
 
@@ -67,8 +67,12 @@ def test_gap_and_margin_hold_each_other(dt):
         if dt:
             G1, G2 = sampled(G1, dt), sampled(G2, dt)
         K = ncfsyn(G1).K
-        gap, b1, b2 = nu_gap(G1, G2), ncf_margin(G1, K), ncf_margin(G2, K)
-        assert gap == pytest.approx(nu_gap(G2, G1), abs=1e-6)
+        gap, b1, b2 = (
+            robust.margins.nu_gap(G1, G2),
+            robust.margins.ncf_margin(G1, K),
+            robust.margins.ncf_margin(G2, K),
+        )
+        assert gap == pytest.approx(robust.margins.nu_gap(G2, G1), abs=1e-6)
         assert np.arcsin(b2) >= np.arcsin(b1) - np.arcsin(gap) - 1e-6
         assert stable(G2, K) or gap >= b1
         assert ncfsyn(G1).gamma == pytest.approx(1 / b1, rel=1e-6)
@@ -78,11 +82,13 @@ def test_gap_and_margin_hold_each_other(dt):
     ("call", "message"),
     [
         (
-            lambda: nu_gap(sampled(control.ss(BOOK), 0.1), BOOK),
+            lambda: robust.margins.nu_gap(sampled(control.ss(BOOK), 0.1), BOOK),
             "G2 must have the sampling time of G1",
         ),
         (
-            lambda: ncf_margin(sampled(control.ss(BOOK), 0.1), control.tf([1], [1, 1])),
+            lambda: robust.margins.ncf_margin(
+                sampled(control.ss(BOOK), 0.1), control.tf([1], [1, 1])
+            ),
             "K must have the sampling time",
         ),
     ],

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import robust
 from robust import UncertaintyModel, ncfsyn, sampled
 from robust.lti.lti import frequency_response_matrices
-from robust.margins import ncf_margin, nu_gap
 
 OMEGA = np.geomspace(1e-3, 1e4, 3000)
 
@@ -71,7 +71,7 @@ def test_by_the_definition():
             G2 = control.StateSpace(G1.A + 0.3 * rng.standard_normal((3, 3)), G1.B, G1.C, G1.D, 0)
         else:
             G2 = plant(rng, 3, n_y, n_u, gain=3.0)
-        gap = nu_gap(G1, G2)
+        gap = robust.margins.nu_gap(G1, G2)
         if winds(G1, G2, OMEGA) != 0:
             assert gap == 1.0
             seen.add("far")
@@ -87,19 +87,21 @@ def test_beside_one_another():
     """
     one = [control.ss(control.tf([1], [1, a])) for a in (1.0, 1.5, -0.2, 3.0)]
     two = [control.ss(control.tf([1.3], [1, a])) for a in (1.2, 1.1, -0.1, 2.0)]
-    single = [nu_gap(a, b) for a, b in zip(one, two, strict=True)]
-    assert nu_gap(control.append(*one), control.append(*two)) == pytest.approx(
+    single = [robust.margins.nu_gap(a, b) for a, b in zip(one, two, strict=True)]
+    assert robust.margins.nu_gap(control.append(*one), control.append(*two)) == pytest.approx(
         max(single), rel=1e-9
     )
     opposite = control.append(*two[:3], -control.ss(control.tf([1], [1, -3])))
     assert (
-        nu_gap(control.append(*one), opposite)
-        == nu_gap(one[3], -control.ss(control.tf([1], [1, -3])))
+        robust.margins.nu_gap(control.append(*one), opposite)
+        == robust.margins.nu_gap(one[3], -control.ss(control.tf([1], [1, -3])))
         == 1.0
     )
     K = [control.ss(control.tf([k, 1], [0.1, 1])) for k in (1, 2, 3, 4)]
-    wanted = min(ncf_margin(G, k) for G, k in zip(one, K, strict=True))
-    assert ncf_margin(control.append(*one), control.append(*K)) == pytest.approx(wanted, rel=1e-9)
+    wanted = min(robust.margins.ncf_margin(G, k) for G, k in zip(one, K, strict=True))
+    assert robust.margins.ncf_margin(control.append(*one), control.append(*K)) == pytest.approx(
+        wanted, rel=1e-9
+    )
 
 
 @settings(max_examples=15, deadline=None)
@@ -111,7 +113,7 @@ def test_invariances(seed, dt):
     G2 = control.StateSpace(G1.A, G1.B, G1.C + 0.4 * G2.C, G1.D, 0)
     if dt:
         G1, G2 = sampled(G1, dt), sampled(G2, dt)
-    gap = nu_gap(G1, G2)
+    gap = robust.margins.nu_gap(G1, G2)
     Q_y, Q_u = np.linalg.qr(rng.standard_normal((2, 2)))[0], np.eye(3)[rng.permutation(3)]
 
     def turned(G):
@@ -120,13 +122,15 @@ def test_invariances(seed, dt):
     def dual(G):
         return control.StateSpace(G.A.T, G.C.T, G.B.T, G.D.T, G.dt)
 
-    assert nu_gap(turned(G1), turned(G2)) == pytest.approx(gap, rel=1e-6)
-    assert nu_gap(G2, G1) == pytest.approx(gap, rel=1e-6)
-    assert nu_gap(dual(G1), dual(G2)) == pytest.approx(gap, rel=1e-6)
-    assert nu_gap(G1, turned(turned(G1))) <= 1.0
+    assert robust.margins.nu_gap(turned(G1), turned(G2)) == pytest.approx(gap, rel=1e-6)
+    assert robust.margins.nu_gap(G2, G1) == pytest.approx(gap, rel=1e-6)
+    assert robust.margins.nu_gap(dual(G1), dual(G2)) == pytest.approx(gap, rel=1e-6)
+    assert robust.margins.nu_gap(G1, turned(turned(G1))) <= 1.0
     K = ncfsyn(G1).K
     turned_K = control.StateSpace(K.A, K.B @ Q_y.T, Q_u.T @ K.C, Q_u.T @ K.D @ Q_y.T, K.dt)
-    assert ncf_margin(turned(G1), turned_K) == pytest.approx(ncf_margin(G1, K), rel=1e-6)
+    assert robust.margins.ncf_margin(turned(G1), turned_K) == pytest.approx(
+        robust.margins.ncf_margin(G1, K), rel=1e-6
+    )
 
 
 @pytest.mark.parametrize("dt", [0.0, 0.1])
@@ -142,7 +146,11 @@ def test_gap_and_margin_hold_each_other(dt):
         if dt:
             G1, G2 = sampled(G1, dt), sampled(G2, dt)
         K = ncfsyn(G1).K
-        gap, b1, b2 = nu_gap(G1, G2), ncf_margin(G1, K), ncf_margin(G2, K)
+        gap, b1, b2 = (
+            robust.margins.nu_gap(G1, G2),
+            robust.margins.ncf_margin(G1, K),
+            robust.margins.ncf_margin(G2, K),
+        )
         kept += gap < b1
         assert np.arcsin(b2) >= np.arcsin(b1) - np.arcsin(gap) - 1e-6
         assert b2 > 0 or gap >= b1
@@ -160,11 +168,11 @@ def test_margin_by_its_definition():
         @ S
         @ np.concatenate([np.broadcast_to(np.eye(2), S.shape), g], 2)
     )
-    assert 1 / ncf_margin(G, K) == pytest.approx(
+    assert 1 / robust.margins.ncf_margin(G, K) == pytest.approx(
         np.linalg.norm(four, 2, axis=(1, 2)).max(), rel=1e-4
     )
     static = np.array([[1.0, 2.0], [0.0, 1.0]])
-    assert ncf_margin(static, np.zeros((2, 2))) == pytest.approx(
+    assert robust.margins.ncf_margin(static, np.zeros((2, 2))) == pytest.approx(
         1 / np.sqrt(1 + np.linalg.norm(static, 2) ** 2)
     )
 
@@ -177,19 +185,22 @@ def test_of_a_measured_set_its_nominal_counts():
         nominal=G, form="additive", left=(w, w), right=(w, w), omega=np.array([1.0]), radius=np.full((4, 1), 0.1),
         confidence=0.95,
     )  # fmt: skip
-    assert nu_gap(model, G) < 1e-9
-    assert ncf_margin(model, np.eye(2)) == ncf_margin(G, np.eye(2))
+    assert robust.margins.nu_gap(model, G) < 1e-9
+    assert robust.margins.ncf_margin(model, np.eye(2)) == robust.margins.ncf_margin(G, np.eye(2))
 
 
 @pytest.mark.parametrize(
     ("call", "message"),
     [
         (
-            lambda: nu_gap(np.eye(2), np.ones((2, 3))),
+            lambda: robust.margins.nu_gap(np.eye(2), np.ones((2, 3))),
             "G2 must have 2 outputs and 2 inputs, as G1, got 2 and 3",
         ),
-        (lambda: ncf_margin(np.ones((2, 3)), np.eye(2)), "K must have 2 inputs and 3 outputs"),
-        (lambda: ncf_margin(np.eye(2), 1.0), "K must have 2 inputs and 2 outputs"),
+        (
+            lambda: robust.margins.ncf_margin(np.ones((2, 3)), np.eye(2)),
+            "K must have 2 inputs and 3 outputs",
+        ),
+        (lambda: robust.margins.ncf_margin(np.eye(2), 1.0), "K must have 2 inputs and 2 outputs"),
     ],
 )
 def test_refusals(call, message):
@@ -214,4 +225,4 @@ def test_a_gap_that_is_nearly_reached_at_the_nyquist_frequency_is_that_of_its_pe
         moved = A + 0.1 * rng.standard_normal((n, n))
         second = control.StateSpace(moved, B, C + 0.2 * rng.standard_normal((2, n)), D, 1.0)
         g1, g2 = along(first, omega), along(second, omega)
-        assert nu_gap(first, second) >= chord(g1, g2).max() - 1e-9
+        assert robust.margins.nu_gap(first, second) >= chord(g1, g2).max() - 1e-9

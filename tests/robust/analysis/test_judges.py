@@ -54,6 +54,7 @@ def system_of(loop):
     )
 
 
+@pytest.mark.attack(every=4)
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("dt", [0.0, T])
 def test_both_judges_find_the_same(form, dt):

@@ -4,8 +4,8 @@ import control
 import numpy as np
 import pytest
 
+import robust
 from robust import check
-from robust.margins import disk_margins
 from tests.support.printed import unwrapped
 
 OMEGA = np.geomspace(0.1, 100, 60)
@@ -37,7 +37,7 @@ def test_its_peak_and_margins_are_those_of_the_plant():
     np.testing.assert_allclose(report.curves.np_, 0.5 * sizes, rtol=1e-9)
     assert "The largest singular value of S on 60 lines is" in unwrapped(str(report))
     assert report.channels.everywhere.alpha == pytest.approx(
-        disk_margins(frf(G), K).everywhere.alpha, rel=1e-9
+        robust.margins.disk_margins(frf(G), K).everywhere.alpha, rel=1e-9
     )
 
 

@@ -8,7 +8,6 @@ import pytest
 
 import robust
 from robust import UncertaintyModel, check, worst_case
-from robust.margins import disk_margins
 from robust.models import interconnection
 
 T = 0.01
@@ -47,7 +46,7 @@ def test_a_gain_of_another_clock_is_refused(judge, dt):
 
 
 def test_so_it_is_with_several_channels():
-    for judge in (check, disk_margins):
+    for judge in (check, robust.margins.disk_margins):
         with pytest.raises(ValueError, match="K must have the sampling time"):
             judge(matrix_model(), gain(0.02))
     with pytest.raises(ValueError, match="systems must have one sampling time"):

@@ -6,10 +6,10 @@ import control
 import numpy as np
 import pytest
 
+import robust
 from robust import UncertaintyModel, check, sampled, worst_case
 from robust.lti import discretize
 from robust.lti.lti import response
-from robust.margins import disk_margin
 from robust.models.sets.forms import FORMS
 
 LEAD = ([0.5, 1.0], [0.05, 1.0])
@@ -77,7 +77,7 @@ def test_margins_are_those_of_the_closed_loop(name, form):
     )
     assert np.isfinite(report.curves.rp).all()
     assert report.margins.disk == pytest.approx(1 / np.abs(wanted["S"] - 0.5).max(), rel=1e-4)
-    assert report.margins.disk == pytest.approx(disk_margin(G * K).alpha, rel=1e-3)
+    assert report.margins.disk == pytest.approx(robust.margins.disk_margin(G * K).alpha, rel=1e-3)
     too_large = check(the_model(G, form, 1.01 / peak), K)
     assert too_large.verdict == "not robust"
     worst = worst_case(model, K)

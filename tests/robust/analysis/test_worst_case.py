@@ -6,11 +6,11 @@ import control
 import numpy as np
 import pytest
 
+import robust
 from robust import UncertaintyModel, check, performance_weight, worst_case
 from robust.analysis import sample_loops
 from robust.lti import discretize
 from robust.lti.lti import response
-from robust.margins import nu_gap
 from robust.models import control_weight, delay_weight, makeweight, scan_orders
 from robust.models.sets import forms
 from robust.models.sets.perturbations import (
@@ -19,7 +19,6 @@ from robust.models.sets.perturbations import (
     random_perturbation,
     with_phase,
 )
-from robust.shaping import loop_bounds
 from tests.support.bla import make_bla
 from tests.support.printed import unwrapped
 
@@ -66,27 +65,26 @@ def test_the_worst_plant_lies_in_the_set_and_is_as_bad_as_said(form, kind):
     )
 
 
-def test_the_worst_plant_of_a_sampled_set_puts_every_alias_in_phase():
+@pytest.mark.attack(every=2)
+@pytest.mark.parametrize(("size", "stable"), [(0.2, True), (2.0, False)])
+def test_the_worst_plant_of_a_sampled_set_puts_every_alias_in_phase(size, stable):
     """A light mode above the Nyquist frequency: what it folds down makes most of the worst case,
     and it is met.
     """
     w1 = 2 * np.pi * 16
     nominal = LAG + control.ss(control.tf([0.15 * w1**2], [1, 0.02 * w1, w1**2]))
     K = control.ss([], [], [], [[0.5]], 0.05)
-    for size, stable in ((0.2, True), (2.0, False)):
-        set_ = model(nominal=nominal, weight=control.ss([], [], [], [[size]]))
-        worst, report = worst_case(set_, K), check(set_, K)
-        assert report.verdict == ("robust" if stable else "not certified")
-        assert worst.stable == stable
-        assert set_.contains(worst.plant)
-        if stable:
-            assert worst.gain.max() > 1.3 * np.abs(report.curves.S).max()
-            assert worst.plant.nstates >= set_.nominal.nstates + 4
-            assert worst.achieved == pytest.approx(worst.gain.max(), rel=0.02)
-        else:
-            assert (
-                worst.achieved > 30
-            )  # but for what aliases of less than 0.3 % add it stands on the boundary
+    set_ = model(nominal=nominal, weight=control.ss([], [], [], [[size]]))
+    worst, report = worst_case(set_, K), check(set_, K)
+    assert report.verdict == ("robust" if stable else "not certified")
+    assert worst.stable == stable
+    assert set_.contains(worst.plant)
+    if stable:
+        assert worst.gain.max() > 1.3 * np.abs(report.curves.S).max()
+        assert worst.plant.nstates >= set_.nominal.nstates + 4
+        assert worst.achieved == pytest.approx(worst.gain.max(), rel=0.02)
+    else:  # but for what aliases of less than 0.3 % add it stands on the boundary
+        assert worst.achieved > 30
 
 
 @pytest.mark.parametrize("T", [0.0, 0.02])
@@ -192,7 +190,7 @@ def test_loop_bounds_are_sufficient(form):
     from robust.models.sets.forms import perturbed_sensitivity_terms
 
     set_, w_P = model(form, 2.0), performance_weight(2.0, M_S=2.0, A=1e-2)
-    low, high = loop_bounds(set_, w_P)
+    low, high = robust.shaping.loop_bounds(set_, w_P)
     G, w, p = response(LAG, LINES), response(set_.weight, LINES), np.abs(response(w_P, LINES))
     assert np.isfinite(low[low > 0]).all()
     assert (low > 0).any() or np.isfinite(high).any()
@@ -308,7 +306,9 @@ def test_the_order_scan_finds_the_order(n):
         (lambda: discretize(1.0, 0.1, prewarp=40.0), "prewarp must lie below the Nyquist"),
         (lambda: discretize(control.tf([1], [1, -20.0]), 0.1), "must have no pole at s = 2/dt"),
         (
-            lambda: nu_gap(control.tf([1], [1, 1], 0.1), control.tf([1], [1, 0.5], 0.1)),
+            lambda: robust.margins.nu_gap(
+                control.tf([1], [1, 1], 0.1), control.tf([1], [1, 0.5], 0.1)
+            ),
             "must have no pole at z = -1",
         ),
     ],
@@ -355,6 +355,7 @@ def test_the_worst_plant_of_several_channels_reaches_the_bound(form, size, w_P):
     assert np.linalg.norm(S, 2) == pytest.approx(worst.achieved, rel=1e-9)
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("form", ["elements", "additive", "input"])
 def test_no_random_plant_of_several_channels_is_beyond_the_worst(form):
     set_ = set_of_several(form, 0.1 if form != "elements" else 0.2)

@@ -27,7 +27,6 @@ from benchmarks.read_machine import (
     pulls_of,
     truth_of,
 )
-from nlfrf.friction import VaryingSliders, element_forces, load_forces
 from nlfrf.rig import Drive
 from robust.friction.reading.balance import (
     LOAD,
@@ -53,7 +52,9 @@ THREE = {"stiffness": [1.2e6, 0.6e6, 0.2e6], "strength": [20 / 3] * 3}
 def levels(rms, *, mass=1.0, spring=80e3, damping=5.0, seed=0, law=None, noise=0.002, n_periods=3):
     """Records of a machine at several levels, with noise on the position."""
     rng = np.random.default_rng(seed)
-    law = law or VaryingSliders(stiffness=[4e4, 1.6e4, 8e3], strength=[0.4, 0.3, 0.3])
+    law = law or nlfrf.friction.VaryingSliders(
+        stiffness=[4e4, 1.6e4, 8e3], strength=[0.4, 0.3, 0.3]
+    )
     rig, records = nlfrf.rig.Rig(mass, spring, law, damping), []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -71,19 +72,21 @@ GOOD = (0.05, 0.3, 1.0, 5.0)
 
 def test_element_forces_are_those_of_elastoplastic_elements():
     x = np.cumsum(np.random.default_rng(0).standard_normal(300))
-    law = VaryingSliders(stiffness=[2.0, 1.0], strength=[1.0, 4.0])
+    law = nlfrf.friction.VaryingSliders(stiffness=[2.0, 1.0], strength=[1.0, 4.0])
     held, expected = np.zeros(2), []
     for step in np.diff(x, prepend=x[0]):
         held = np.clip(held + law.stiffness * step, -law.strength, law.strength)
         expected.append(held)
-    assert np.allclose(element_forces(law, x, np.gradient(x), fs=1.0), np.array(expected).T)
+    assert np.allclose(
+        nlfrf.friction.element_forces(law, x, np.gradient(x), fs=1.0), np.array(expected).T
+    )
 
 
 def test_a_sliding_element_holds_what_stribeck_leaves():
     """At a constant velocity: W (1/rho + (1 - 1/rho) exp(-(v/vs)^2))."""
-    law = VaryingSliders(stiffness=[1.0], strength=[2.0], stiction=1.6, vs=0.5)
+    law = nlfrf.friction.VaryingSliders(stiffness=[1.0], strength=[2.0], stiction=1.6, vs=0.5)
     x = 0.3 * np.arange(100.0)
-    force = element_forces(law, x, np.full(100, 0.3), fs=1.0)[0]
+    force = nlfrf.friction.element_forces(law, x, np.full(100, 0.3), fs=1.0)[0]
     assert force.max() <= 2.0
     assert np.isclose(force[-1], 2.0 * (1 / 1.6 + (1 - 1 / 1.6) * np.exp(-0.36)))
 
@@ -97,19 +100,19 @@ def test_an_element_drops_at_the_velocity_at_which_it_gives_way():
     """
     t = np.linspace(0, np.pi / 2, 61)
     W, rho, vs = np.linspace(0.93, 0.96, 200), 1.5, 0.5
-    law = VaryingSliders(stiffness=np.ones(W.size), strength=W, stiction=rho, vs=vs)
-    force = element_forces(law, np.sin(t), np.cos(t), fs=1 / t[1])[:, -1]
+    law = nlfrf.friction.VaryingSliders(stiffness=np.ones(W.size), strength=W, stiction=rho, vs=vs)
+    force = nlfrf.friction.element_forces(law, np.sin(t), np.cos(t), fs=1 / t[1])[:, -1]
     speed = np.sqrt(1 - W**2)
     expected = W * (1 / rho + (1 - 1 / rho) * np.exp(-((speed / vs) ** 2))) + 1 - W
     assert force == pytest.approx(expected, abs=1e-3)
 
 
 def test_what_is_no_motion_is_refused():
-    law = VaryingSliders(stiffness=[1.0], strength=[2.0])
+    law = nlfrf.friction.VaryingSliders(stiffness=[1.0], strength=[2.0])
     with pytest.raises(
         ValueError, match="x and v must have the same number of samples, at least one, got 3, 2"
     ):
-        element_forces(law, np.zeros(3), np.zeros(2), fs=1.0)
+        nlfrf.friction.element_forces(law, np.zeros(3), np.zeros(2), fs=1.0)
 
 
 LOADED = {"mass": 2.0, "stiffness": 8e4, "damping": 60.0, "viscous": 15.0}
@@ -120,7 +123,7 @@ def load_in_motion(n, *, stiction=1.4, vs=0.02):
     rng, grid = np.random.default_rng(3), 2j * np.pi * np.arange(n // 2 + 1)
     spectrum = np.zeros(n // 2 + 1, dtype=complex)
     spectrum[1:25:2] = n / 2 * 4e-4 * np.exp(2j * np.pi * rng.random(12))
-    law = VaryingSliders(
+    law = nlfrf.friction.VaryingSliders(
         stiffness=[3e4, 1e4, 5e3], strength=[6.0, 5.0, 5.0], stiction=stiction, vs=vs
     )
     return law, np.fft.irfft(spectrum, n), np.fft.irfft(grid * spectrum, n)
@@ -136,13 +139,16 @@ def test_the_force_of_a_load_is_that_of_a_rig():
     load = nlfrf.rig.run(nlfrf.rig.Rig(m, k, law, c + c2), np.tile(k * x + c * v, 2), fs=float(n))
     expected = k * (x - load.x[n:]) + c * (v - load.v[n:])
     assert (
-        np.abs(load_forces(law, x, v, **LOADED, fs=float(n))[0] - expected).max()
+        np.abs(nlfrf.friction.load_forces(law, x, v, **LOADED, fs=float(n))[0] - expected).max()
         < 5e-4 * np.abs(expected).max()
     )
     coarse = {}
     for steps in (500, 1000):
         law, x, v = load_in_motion(steps)
-        off = load_forces(law, x, v, **LOADED, fs=float(steps))[0] - expected[:: n // steps]
+        off = (
+            nlfrf.friction.load_forces(law, x, v, **LOADED, fs=float(steps))[0]
+            - expected[:: n // steps]
+        )
         coarse[steps] = np.std(off) / np.std(expected)
     assert coarse[500] < 0.05  # 22 samples in a cycle of the highest line
     assert coarse[1000] < coarse[500] / 2
@@ -152,11 +158,11 @@ def test_the_force_of_a_load_that_sticks_needs_few_samples():
     """Of a triangle hold, 14 samples in a cycle of the highest line, 1 % would be missing."""
     law, x, v = load_in_motion(320)
     m, k, c, c2 = LOADED.values()
-    stuck = VaryingSliders(stiffness=law.stiffness, strength=1e6 * law.strength)
+    stuck = nlfrf.friction.VaryingSliders(stiffness=law.stiffness, strength=1e6 * law.strength)
     s = 2j * np.pi * np.arange(161)
     link, ground = k + s * c, s**2 * m + s * c2 + law.stiffness.sum()
     expected = link * ground / (link + ground) * np.fft.rfft(x)
-    found = np.fft.rfft(load_forces(stuck, x, v, **LOADED, fs=320.0)[0])
+    found = np.fft.rfft(nlfrf.friction.load_forces(stuck, x, v, **LOADED, fs=320.0)[0])
     assert np.abs(found - expected).max() < 5e-4 * np.abs(expected).max()
 
 
@@ -177,11 +183,11 @@ def test_the_slopes_of_the_force_of_a_load_are_its_derivatives():
 
     def force(p, slopes=False):
         k, D = np.exp(p[6:9]), np.exp(p[9:])
-        moved = VaryingSliders(
+        moved = nlfrf.friction.VaryingSliders(
             stiffness=k, strength=k * D, stiction=1 + np.exp(p[4]), vs=np.exp(p[5])
         )
         m, stiffness, c = np.exp(p[:3])
-        return load_forces(
+        return nlfrf.friction.load_forces(
             moved,
             x,
             v,
@@ -208,9 +214,9 @@ def test_what_makes_no_force_of_a_load_is_refused():
     with pytest.raises(
         ValueError, match="x and v must have the same number of samples, at least one, got 100, 3"
     ):
-        load_forces(law, x, v[:3], **LOADED, fs=1.0)
+        nlfrf.friction.load_forces(law, x, v[:3], **LOADED, fs=1.0)
     with pytest.raises(ValueError, match="sliders must vary with velocity only"):
-        load_forces(replace(law, dwell=1.0), x, v, **LOADED, fs=1.0)
+        nlfrf.friction.load_forces(replace(law, dwell=1.0), x, v, **LOADED, fs=1.0)
 
 
 @pytest.fixture(scope="module")
@@ -317,7 +323,7 @@ def test_what_the_levels_leave_open_is_said_with_its_number(rms, kind, words):
 def test_two_masses_are_no_one_mass():
     """A load on a spring, 78 Hz, in a band up to 200 Hz."""
     masses, springs = np.diag([1.0, 0.5]), np.array([[2e5, -1.2e5], [-1.2e5, 1.2e5]])
-    law = VaryingSliders(stiffness=[4e4, 2.4e4], strength=[0.5, 0.5])
+    law = nlfrf.friction.VaryingSliders(stiffness=[4e4, 2.4e4], strength=[0.5, 0.5])
     rig = nlfrf.rig.Rig(
         masses, springs, [law, None], 5e-5 * springs, actuators=[[1.0], [0.0]], sensors=[[1.0, 0.0]]
     )

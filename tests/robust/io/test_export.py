@@ -11,13 +11,13 @@ import pytest
 from scipy.io import loadmat
 from scipy.signal import sosfilt
 
+import robust
 from nlfrf import DataWarning
 from robust import UncertaintyModel, fit_nominal, frd, load, save, uncertainty
 from robust.io import controller_sections, export_matlab
 from robust.io.models import load_controller, load_model
 from robust.lti import discretize
 from robust.lti.lti import response
-from robust.shaping import pid
 from tests.support.bla import make_bla
 
 F = np.arange(1, 80, 2) * 0.3
@@ -268,7 +268,7 @@ def run(sections, z):
 @pytest.mark.parametrize("dt", [1e-3, 1e-4, 1e-5])
 def test_sections_keep_what_is_slow(dt):
     """An integrator, and poles and zeros a million samples long, far below 1e-2 rad."""
-    K = discretize(pid(2.0, 3.0, 0.1, filter_time=0.01), dt)
+    K = discretize(robust.shaping.pid(2.0, 3.0, 0.1, filter_time=0.01), dt)
     for omega in np.geomspace(1e-3, 1.0, 7):
         wanted = response(K, np.array([omega]))[0]
         assert abs(

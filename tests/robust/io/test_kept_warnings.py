@@ -19,8 +19,6 @@ from nlfrf import DataWarning, Record, identify, multisine
 from robust import DesignWarning, UncertaintyModel, check, fit_nominal, uncertainty
 from robust.friction.proof.prove import prove_all
 from robust.models import Origin
-from robust.pages import html as pages_html
-from robust.pages.section import Picture
 from robust.reports import command
 from robust.reports.prove import MachineFiles, read_basis, save_proofs
 from robust.reports.shaping_page.generated_text import PartSources
@@ -97,8 +95,7 @@ def test_the_check_prints_them_under_a_verdict_that_names_the_condition(run):
     assert "warning:" in str(unstable)
 
 
-def test_a_sound_record_leaves_no_word_of_it_on_any_page(tmp_path, monkeypatch):
-    monkeypatch.setattr(pages_html, "draw_picture", picture_without_drawing)
+def test_a_sound_record_leaves_no_word_of_it_on_any_page(tmp_path, undrawn):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         bla = identify(recorded())
@@ -115,10 +112,6 @@ def test_a_sound_record_leaves_no_word_of_it_on_any_page(tmp_path, monkeypatch):
     assert "warnings" not in json.loads((tmp_path / "c.json").read_text())
 
 
-def picture_without_drawing(caption, *_, **__):
-    return Picture("#", caption)
-
-
 def shown_on(path):
     """The list under the verdict of a page, as it stands in the file."""
     page = path.read_text(encoding="utf-8")
@@ -127,8 +120,7 @@ def shown_on(path):
     )
 
 
-def test_the_page_shows_each_escaped(run, tmp_path, monkeypatch):
-    monkeypatch.setattr(pages_html, "draw_picture", picture_without_drawing)
+def test_the_page_shows_each_escaped(run, tmp_path, undrawn):
     bla, nominal, model, K, report, _ = run
     robust.reports.write_report(
         tmp_path / "r.html", model, K, bla=bla, nominal=nominal, report=report
@@ -142,9 +134,8 @@ def test_the_page_shows_each_escaped(run, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("checked_before", [False, True])
 def test_the_page_of_an_older_model_shows_what_its_bla_knows(
-    run, tmp_path, monkeypatch, checked_before
+    run, tmp_path, undrawn, checked_before
 ):
-    monkeypatch.setattr(pages_html, "draw_picture", picture_without_drawing)
     bla, nominal, model, K, *_ = run
     older = replace(model, warnings=())
     given = {"report": check(older, K)} if checked_before else {}
@@ -181,8 +172,7 @@ def test_files_of_models_keep_them(run, tmp_path):
         robust.load(tmp_path / "bad.json")
 
 
-def test_of_several_channels_too(tmp_path, monkeypatch):
-    monkeypatch.setattr(pages_html, "draw_picture", picture_without_drawing)
+def test_of_several_channels_too(tmp_path, undrawn):
     ms = multisine(fs=256, n_samples=256, f_min=1, f_max=60, n_inputs=2, rng=1)
     u = ms.u[:, :, None]  # one period: noise counts as distortion, which is warned of
     y = np.stack([2 * u[0] + 0.1 * u[0] ** 3 + u[1], u[1] + 0.1 * u[1] ** 3])

@@ -12,8 +12,6 @@ import pytest
 import nlfrf
 import robust
 from robust.analysis.text import format_margin_factor
-from robust.pages import html as pages_html
-from robust.pages.section import Picture
 from robust.reports.data import describe_directions
 from tests.robust.io.test_report_page import Reader
 
@@ -62,8 +60,7 @@ W_P = robust.lti.discretize(robust.performance_weight(0.1, M_S=4.0, A=0.1), T)
 @pytest.mark.parametrize(
     ("K", "w_P"), [(SMALL, None), (SMALL, W_P), (control.ss([], [], [], 500 * np.eye(2), T), None)]
 )
-def test_every_number_on_the_page_is_held(K, w_P, tmp_path, monkeypatch):
-    monkeypatch.setattr(pages_html, "draw_picture", lambda caption, *_, **__: Picture("#", caption))
+def test_every_number_on_the_page_is_held(K, w_P, tmp_path, undrawn):
     report = robust.reports.write_report(
         tmp_path / "r.html", rig_model(), K, bla=rig_frm(), nominal=rig_fit(), w_P=w_P
     )

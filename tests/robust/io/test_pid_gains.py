@@ -11,7 +11,6 @@ from scipy.signal import dlsim
 import robust
 from robust import cli, design_frf, fit_nominal, save, uncertainty
 from robust.io import pid_gains
-from robust.shaping import pid
 from tests.support.bla import make_bla
 from tests.support.printed import unwrapped
 
@@ -55,14 +54,14 @@ def typed_in(lines, e):
 def test_what_was_put_in_comes_out_and_the_lines_are_the_controller(gains, dt):
     if not any(gains[name] for name in ("kp", "ki", "kd")):
         pytest.skip("no controller at all")
-    seen = pid_gains(pid(**gains, dt=dt), dt=None if dt else 0.01)
+    seen = pid_gains(robust.shaping.pid(**gains, dt=dt), dt=None if dt else 0.01)
     for name in ("kp", "ki", "kd"):
         size = abs(gains["kp"]) + abs(gains["ki"]) + abs(gains["kd"])
         assert getattr(seen, name) == pytest.approx(gains[name], rel=1e-6, abs=1e-9 * size)
     if gains["kd"]:
         assert seen.filter_time == pytest.approx(gains["filter_time"], rel=1e-6)
     step = dt or 0.01
-    K = pid(**gains, dt=step)
+    K = robust.shaping.pid(**gains, dt=step)
     e = np.random.default_rng(1).standard_normal(300)
     _, u, _ = dlsim((K.A, K.B, K.C, K.D, step), e)
     typed = typed_in(seen.difference_equation(), e)
@@ -70,12 +69,14 @@ def test_what_was_put_in_comes_out_and_the_lines_are_the_controller(gains, dt):
 
 
 def test_both_forms_are_the_same_controller():
-    seen = pid_gains(pid(2.0, 3.0, 0.1, filter_time=0.01), unit="mm/V")
+    seen = pid_gains(robust.shaping.pid(2.0, 3.0, 0.1, filter_time=0.01), unit="mm/V")
     s = 7j
     ideal = seen.kp * (
         1 + 1 / (seen.integral_time * s) + seen.derivative_time * s / (seen.filter_time * s + 1)
     )
-    assert ideal == pytest.approx(complex(pid(2.0, 3.0, 0.1, filter_time=0.01)(s)), rel=1e-9)
+    assert ideal == pytest.approx(
+        complex(robust.shaping.pid(2.0, 3.0, 0.1, filter_time=0.01)(s)), rel=1e-9
+    )
     assert "Kp = 2 V/mm, Ki = 3 V/mm/s, Kd = 0.1 V/mm s, Tf = 0.01 s" in unwrapped(seen)
     assert "Ti = 0.666667 s, Td = 0.05 s" in unwrapped(seen)
     with pytest.raises(ValueError, match="dt must be given to pid_gains"):
@@ -93,7 +94,7 @@ def test_what_is_no_pid_is_refused():
         with pytest.raises(ValueError, match="K must be a PID"):
             pid_gains(K)
     with pytest.raises(ValueError, match="dt must be the sampling time of K"):
-        pid_gains(pid(1.0, 2.0, dt=0.1), dt=0.2)
+        pid_gains(robust.shaping.pid(1.0, 2.0, dt=0.1), dt=0.2)
 
 
 def test_a_design_is_a_pid_and_the_commands_print_it(tmp_path, monkeypatch, capsys):
@@ -136,7 +137,11 @@ def anywhere(n):
 def test_every_gain_comes_back_from_any_scale_and_clock():
     """To 1e-9, Kp but for the rounding of what stands in D with it."""
     for kp, ki, kd, tau, dt in anywhere(600):
-        found = pid_gains(pid(kp, ki, kd, filter_time=tau, dt=dt) if kd else pid(kp, ki, dt=dt))
+        found = pid_gains(
+            robust.shaping.pid(kp, ki, kd, filter_time=tau, dt=dt)
+            if kd
+            else robust.shaping.pid(kp, ki, dt=dt)
+        )
         assert found.ki == pytest.approx(ki, rel=1e-9, abs=0)
         assert found.kd == pytest.approx(kd, rel=1e-9, abs=0)
         beside = abs(ki) * dt / 2 + (abs(kd) / tau + (abs(kd) / dt if dt else 0.0) if kd else 0.0)
@@ -146,12 +151,14 @@ def test_every_gain_comes_back_from_any_scale_and_clock():
 
 def test_small_gains_are_not_lost():
     for kp, dt in ((1e-8, 1e-6), (1e-9, 1e-9)):
-        assert pid_gains(pid(kp, 1.0, dt=dt)).kp == pytest.approx(kp, rel=1e-9)
-    assert pid_gains(pid(-8.04e-6, -538.5, dt=1.02e-6)).kp == pytest.approx(-8.04e-6, rel=1e-9)
+        assert pid_gains(robust.shaping.pid(kp, 1.0, dt=dt)).kp == pytest.approx(kp, rel=1e-9)
+    assert pid_gains(robust.shaping.pid(-8.04e-6, -538.5, dt=1.02e-6)).kp == pytest.approx(
+        -8.04e-6, rel=1e-9
+    )
     assert pid_gains(control.tf([-71.7, 1.4e-9], [1, 0])).ki == pytest.approx(1.4e-9, rel=1e-9)
 
 
-@pytest.mark.parametrize("K", [0.0, pid(0.0, dt=1e-3), control.tf([0.0], [1, 0])])
+@pytest.mark.parametrize("K", [0.0, robust.shaping.pid(0.0, dt=1e-3), control.tf([0.0], [1, 0])])
 def test_a_controller_that_is_zero(K):
     found = pid_gains(K)
     assert (found.kp, found.ki, found.kd) == (0.0, 0.0, 0.0)
@@ -163,7 +170,7 @@ def test_a_controller_of_several_loops_has_the_gains_of_each(dt):
         {"kp": 2.0, "ki": 3.0, "kd": 0.1, "filter_time": 0.01},
         {"kp": -0.4, "ki": 0.0, "kd": 0.0},
     ]
-    loops = [pid(**one, dt=dt) for one in gains]
+    loops = [robust.shaping.pid(**one, dt=dt) for one in gains]
     rng = np.random.default_rng(1)
     K = control.append(*loops)
     order = rng.permutation(K.nstates)  # the states of the loops need not lie side by side

@@ -14,6 +14,7 @@ import control
 import numpy as np
 import pytest
 
+import robust
 from nlfrf import Record, identify, multisine
 from robust import (
     UncertaintyModel,
@@ -28,11 +29,8 @@ from robust import (
     uncertainty,
 )
 from robust.models.sets.records import Origin
-from robust.pages import html as pages_html
-from robust.pages.section import Picture
 from robust.reports import sections as report_sections
 from robust.reports import write_report
-from robust.shaping import crossover_weight, write_shaping_page
 from tests.support.browser import browser
 
 SECTIONS = [
@@ -84,7 +82,7 @@ def rig_model():
 @cache
 def rig_controller():
     plant = sampled(rig_model().nominal, 1 / 512)
-    return ncfsyn(plant, crossover_weight(plant, 2 * np.pi * 2)).K
+    return ncfsyn(plant, robust.shaping.crossover_weight(plant, 2 * np.pi * 2)).K
 
 
 W_P = performance_weight(2 * np.pi * 0.3, M_S=2.5, A=1e-2)
@@ -183,12 +181,6 @@ def test_the_same_run_gives_the_same_pictures(whole):
     again = report_sections.loop_section(whole[1], rig_model(), rig_controller())
     images = [image["src"] for image in Reader(whole[0].read_text(encoding="utf-8")).images]
     assert [picture.source for picture in again.pictures] == images[-5:-3]
-
-
-@pytest.fixture
-def undrawn(monkeypatch):
-    """Reports whose words are looked at and whose pictures are not."""
-    monkeypatch.setattr(pages_html, "draw_picture", lambda caption, *_, **__: Picture("#", caption))
 
 
 def test_a_browser_shows_it(whole, tmp_path):
@@ -372,7 +364,7 @@ def test_no_name_of_a_file_becomes_a_part_of_the_page(tmp_path):
         )
         K = control.tf([0.3], [1, 0.1])
         write_report(tmp_path / "r.html", model, K, bla=bla, record=record, title=text, notes=text)
-        write_shaping_page(tmp_path / "s.html", model)
+        robust.shaping.write_shaping_page(tmp_path / "s.html", model)
         return [Seen(tmp_path / name).found for name in ("r.html", "s.html")]
 
     assert pages(evil) == pages("plain")

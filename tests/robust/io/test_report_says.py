@@ -18,6 +18,8 @@ from robust.friction import MaxwellSlip
 from robust.reports import write_report
 from robust.reports.parts import describe_roots
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 PLANT = control.tf([1], [1, 1])
 MODEL = UncertaintyModel(
     PLANT,

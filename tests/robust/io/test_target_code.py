@@ -19,7 +19,6 @@ from robust.io.rounded_schedule import round_schedule
 from robust.lti import discretize
 from robust.lti.lti import response
 from robust.models import LpvModel
-from robust.shaping import pid
 
 COMPILER = shutil.which("cc")
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Werror")
@@ -63,7 +62,10 @@ def dk_step():
 
 
 CASES = {
-    "PID with a limit": (lambda: pid(20.0, 300.0, 0.1, filter_time=2e-3, dt=DT), 15.0),
+    "PID with a limit": (
+        lambda: robust.shaping.pid(20.0, 300.0, 0.1, filter_time=2e-3, dt=DT),
+        15.0,
+    ),
     "notches": (notches, (-3.0, 4.0)),
     "D-K of order 20": (dk_step, None),
     "two integrators": (lambda: control.tf([1, -1.9, 0.91], np.poly([1, 1, 0.5]), DT), None),
@@ -310,7 +312,10 @@ def test_a_compensated_integral_loses_nothing_that_is_small():
 
 @pytest.mark.parametrize(
     "K",
-    [pid(20.0, 300.0, 0.1, filter_time=2e-3, dt=DT), control.tf([0.02], [1, -0.9999], DT)],
+    [
+        robust.shaping.pid(20.0, 300.0, 0.1, filter_time=2e-3, dt=DT),
+        control.tf([0.02], [1, -0.9999], DT),
+    ],
     ids=["PID", "lag"],
 )
 def test_the_integral_comes_back_from_a_limit(K):
@@ -335,12 +340,14 @@ def test_check_proves_the_rounded_controller_again(tmp_path):
     model = robust.UncertaintyModel(
         G, w, "multiplicative", omega, 0.99 * np.abs(w(1j * omega)), perturbation="LTI"
     )
-    rounded = export_c(pid(8.0, 4.0, 2.0, filter_time=0.02, dt=0.01), tmp_path / "k.h", limit=5.0)
+    rounded = export_c(
+        robust.shaping.pid(8.0, 4.0, 2.0, filter_time=0.02, dt=0.01), tmp_path / "k.h", limit=5.0
+    )
     assert robust.check(model, rounded.K).proofs.robustly_stable
 
 
 def test_the_comment_states_units_clock_flags_and_what_is_not_proved(tmp_path):
-    export_c(pid(20.0, 300.0, dt=DT), tmp_path / "axis.h", limit=(-3, 4), unit="m/N")
+    export_c(robust.shaping.pid(20.0, 300.0, dt=DT), tmp_path / "axis.h", limit=(-3, 4), unit="m/N")
     text = (tmp_path / "axis.h").read_text()
     head = " ".join(text[: text.index("*/")].split())
     for part in (
@@ -359,11 +366,13 @@ def test_the_comment_states_units_clock_flags_and_what_is_not_proved(tmp_path):
 
 @pytest.mark.parametrize("stem", ["2 PID", "größe", "a*)b", "float", "NAME", "_"])
 def test_any_file_name_makes_an_identifier(stem, tmp_path):
-    export_structured_text(pid(2.0, 3.0, dt=DT), tmp_path / f"{stem}.st", unit="m*)(*/N")
+    export_structured_text(
+        robust.shaping.pid(2.0, 3.0, dt=DT), tmp_path / f"{stem}.st", unit="m*)(*/N"
+    )
     assert (tmp_path / f"{stem}.st").read_text().count(
         "*)"
     ) == 3  # its comment, and two behind a variable
-    export_c(pid(2.0, 3.0, dt=DT), tmp_path / f"{stem}.h", unit="m*/N")
+    export_c(robust.shaping.pid(2.0, 3.0, dt=DT), tmp_path / f"{stem}.h", unit="m*/N")
     text = (tmp_path / f"{stem}.h").read_text()
     assert text.count("*/") == 1
     if COMPILER:
@@ -400,19 +409,19 @@ def test_rounding_that_changes_much_is_warned_of():
             {"limit": 1.0},
             "limit must be left out for a controller with 2 integrators",
         ),
-        (pid(1.0, dt=DT), {"limit": 0.0}, "limit must be positive, got 0"),
+        (robust.shaping.pid(1.0, dt=DT), {"limit": 0.0}, "limit must be positive, got 0"),
         (
-            pid(1.0, dt=DT),
+            robust.shaping.pid(1.0, dt=DT),
             {"limit": (2.0, 1.0)},
             "limit must be a positive number, or the least and the largest u",
         ),
         (
-            pid(1.0, dt=DT),
+            robust.shaping.pid(1.0, dt=DT),
             {"limit": (1.0, 2.0, 3.0)},
             "limit must be a positive number, or the least and the largest u",
         ),
         (
-            pid(1.0, dt=DT),
+            robust.shaping.pid(1.0, dt=DT),
             {"dtype": "float16"},
             "dtype must be one of 'float32', 'float64', got 'float16'",
         ),
@@ -421,7 +430,7 @@ def test_rounding_that_changes_much_is_warned_of():
             {},
             r"K must have coefficients of at most 3\.4e\+38 in float32, got 1e\+39",
         ),
-        (pid(1.0, dt=DT), {"unit": 3}, "unit must be"),
+        (robust.shaping.pid(1.0, dt=DT), {"unit": 3}, "unit must be"),
     ],
 )
 def test_refusals_in_one_line(K, more, message, tmp_path):
@@ -433,9 +442,9 @@ def test_refusals_in_one_line(K, more, message, tmp_path):
 
 def test_a_file_of_another_kind_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"path must end in \.h, got"):
-        export_c(pid(1.0, dt=DT), tmp_path / "k.c")
+        export_c(robust.shaping.pid(1.0, dt=DT), tmp_path / "k.c")
     with pytest.raises(ValueError, match=r"path must end in \.st, got"):
-        export_structured_text(pid(1.0, dt=DT), tmp_path / "k.h")
+        export_structured_text(robust.shaping.pid(1.0, dt=DT), tmp_path / "k.h")
 
 
 # ---- Schedules.

@@ -50,10 +50,10 @@ def light_mode(seed):
 @pytest.mark.parametrize(
     "seeds",
     [
-        range(3),
+        range(1),
         *(
             pytest.param(seeds, marks=pytest.mark.attack)
-            for seeds in (range(3, 10), range(10, 20), range(100, 110))
+            for seeds in (range(1, 10), range(10, 20), range(100, 110))
         ),
     ],
     ids=lambda seeds: f"{seeds[0]}",
@@ -66,7 +66,7 @@ def test_on_the_boundary_nothing_is_robust(make, seeds):
         assert report.margins.rs == pytest.approx(1, abs=1e-6) or report.margins.rs < 1
 
 
-@pytest.mark.attack(every=3)
+@pytest.mark.attack(every=6)
 @pytest.mark.parametrize("seed", range(6))
 def test_a_little_inside_it_still_is(seed):
     systems, blocks = slow_pole(seed)

@@ -52,6 +52,16 @@ def test_the_bounds_are_those_of_the_two_functions_and_meet_on_the_distillation_
 
 
 def test_frequencies_are_chosen_where_none_are_given():
+    """|N| of a light mode is 1/(2 zeta sqrt(1 - zeta^2)), in a band of a hundredth of it."""
+    zeta = 5e-3
+    N = control.ss(control.tf([1.0], [1.0, 2 * zeta, 1.0]))
+    found = robust.mu.bounds(N, [(1, 1)])
+    assert found.upper.max() == pytest.approx(0.5 / zeta, rel=0.01)
+    assert "largest at 1 rad/s" in str(found)
+
+
+@pytest.mark.attack
+def test_the_peak_of_the_distillation_column_is_found():
     N = lower_lft(plant(), controller())
     found = robust.mu.bounds(N, WITH_PERFORMANCE)
     assert found.upper.max() == pytest.approx(5.78, rel=0.01)  # SP 8.11.3

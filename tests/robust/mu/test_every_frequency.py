@@ -77,13 +77,12 @@ def test_a_matrix_has_one_value_at_every_frequency():
 
 
 @pytest.mark.parametrize(
-    ("seed", "complex_block"),
+    ("seed", "complex_block"),  # one parameter beside a complex block, and two parameters
     [
-        pytest.param(seed, complex_block, marks=() if seed == first else pytest.mark.attack)
-        for complex_block, first in (
-            (False, 2),
-            (True, 0),
-        )  # two parameters, and one beside a complex block
+        pytest.param(
+            seed, complex_block, marks=pytest.mark.attack if seed + 1 - complex_block else ()
+        )
+        for complex_block in (True, False)
         for seed in range(12)
     ],
 )

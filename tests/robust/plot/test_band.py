@@ -9,6 +9,8 @@ import matplotlib
 import numpy as np
 import pytest
 
+import robust
+
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
@@ -17,7 +19,6 @@ from nlfrf import plot as measured_pictures
 from robust import UncertaintyModel, check, fit_nominal, ncfsyn, uncertainty
 from robust import plot as pictures
 from robust.analysis import sample_loops
-from robust.plot import plot_loop_bounds
 from tests.support.bla import make_bla
 from tests.support.pictures import labels
 from tests.support.printed import unwrapped
@@ -56,7 +57,7 @@ OVER_FREQUENCY = {
     "weight": lambda ax: pictures.plot_weight(MODEL, ax=ax),
     "budget": lambda ax: pictures.plot_budget(MODEL, ax=ax),
     "bode": lambda ax: pictures.plot_set(MODEL, BLA, ax=ax),
-    "shaping": lambda ax: plot_loop_bounds(MODEL, control.tf([1.0], [1, 1]), K, ax=ax),
+    "shaping": lambda ax: robust.plot.plot_loop_bounds(MODEL, control.tf([1.0], [1, 1]), K, ax=ax),
 }
 
 

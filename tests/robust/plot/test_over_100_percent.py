@@ -7,12 +7,13 @@ import matplotlib
 import numpy as np
 import pytest
 
+import robust
+
 matplotlib.use("Agg")
 
 from matplotlib import pyplot as plt
 
 from robust import UncertaintyModel
-from robust.plot import plot_set
 
 OMEGA = np.geomspace(0.1, 100, 60)
 G = control.ss(control.tf([1], [1, 1]))
@@ -35,7 +36,7 @@ def bands(ax):
 
 @pytest.mark.parametrize(("gain", "over"), [(1.0, True), (0.3, False)])
 def test_the_band_of_a_set(gain, over):
-    top, foot = plot_set(model(gain))
+    top, foot = robust.plot.plot_set(model(gain))
     said = [text.get_text() for text in foot.get_legend().get_texts()]
     assert ("over 100 %: the set holds 0" in said) == over
     assert any(band.get_hatch() for band in top.collections) == over

@@ -5,14 +5,14 @@ import matplotlib
 import numpy as np
 import pytest
 
+import robust
+
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
 from robust import UncertaintyModel, performance_weight
 from robust.lti.lti import response
 from robust.lti.realisation import state_space
-from robust.plot import plot_loop_bounds
-from robust.shaping import lag, lead, loop_bounds
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 
@@ -27,10 +27,13 @@ def model_to_shape():
 
 def test_the_picture_shows_the_loop_between_its_bounds():
     model, w_P = model_to_shape(), performance_weight(3.0, A=1e-2)
-    low, high = loop_bounds(model, w_P)
-    for K in (1e-3, lead(10.0, np.radians(40)) * lag(1.0, 100.0) * 0.5):
+    low, high = robust.shaping.loop_bounds(model, w_P)
+    for K in (
+        1e-3,
+        robust.shaping.lead(10.0, np.radians(40)) * robust.shaping.lag(1.0, 100.0) * 0.5,
+    ):
         _, ax = plt.subplots()
-        assert plot_loop_bounds(model, w_P, K, ax=ax) is ax
+        assert robust.plot.plot_loop_bounds(model, w_P, K, ax=ax) is ax
         assert ax.get_title().startswith("nominally stable; max rs")
         lines = {line.get_label(): line.get_data() for line in ax.get_lines()}
         L = np.abs(model.at(model.omega) * response(state_space("K", K), model.omega))
@@ -44,5 +47,5 @@ def test_the_picture_shows_the_loop_between_its_bounds():
         assert bottom < max(20 * np.log10(L.min()), -119.0)
         assert 20 * np.log10(L.max()) < top
         plt.close("all")
-    assert plot_loop_bounds(model, w_P, 1e6).get_title() == "unstable"
+    assert robust.plot.plot_loop_bounds(model, w_P, 1e6).get_title() == "unstable"
     plt.close("all")

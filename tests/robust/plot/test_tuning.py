@@ -9,7 +9,6 @@ matplotlib.use("Agg")
 
 import robust
 from robust import tuning
-from robust.plot import plot_limits
 
 ERROR = control.summing_junction(["r", "-y"], "e")
 FORCE = control.summing_junction(["u", "d"], "f")
@@ -26,7 +25,7 @@ def designed(K, **options):
 
 def test_curves_before_and_after_and_a_dot_where_each_is_largest(ax):
     design = designed(0.2)
-    assert plot_limits(design, ax=ax) is ax
+    assert robust.plot.plot_limits(design, ax=ax) is ax
     drawn = [line.get_xydata() for line in ax.get_lines()]
     for one in design.limits:
         dot = next(xy for xy in drawn if xy.shape == (1, 2) and xy[0, 1] == one.ratio)
@@ -45,4 +44,4 @@ def test_curves_before_and_after_and_a_dot_where_each_is_largest(ax):
 def test_an_unstable_start_has_no_curve_before(ax):
     design = designed(-0.2)
     assert all(np.isnan(one.before).all() for one in design.limits)
-    plot_limits(design, ax=ax)
+    robust.plot.plot_limits(design, ax=ax)

@@ -10,11 +10,11 @@ import pytest
 from matplotlib.figure import Figure
 
 import nlfrf
+import robust
 from robust import cli, save
 from robust.io import verify_certificate
 from robust.lti.lti import response
 from robust.models import LpvModel
-from robust.plot import plot_schedule
 
 POINTS = (-0.2, 0.0, 0.2)
 F = np.linspace(1, 60, 60)
@@ -88,7 +88,7 @@ def test_the_picture_has_a_line_for_each_point():
     K = LpvModel.from_points(
         [control.ss(-k, 1, 1, 0) for k in (1.0, 2.0, 4.0)], at=[0, 1, 2], unit="kg"
     )
-    ax = plot_schedule(K, ax=Figure().subplots())
+    ax = robust.plot.plot_schedule(K, ax=Figure().subplots())
     named = {
         line.get_label(): line for line in ax.get_lines() if not line.get_label().startswith("_")
     }
@@ -97,4 +97,4 @@ def test_the_picture_has_a_line_for_each_point():
         f, size = line.get_data()
         assert np.allclose(size, 1 / np.hypot(2 * np.pi * np.asarray(f), k))
     with pytest.raises(ValueError, match="model must be of type LpvModel"):
-        plot_schedule(control.ss(-1, 1, 1, 0))
+        robust.plot.plot_schedule(control.ss(-1, 1, 1, 0))

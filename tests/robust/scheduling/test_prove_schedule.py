@@ -33,7 +33,7 @@ def test_a_spring_that_jumps_at_will(excess, outcome):
     sqrt(4).
     """
     c = excess * (np.sqrt(6) - 2)
-    assert prove_schedule(between(4.0, 6.0, c), 0.0, rate=np.inf, limit=False).outcome is outcome
+    assert prove_schedule(between(4.0, 6.0, c), 0.0, rate=np.inf, limit=False).outcome == outcome
 
 
 @pytest.mark.parametrize(("shrink", "outcome"), [(0.6175, "holds"), (0.6185, "violated")])
@@ -46,7 +46,7 @@ def test_two_matrices_with_the_golden_ratio(shrink, outcome):
     pair = [control.ss(shrink * A, [[0], [1]], [[1, 0]], 0, 1.0) for A in (shear, shear.T)]
     plant = LpvModel.from_points(pair, at=[0, 1])
     proof = prove_schedule(plant, control.ss([], [], [], 0.0, 1.0), rate=np.inf)
-    assert proof.outcome is outcome
+    assert proof.outcome == outcome
     assert (proof.broken is not None) is (outcome == "violated")
 
 

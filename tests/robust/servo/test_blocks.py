@@ -13,7 +13,6 @@ from robust.lti.lti import response_by_channel
 from robust.lti.wiring import join_by_name
 from robust.servo import cascade, to_blocks, with_blocks
 from robust.servo.gains.p_pi import with_set_point
-from robust.tuning import Biquad, LowPass, Notch
 
 HZ = 2 * np.pi  # rad/s
 
@@ -25,8 +24,8 @@ LINEAR = Drive(
     tn=0.01,
     torque_constant=52.8,
     filters=(
-        Notch(omega=HZ * 83.0, width=20.0 / 83.0, depth=0.1),
-        Biquad(omega=HZ * 80, zeta=0.5, numerator_omega=HZ * 47, numerator_zeta=0.02),
+        robust.tuning.Notch(omega=HZ * 83.0, width=20.0 / 83.0, depth=0.1),
+        robust.tuning.Biquad(omega=HZ * 80, zeta=0.5, numerator_omega=HZ * 47, numerator_zeta=0.02),
     ),
     velocity_feedforward=0.7,
     position_unit="mm",
@@ -36,7 +35,7 @@ ROTARY = Drive(
     kv=30,
     kp=0.4,
     kp_unit="Nm/(rad/s)",
-    filters=(LowPass(omega=HZ * 400.0),),
+    filters=(robust.tuning.LowPass(omega=HZ * 400.0),),
     encoder="both",
     observer_frequency=300.0,
     load_unit="mm",

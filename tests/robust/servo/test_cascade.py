@@ -16,7 +16,6 @@ from robust.lti.lti import response_by_channel
 from robust.servo import cascade
 from robust.servo.experiment.loop import port_frf
 from robust.servo.gains.p_pi import with_set_point
-from robust.tuning import Biquad, LowPass, Notch
 from tests.support.linear_axis import PRESETS, frictionless, linear_plant, settings_of
 
 HZ = 2 * np.pi  # rad/s
@@ -36,7 +35,10 @@ def at(K, f):
     ids=["plain", "low-pass", "delay"],
 )
 def test_the_loop_is_that_of_the_simulated_axis_without_friction(preset, more):
-    slots = (LowPass(omega=HZ * 900.0), Notch(omega=HZ * 300.0, width=60.0 / 300.0, depth=0.2))
+    slots = (
+        robust.tuning.LowPass(omega=HZ * 900.0),
+        robust.tuning.Notch(omega=HZ * 300.0, width=60.0 / 300.0, depth=0.2),
+    )
     axis = frictionless(preset, filters=np.array([slot.section(FS) for slot in slots]), **more)
     settings = settings_of(axis, filters=slots)
     force = 10 * np.random.default_rng(3).standard_normal(3000)
@@ -172,9 +174,9 @@ def test_counts_and_forces():
 def test_filters_run_as_scipy_runs_them():
     x = np.random.default_rng(0).standard_normal(200)
     slots = (
-        Notch(omega=HZ * 83, width=20 / 83, depth=0.0),
-        LowPass(omega=HZ * 500),
-        Biquad(omega=HZ * 80, zeta=0.5, numerator_omega=HZ * 47, numerator_zeta=0),
+        robust.tuning.Notch(omega=HZ * 83, width=20 / 83, depth=0.0),
+        robust.tuning.LowPass(omega=HZ * 500),
+        robust.tuning.Biquad(omega=HZ * 80, zeta=0.5, numerator_omega=HZ * 47, numerator_zeta=0),
     )
     plain = control.forced_response(cascade(Drive(**BASE)), inputs=x).outputs
     for slot in slots:
@@ -186,11 +188,11 @@ def test_filters_run_as_scipy_runs_them():
 
 
 def test_filters_are_exact_where_they_act():
-    H = Notch(omega=HZ * 83.0, width=20.0 / 83.0, depth=0.0).section(FS)
+    H = robust.tuning.Notch(omega=HZ * 83.0, width=20.0 / 83.0, depth=0.0).section(FS)
     q = np.exp(-2j * np.pi * np.array([83.0, 83.0 * 1.2]) / FS)
     gain = np.abs(np.polyval(H[2::-1], q) / np.polyval(H[:2:-1], q))
     assert gain[0] < 1e-9 < 0.5 < gain[1]
-    half = Notch(omega=HZ * 200.0, width=0.2 / 200.0, depth=0.0)
+    half = robust.tuning.Notch(omega=HZ * 200.0, width=0.2 / 200.0, depth=0.0)
     edges = np.array([200.0 - 0.1, 200.0 + 0.1])
     b, a = half.section(FS).reshape(2, 3)
     q = np.exp(-2j * np.pi * edges / FS)
@@ -209,7 +211,7 @@ def test_the_experiment_and_the_controller_are_of_one_loop(preset, more):
 
     G C/(1 + G C).
     """
-    axis = frictionless(preset, filters=(Notch(omega=HZ * 300.0, depth=0.2),), **more)
+    axis = frictionless(preset, filters=(robust.tuning.Notch(omega=HZ * 300.0, depth=0.2),), **more)
     f, G = np.array([3.0, 40.0, 700.0]), 1e-6 * np.array([1.0 - 2.0j, -0.3j, 0.1 + 0.1j])
     fed = replace(axis, drive=replace(axis.drive, velocity_feedforward=0.7))
     systems = (
@@ -252,7 +254,7 @@ def test_a_loop_of_two_encoders_is_checked():
             "unit_factor must be given, .* uses m/s. Give the number of m in one deg",
         ),
         (
-            {"filters": (LowPass(omega=HZ * 2500.0),)},
+            {"filters": (robust.tuning.LowPass(omega=HZ * 2500.0),)},
             r"half the sampling frequency, .* \(2000 Hz\), got .* \(2500 Hz\)",
         ),
         ({"filters": [1.0]}, "filters must have 2 axes"),
@@ -276,6 +278,6 @@ def test_refusals_of_the_controller_and_the_filters():
     with pytest.raises(ValueError, match="settings must be of type Drive, got 1"):
         cascade(1)
     with pytest.raises(ValueError, match="depth must be zero or positive, got -1"):
-        Notch(omega=HZ * 80, depth=-1.0)
+        robust.tuning.Notch(omega=HZ * 80, depth=-1.0)
     with pytest.raises(ValueError, match="width must be positive, got 0"):
-        Notch(omega=HZ * 80, width=0.0)
+        robust.tuning.Notch(omega=HZ * 80, width=0.0)

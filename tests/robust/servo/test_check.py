@@ -40,7 +40,6 @@ from robust.servo.checking.machine import fit_orders
 from robust.servo.checking.read import compare_gains, read_experiments, read_trace
 from robust.servo.gains.p_pi import with_set_point
 from robust.servo.page import write_page
-from robust.tuning import Biquad, LowPass, Notch
 from tests.support.linear_axis import frictionless, linear_plant, settings_of
 
 pytestmark = pytest.mark.usefixtures("friction_read_once")
@@ -708,9 +707,14 @@ def test_a_file_holds_what_the_settings_hold(tmp_path):
         12.0,
         0.8,
     )
-    assert [type(slot) for slot in found.filters] == [LowPass, Biquad, Notch]
+    assert [type(slot) for slot in found.filters] == [
+        robust.tuning.LowPass,
+        robust.tuning.Biquad,
+        robust.tuning.Notch,
+    ]
     assert np.allclose(
-        found.filters[0].section(8000), LowPass(omega=2 * np.pi * 1000, zeta=0.6).section(8000)
+        found.filters[0].section(8000),
+        robust.tuning.LowPass(omega=2 * np.pi * 1000, zeta=0.6).section(8000),
     )
     f = np.array([300.0, 400.0, 500.0])
     # in Hz, exact at 400 Hz
@@ -1184,6 +1188,7 @@ def test_the_set_point_passes_a_low_pass_of_kv(told):
     assert str(told.report.classical.facts[1]) in overshoot.meaning
 
 
+@pytest.mark.attack(every=2)
 @pytest.mark.parametrize(("kp", "cure"), [(0.10, "raise kp"), (3.0, "lower kp")])
 def test_thin_margins_are_cured_in_the_direction_that_helps(folder, kp, cure):
     """A kp that is too low for kv and tn oscillates as one that is too high does: the loop is

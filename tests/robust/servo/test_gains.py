@@ -12,7 +12,6 @@ import nlfrf
 import robust
 from nlfrf.rig import Drive
 from robust.servo import cascade, gains_from_controller
-from robust.tuning import LowPass, Notch
 from tests.support.linear_axis import frictionless
 
 HZ = 2 * np.pi  # rad/s
@@ -35,8 +34,8 @@ def same(one, other, rel=1e-6):
         {"tn": np.inf, "velocity_lag": 0.7e-3},
         {
             "filters": (
-                LowPass(omega=HZ * 600.0),
-                Notch(omega=HZ * 150.0, width=30.0 / 150.0, depth=0.0),
+                robust.tuning.LowPass(omega=HZ * 600.0),
+                robust.tuning.Notch(omega=HZ * 150.0, width=30.0 / 150.0, depth=0.0),
             )
         },
         {"position_unit": "mm"},
@@ -150,7 +149,10 @@ def test_complex_zeros_are_refused_with_the_number():
         (robust.shaping.pid(1.0, 3.0), "zeros between the pole|one sign|real zeros|pole 0 to 1"),
         (
             cascade(
-                replace(BASE, filters=(Notch(omega=HZ * 100.0, width=20.0 / 100.0, depth=0.0),))
+                replace(
+                    BASE,
+                    filters=(robust.tuning.Notch(omega=HZ * 100.0, width=20.0 / 100.0, depth=0.0),),
+                )
             ),
             ".",
         ),
@@ -171,5 +173,5 @@ def test_the_misfit_is_a_number():
     like = replace(BASE, observer_frequency=400.0)
     with pytest.raises(ValueError, match=r"relative error of \d\.\d+ to the nearest such cascade"):
         gains_from_controller(
-            cascade(replace(like, filters=(LowPass(omega=HZ * 300.0),))), like=like
+            cascade(replace(like, filters=(robust.tuning.LowPass(omega=HZ * 300.0),))), like=like
         )

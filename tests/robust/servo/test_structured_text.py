@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import nlfrf
+import robust
 from nlfrf.rig import Drive
 from robust.servo import cascade, structured_text
-from robust.tuning import LowPass, Notch
 from tests.support.linear_axis import frictionless, settings_of
 
 HZ = 2 * np.pi  # rad/s
@@ -77,8 +77,8 @@ def run(settings, **signals):
         {},
         {
             "filters": (
-                Notch(omega=HZ * 83.0, width=20.0 / 83.0, depth=0.1),
-                LowPass(omega=HZ * 700.0),
+                robust.tuning.Notch(omega=HZ * 83.0, width=20.0 / 83.0, depth=0.1),
+                robust.tuning.LowPass(omega=HZ * 700.0),
             ),
             "velocity_lag": 0.3e-3,
         },

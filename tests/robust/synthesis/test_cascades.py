@@ -6,9 +6,9 @@ import control
 import numpy as np
 import pytest
 
+import robust
 from robust import UncertaintyModel, check, sampled
 from robust.lti.lti import response
-from robust.margins import disk_margin
 from robust.synthesis import feedforward_filter
 
 LINES = np.array([1.0, 10.0])
@@ -74,7 +74,7 @@ def test_a_cascade_is_checked_as_one_loop():
     s, k_v = 1j * omega[worst], response(control.ss(K_v), omega[[worst]])[0]
     assert abs(delta) < 1
     assert 1 + G_p * k_v * (1 + 4 / s) == pytest.approx(0, abs=1e-9)
-    assert disk_margin(G * K).alpha == pytest.approx(report.margins.disk, rel=1e-3)
+    assert robust.margins.disk_margin(G * K).alpha == pytest.approx(report.margins.disk, rel=1e-3)
 
 
 def test_a_velocity_from_differences_of_a_position():

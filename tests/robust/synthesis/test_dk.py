@@ -20,6 +20,7 @@ from tests.robust.mu.test_mu import along, random_matrix, size
 from tests.support.distillation import WITH_PERFORMANCE, controller, plant
 
 
+@pytest.mark.attack
 def test_the_distillation_column():
     """SP 8.12.4: H-infinity synthesis alone reaches mu 1.18, the second round 1.02; the
     inverse-based K has 5.78.
@@ -191,6 +192,7 @@ def test_a_round_that_fails_leaves_what_there_is(monkeypatch):
         dk_iteration(plant(), WITH_PERFORMANCE, 2, 2)
 
 
+@pytest.mark.attack
 def test_fast_scalings_hide_no_unstable_pair():
     """Beside scalings with poles at 1e4 rad/s the pair at 0.69 counted as one that u does not
     reach.

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import robust
+from robust import cli
 from robust.analysis.loop_proofs import stability_claim
-from robust.models.sets.perturbations import random_delta
 from robust.proofs.exact.learning import LearningClaim, prove_learning
 
 T = 0.05
@@ -62,15 +62,12 @@ def test_the_factor_is_that_of_the_closed_form(sampled):
 
 @pytest.mark.parametrize("which", ["aliased", "sampled"])
 def test_no_plant_of_the_set_has_a_larger_factor(which, request):
-    rng = np.random.default_rng(1)
     learning = request.getfixturevalue(which)
     omega = np.geomspace(0.02, 0.999 * np.pi / T, 150)
     Q, L, z = learning.Q(omega), learning.filter(omega), np.exp(1j * omega * T)
     largest = 0.0
-    for _ in range(12):
-        dt = learning.model.nominal.dt
-        plant = learning.model.perturbed(random_delta(rng, [(1, 1)], band=(0.1, 30), dt=dt))
-        G = (plant if dt else robust.sampled(plant, T, learning.delay))(z)
+    for plant in learning.model.sample(12, rng=1):
+        G = (plant if plant.dt else robust.sampled(plant, T, learning.delay))(z)
         largest = max(largest, np.abs(Q * (1 - L * G / (1 + G * PI(z)))).max())
     assert learning.proved
     assert 0.2 * learning.factor < largest <= learning.factor
@@ -211,8 +208,6 @@ def test_trials_that_do_not_fit(sampled):
 
 
 def test_the_commands_design_and_step(tmp_path, capsys):
-    from robust.cli import app
-
     model, K, learning, u, e, following = (
         tmp_path / name for name in ("m.json", "k.json", "l.json", "u.csv", "e.csv", "next.csv")
     )
@@ -220,8 +215,8 @@ def test_the_commands_design_and_step(tmp_path, capsys):
     robust.save(PI, K)
     u.write_text("\n".join(["0"] * 300))
     e.write_text("t,e\n" + "\n".join(f"{k},{np.sin(k * T)}" for k in range(300)))
-    app(["learn", str(model), str(K), "-o", str(learning)], standalone_mode=False)
-    app(
+    cli.app(["learn", str(model), str(K), "-o", str(learning)], standalone_mode=False)
+    cli.app(
         ["learn", "step", str(learning), str(u), str(e), "-o", str(following)],
         standalone_mode=False,
     )
@@ -232,7 +227,7 @@ def test_the_commands_design_and_step(tmp_path, capsys):
     assert np.allclose(found[:, 1], wanted, rtol=1e-12)
     e.write_text("one\ntwo\n")
     with pytest.raises(ValueError, match="must have numbers in its last column"):
-        app(
+        cli.app(
             ["learn", "step", str(learning), str(u), str(e), "-o", str(following)],
             standalone_mode=False,
         )
@@ -241,10 +236,8 @@ def test_the_commands_design_and_step(tmp_path, capsys):
 def test_pictures(sampled):
     from matplotlib.figure import Figure
 
-    from robust.plot import plot_contraction, plot_trials
-
     left, right = Figure().subplots(1, 2)
-    plot_contraction(sampled, ax=left)
-    plot_trials(np.array([2.0, 1.0, 0.5]), ax=right)
+    robust.plot.plot_contraction(sampled, ax=left)
+    robust.plot.plot_trials(np.array([2.0, 1.0, 0.5]), ax=right)
     assert np.allclose(right.get_lines()[0].get_ydata(), [1, 0.5, 0.25])
     assert left.get_lines()[0].get_ydata().max() <= sampled.factor

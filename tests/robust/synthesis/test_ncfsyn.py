@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
+import robust
 from robust import ncfsyn, sampled
 from robust.lti.lti import evaluate_transfer, response
-from robust.margins import ncf_margin
 from robust.models.sets.coprime import coprime_factors
-from robust.shaping import crossover_weight
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 
@@ -107,7 +106,7 @@ def test_least_gamma_of_matrices_from_the_hankel_norm_of_their_factors(shape, dt
     design = ncfsyn(G)
     assert design.gamma_min == pytest.approx(1 / np.sqrt(1 - hankel**2), rel=1e-7)
     assert design.gamma_min <= design.gamma <= 1.1 * design.gamma_min
-    assert design.gamma == pytest.approx(1 / ncf_margin(G, design.K), rel=1e-6)
+    assert design.gamma == pytest.approx(1 / robust.margins.ncf_margin(G, design.K), rel=1e-6)
 
 
 def test_beside_one_another_the_worst_channel_counts():
@@ -154,7 +153,7 @@ def test_a_gain_matrix():
 def test_crossover_weight_puts_the_crossover(omega_c, T):
     G = control.ss(control.tf([5], [1, 10]))
     G = sampled(G, T) if T else G
-    W1 = crossover_weight(G, omega_c)
+    W1 = robust.shaping.crossover_weight(G, omega_c)
     assert np.abs(response(G, np.array([omega_c])) * response(W1, np.array([omega_c])))[
         0
     ] == pytest.approx(1)
@@ -180,9 +179,9 @@ def test_crossover_weight_puts_the_crossover(omega_c, T):
             lambda: ncfsyn(control.tf([1], [1, 0]), control.tf([1, 0], [1, 1])),
             "W2 G W1 must be stabilisable",
         ),
-        (lambda: crossover_weight(BOOK, -1.0), "omega_c must be positive"),
+        (lambda: robust.shaping.crossover_weight(BOOK, -1.0), "omega_c must be positive"),
         (
-            lambda: crossover_weight(sampled(control.ss(BOOK), 0.1), 30.0),
+            lambda: robust.shaping.crossover_weight(sampled(control.ss(BOOK), 0.1), 30.0),
             "half the Nyquist frequency",
         ),
     ],

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import nlfrf
+import robust
 from robust import (
     UncertaintyModel,
     check,
@@ -27,7 +28,6 @@ from robust.lti.truncation import (
     coprime_factor_candidates,
     weighted_candidates,
 )
-from robust.shaping import crossover_weight
 from tests.support.printed import unwrapped
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
@@ -195,6 +195,7 @@ def test_the_plant_alone_that_mixsyn_took(dt):
         reduce_controller(-K, G, w_P)
 
 
+@pytest.mark.attack
 def test_a_plant_of_several_channels_alone():
     G = control.ss(-np.eye(2), np.eye(2), [[1.0, 0.2], [0.1, 1.0]], np.zeros((2, 2)))
     w_P = performance_weight(1.0, M_S=2, A=1e-2)
@@ -278,7 +279,7 @@ def test_the_demo_needs_one_state_of_five():
     bla = nlfrf.identify(replace(record, y=record.y + noise))
     model = uncertainty(bla, fit_nominal(bla, n_poles=3, delay=0.0), order=4)
     plant = sampled(model.nominal, 1e-3)
-    K = ncfsyn(plant, crossover_weight(plant, 2 * np.pi * 5)).K
+    K = ncfsyn(plant, robust.shaping.crossover_weight(plant, 2 * np.pi * 5)).K
     w_P = performance_weight(2 * np.pi * 5 / 6, M_S=2.5, A=1e-2)
     before = check(model, K, w_P=w_P)
     assert K.nstates == 5

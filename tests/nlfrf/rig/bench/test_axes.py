@@ -10,22 +10,12 @@ from scipy.linalg import expm
 import nlfrf
 from benchmarks.bench_axes import attack
 from nlfrf import multisine, paper_rig, simulate
-from nlfrf.friction import (
-    Coulomb,
-    Dahl,
-    GeneralizedMaxwellSlip,
-    Leuven,
-    LuGre,
-    OwnFriction,
-    VaryingSliders,
-)
-from nlfrf.hysteresis import Exponential, Table, Tanh
 from nlfrf.rig import Rig, run, two_axis_stage
 from tests.support.virgin_curves import chord_elements
 
 FS = 1024.0
-LUGRE = LuGre(sigma0=64e3, sigma1=13.0, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01)
-COULOMB = Coulomb(Fc=0.7, Fs=1.0, vs=0.01, sigma2=0.4)
+LUGRE = nlfrf.friction.LuGre(sigma0=64e3, sigma1=13.0, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01)
+COULOMB = nlfrf.friction.Coulomb(Fc=0.7, Fs=1.0, vs=0.01, sigma2=0.4)
 
 
 def exactly(rig, force, fs):
@@ -68,7 +58,7 @@ def test_linear_axes_move_as_the_exact_discretisation_says(rig):
 def test_the_stage_moves_as_an_adaptive_integrator_says(kind):
     rig, n = two_axis_stage(kind), 150
     force = np.random.default_rng(1).standard_normal((2, n)) * np.array([[8.0], [10.0]])
-    law = LuGre(sigma0=3e4, sigma1=13.0, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01)
+    law = nlfrf.friction.LuGre(sigma0=3e4, sigma1=13.0, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01)
 
     def rates(t, state, u):
         x, v, z = state.reshape(3, 2)
@@ -110,22 +100,34 @@ def test_the_stage_moves_as_an_adaptive_integrator_says(kind):
 LAWS = {
     "Leuven": (paper_rig().friction, 1e-6),
     "Leuven, elements": (
-        Leuven(curve=chord_elements(Tanh(64e3, 1.0), np.geomspace(5e-7, 5e-5, 8))),
+        nlfrf.friction.Leuven(
+            curve=chord_elements(nlfrf.hysteresis.Tanh(64e3, 1.0), np.geomspace(5e-7, 5e-5, 8))
+        ),
         1e-6,
     ),
-    "Leuven, table": (Leuven(curve=Table(z=[1e-5, 3e-5, 9e-5], F=[0.5, 0.9, 1.2])), 1e-6),
-    "Leuven, exponential": (Leuven(n=2.0, curve=Exponential(64e3, 1.0)), 1e-6),
+    "Leuven, table": (
+        nlfrf.friction.Leuven(
+            curve=nlfrf.hysteresis.Table(z=[1e-5, 3e-5, 9e-5], F=[0.5, 0.9, 1.2])
+        ),
+        1e-6,
+    ),
+    "Leuven, exponential": (
+        nlfrf.friction.Leuven(n=2.0, curve=nlfrf.hysteresis.Exponential(64e3, 1.0)),
+        1e-6,
+    ),
     "LuGre": (LUGRE, 1e-8),
-    "Dahl": (Dahl(sigma0=64e3, Fc=0.7), 1e-8),
+    "Dahl": (nlfrf.friction.Dahl(sigma0=64e3, Fc=0.7), 1e-8),
     "Coulomb": (COULOMB, 1e-6),
     "GMS": (
-        GeneralizedMaxwellSlip(
+        nlfrf.friction.GeneralizedMaxwellSlip(
             stiffness=[4e4, 2.4e4], alpha=[0.5, 0.5], C=10, Fc=0.7, Fs=1.0, vs=0.01
         ),
         1e-7,
     ),
     "sliders": (
-        VaryingSliders(stiffness=[4e4, 2.4e4], strength=[0.5, 0.5], stiction=1.4, vs=0.01, seed=3),
+        nlfrf.friction.VaryingSliders(
+            stiffness=[4e4, 2.4e4], strength=[0.5, 0.5], stiction=1.4, vs=0.01, seed=3
+        ),
         1e-3,
     ),
 }
@@ -153,7 +155,12 @@ def test_one_axis_of_a_matrix_is_the_rig_of_one_axis(name):
 def test_dry_friction_holds_one_axis_while_the_other_moves():
     """A mass matrix that couples: what holds an axis includes the inertia of the others."""
     mass = np.array([[1.0, 0.4], [0.4, 1.5]])
-    rig = Rig(mass, [[4e4, -2e4], [-2e4, 6e4]], [COULOMB, Coulomb(Fc=0.5)], np.diag([5.0, 8.0]))
+    rig = Rig(
+        mass,
+        [[4e4, -2e4], [-2e4, 6e4]],
+        [COULOMB, nlfrf.friction.Coulomb(Fc=0.5)],
+        np.diag([5.0, 8.0]),
+    )
     t = np.arange(2000) / 4096
     force = np.stack([1.6 * np.sin(2 * np.pi * 3 * t), 1.2 * np.sin(2 * np.pi * 5 * t + 1)])
     motion = run(rig, force, fs=4096.0, oversampling=8)
@@ -173,7 +180,7 @@ def test_dry_friction_holds_one_axis_while_the_other_moves():
     ):  # dry friction is that of bristles that do not bend
         bristles = {"sigma0": sigma0, "sigma1": 0.1 * sigma0**0.5}
         laws = [
-            LuGre(sigma2=one.sigma2, Fc=one.Fc, Fs=one.Fs, vs=one.vs, **bristles)
+            nlfrf.friction.LuGre(sigma2=one.sigma2, Fc=one.Fc, Fs=one.Fs, vs=one.vs, **bristles)
             for one in rig.friction
         ]
         near = run(
@@ -276,7 +283,7 @@ def test_finished_experiments_of_a_stage_are_kept(tmp_path):
 
 
 ONE = np.eye(2)
-OWN = OwnFriction(
+OWN = nlfrf.friction.OwnFriction(
     derivative=lambda x, v, z: v - z, force=lambda x, v, z: z[0], rest=[0.0], stiffness=1.0
 )
 

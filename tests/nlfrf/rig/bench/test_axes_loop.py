@@ -8,10 +8,10 @@ import control
 import numpy as np
 import pytest
 
+import nlfrf
+import robust
 from nlfrf import paper_rig
-from nlfrf.friction import Coulomb, LuGre
 from nlfrf.rig import Controller, Rig, Trajectory, run, run_loops, two_axis_stage
-from robust.shaping import pid
 
 FS, N = 1024.0, 400
 RNG = np.random.default_rng(0)
@@ -22,7 +22,9 @@ FULL = control.ss(
     [[2000.0, 100.0], [50.0, 4000.0]],
     1 / FS,
 )
-DECENTRALISED = control.append(pid(2e3, 4e4, dt=1 / FS), pid(5e3, 8e4, dt=1 / FS))
+DECENTRALISED = control.append(
+    robust.shaping.pid(2e3, 4e4, dt=1 / FS), robust.shaping.pid(5e3, 8e4, dt=1 / FS)
+)
 
 
 @pytest.mark.parametrize("K", [FULL, DECENTRALISED], ids=["full", "decentralised"])
@@ -56,7 +58,9 @@ PI = SimpleNamespace(A=[[1.0]], B=[[1.0]], C=[[200.0]], D=[[3e3]], dt=1 / 2000)
 
 
 @pytest.mark.parametrize(
-    "law", [paper_rig().friction, Coulomb(Fc=0.7, Fs=1.0, vs=0.01)], ids=["Leuven", "Coulomb"]
+    "law",
+    [paper_rig().friction, nlfrf.friction.Coulomb(Fc=0.7, Fs=1.0, vs=0.01)],
+    ids=["Leuven", "Coulomb"],
 )
 @pytest.mark.parametrize("delay", [0.0, 0.25e-3, 1.1e-3])
 def test_loops_around_axes_that_do_not_meet_are_loops_of_one_axis(law, delay):
@@ -90,7 +94,9 @@ def test_limits_act_channel_by_channel():
 
 def test_friction_stops_what_a_proportional_loop_would_finish():
     r = np.outer([50e-6, 0.0], np.ones(1500))
-    K = control.append(pid(2e3, 0.0, dt=1 / FS), pid(2e3, 0.0, dt=1 / FS))
+    K = control.append(
+        robust.shaping.pid(2e3, 0.0, dt=1 / FS), robust.shaping.pid(2e3, 0.0, dt=1 / FS)
+    )
     rest, free = (run(two_axis_stage(kind), r, K) for kind in ("friction", "none"))
     assert rest.outcome(0.2) == "settled"
     stiff = 1 / (two_axis_stage().stiffness[0, 0] / 2e3 + 1)
@@ -143,7 +149,11 @@ def limited(K, options):
 @pytest.mark.parametrize(
     ("K", "options", "message"),
     [
-        (pid(1.0, 0.0, dt=1 / FS), {}, "K must have 2 inputs and 2 outputs, got 1 and 1"),
+        (
+            robust.shaping.pid(1.0, 0.0, dt=1 / FS),
+            {},
+            "K must have 2 inputs and 2 outputs, got 1 and 1",
+        ),
         (
             control.ss([], [], [], np.ones((3, 2)), 1 / FS),
             {},
@@ -188,7 +198,7 @@ def test_references_and_stacks_that_do_not_fit_are_refused():
 
 def test_bristles_of_one_axis_are_a_spring_to_small_motion():
     """LuGre at nanometres: the stage with its bristles' stiffness and damping, on one axis only."""
-    law = LuGre(sigma0=3e4, sigma1=13.0, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01)
+    law = nlfrf.friction.LuGre(sigma0=3e4, sigma1=13.0, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01)
     stage = two_axis_stage("none")
     parts = {"mass": stage.mass, "sensors": stage.sensors}
     stuck = Rig(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from nlfrf.friction import Coulomb, GeneralizedMaxwellSlip, LuGre, VaryingSliders
+import nlfrf
 from nlfrf.rig import Controller, Trajectory, run, run_loops
 from nlfrf.rig.bench.rig import Rig, paper_rig
 
@@ -53,7 +53,11 @@ def linear_loop(K, r, *, delay, disturbance=None):
 
 @pytest.mark.parametrize("delay", [0.0, 0.25e-3, 0.5e-3, 1.1e-3])
 def test_small_motion_is_that_of_the_linear_loop(delay):
-    rig = Rig(1.0, 80e3, LuGre(sigma0=64e3, sigma1=13.0, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01))
+    rig = Rig(
+        1.0,
+        80e3,
+        nlfrf.friction.LuGre(sigma0=64e3, sigma1=13.0, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01),
+    )
     r = 1e-10 * np.ones(600)  # so small that friction is a spring and a damper
     response = run(rig, r, Controller(PI, delay=delay), oversampling=8)
     exact = linear_loop(PI, r, delay=delay)
@@ -62,7 +66,11 @@ def test_small_motion_is_that_of_the_linear_loop(delay):
 
 
 def test_disturbance_enters_at_the_input_of_the_rig():
-    rig = Rig(1.0, 80e3, LuGre(sigma0=64e3, sigma1=13.0, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01))
+    rig = Rig(
+        1.0,
+        80e3,
+        nlfrf.friction.LuGre(sigma0=64e3, sigma1=13.0, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01),
+    )
     disturbance = 1e-6 * np.ones(600)
     response = run(rig, np.zeros(600), PI, disturbance=disturbance, oversampling=8)
     exact = linear_loop(PI, np.zeros(600), delay=0.0, disturbance=disturbance)
@@ -75,7 +83,11 @@ def hunting(Fs):
     PID on a mass, Kp = 3, Ki = 4, Kv = 6.
     """
     fs = 500.0
-    rig = Rig(1.0, 0.0, LuGre(sigma0=1e5, sigma1=np.sqrt(1e5), sigma2=0.4, Fc=1.0, Fs=Fs, vs=1e-3))
+    rig = Rig(
+        1.0,
+        0.0,
+        nlfrf.friction.LuGre(sigma0=1e5, sigma1=np.sqrt(1e5), sigma2=0.4, Fc=1.0, Fs=Fs, vs=1e-3),
+    )
     PID = controller(
         [[1.0, 0.0], [0.0, 0.0]],
         [[1.0], [1.0]],
@@ -272,7 +284,7 @@ def test_a_machine_that_sticks_while_its_integrator_winds_up_has_not_settled():
     """
     K = controller([[1.0, 0.0], [0.0, 0.0]], [[1.0], [1.0]], [[30.0, -150e3]], [[230e3]], dt=1e-3)
     force = 2 * np.random.default_rng(0).standard_normal(300)
-    rig = Rig(1.0, 0.0, Coulomb(Fc=0.7, Fs=1.0, vs=0.01), 0.4)
+    rig = Rig(1.0, 0.0, nlfrf.friction.Coulomb(Fc=0.7, Fs=1.0, vs=0.01), 0.4)
     seen = {}
     for n in (1500, 12000):
         disturbance = np.append(force, np.zeros(n - 300))
@@ -293,9 +305,11 @@ def test_a_loop_without_integral_action_rests_beside_its_reference():
 
 LAWS = [
     paper_rig().friction,
-    Coulomb(Fc=0.7, Fs=1.0, vs=0.01),
-    GeneralizedMaxwellSlip(stiffness=[4e4, 2.4e4], alpha=[0.5, 0.5], C=10, Fc=0.7, Fs=1.0, vs=0.01),
-    VaryingSliders(
+    nlfrf.friction.Coulomb(Fc=0.7, Fs=1.0, vs=0.01),
+    nlfrf.friction.GeneralizedMaxwellSlip(
+        stiffness=[4e4, 2.4e4], alpha=[0.5, 0.5], C=10, Fc=0.7, Fs=1.0, vs=0.01
+    ),
+    nlfrf.friction.VaryingSliders(
         stiffness=[4e4, 2.4e4], strength=[0.5, 0.5], stiction=1.4, vs=0.01, dwell=0.1, seed=3
     ),
 ]
@@ -369,7 +383,7 @@ VARIED = {
 @pytest.mark.parametrize("options", [{}, VARIED], ids=["constant", "varying"])
 def test_sliders_slip_between_their_limits_and_never_give_energy_back(options):
     fs, k, W = 2000.0, 64e3, 1.0
-    law = VaryingSliders(stiffness=[k], strength=[W], **options)
+    law = nlfrf.friction.VaryingSliders(stiffness=[k], strength=[W], **options)
     rig, t = Rig(1.0, 1e6, law, 500.0), np.arange(8000) / fs
     nothing = controller([[0.0]], [[0.0]], [[0.0]], [[0.0]])
     motion = run(rig, 0 * t, nothing, disturbance=120 * np.sin(2 * np.pi * t), oversampling=8)

@@ -12,12 +12,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import robust
 from nlfrf import paper_rig
 from nlfrf.rig import run_loops
 from nlfrf.rig.bench import closed_loop as loop_results
 from nlfrf.rig.bench import simulate as runs
 from nlfrf.rig.bench.closed_loop import Controller, simulate_runs, stack_runs
-from robust.shaping import pid
 
 FS, N = 1000, 300
 
@@ -28,7 +28,7 @@ def arguments(n=1000):
     gains = rng.uniform([5.0, 10.0], [60.0, 300.0], (n, 2))
     return {
         "rig": paper_rig(),
-        "controllers": [pid(kp, ki, dt=1 / FS) for kp, ki in gains],
+        "controllers": [robust.shaping.pid(kp, ki, dt=1 / FS) for kp, ki in gains],
         "r": np.full(N, 1e-3),
         "initial": np.column_stack([np.zeros(n), rng.uniform(-0.02, 0.02, n)]),
     }

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+import nlfrf
 from nlfrf._base.arguments import DataWarning
-from nlfrf.friction import Coulomb, Dahl, GeneralizedMaxwellSlip, Leuven, LuGre
-from nlfrf.hysteresis import ElasticPlastic, Exponential, Linear, MaxwellSlip, Parabola, Table, Tanh
 from nlfrf.rig import run
 from nlfrf.rig.bench.rig import Rig, paper_rig
 from tests.support.virgin_curves import chord_elements, virgin
@@ -27,7 +26,7 @@ def force(n, *, rms, rng=3):
 
 def test_lugre_agrees_with_an_independent_integrator():
     sigma0, fs, n = 64e3, 4096.0, 1024
-    rig = Rig(1.0, 80e3, LuGre(sigma0=sigma0, **LUGRE))
+    rig = Rig(1.0, 80e3, nlfrf.friction.LuGre(sigma0=sigma0, **LUGRE))
     u = force(4096, rms=2.0)[:n]
     motion = run(rig, u, fs=fs, oversampling=16)
 
@@ -53,24 +52,32 @@ def test_lugre_agrees_with_an_independent_integrator():
 
 
 @pytest.mark.parametrize(
-    "curve", [Linear(64e3), MaxwellSlip([64e3], [1e6]), ElasticPlastic(64e3, 1e6)]
+    "curve",
+    [
+        nlfrf.hysteresis.Linear(64e3),
+        nlfrf.hysteresis.MaxwellSlip([64e3], [1e6]),
+        nlfrf.hysteresis.ElasticPlastic(64e3, 1e6),
+    ],
 )
 def test_leuven_with_a_straight_curve_is_lugre(curve):
     u = force(4096, rms=2.5)
-    lugre = run(Rig(1.0, 80e3, LuGre(sigma0=64e3, **LUGRE)), u, fs=4096.0, oversampling=2)
-    leuven = run(Rig(1.0, 80e3, Leuven(curve=curve)), u, fs=4096.0, oversampling=2)
+    lugre = run(
+        Rig(1.0, 80e3, nlfrf.friction.LuGre(sigma0=64e3, **LUGRE)), u, fs=4096.0, oversampling=2
+    )
+    leuven = run(Rig(1.0, 80e3, nlfrf.friction.Leuven(curve=curve)), u, fs=4096.0, oversampling=2)
     assert np.allclose(leuven.x, lugre.x, atol=1e-11 * np.abs(lugre.x).max())
     assert np.allclose(leuven.friction, lugre.friction, atol=1e-9)
 
 
 @pytest.mark.parametrize("rms", [0.1, 0.5, 2.0])
 def test_elements_and_stack_move_the_rig_alike(rms):
-    elements = chord_elements(Tanh(64e3, 1.0), np.geomspace(5e-7, 5e-5, 8))
+    elements = chord_elements(nlfrf.hysteresis.Tanh(64e3, 1.0), np.geomspace(5e-7, 5e-5, 8))
     knots = np.sort(elements.strength / elements.stiffness)
-    table = Table(knots, virgin(elements, knots))
+    table = nlfrf.hysteresis.Table(knots, virgin(elements, knots))
     u = force(4096, rms=rms)
     stack, slip = (
-        run(Rig(1.0, 80e3, Leuven(curve=curve)), u, fs=4096.0) for curve in (table, elements)
+        run(Rig(1.0, 80e3, nlfrf.friction.Leuven(curve=curve)), u, fs=4096.0)
+        for curve in (table, elements)
     )
     assert np.abs(stack.x - slip.x).max() < 1e-12 * np.abs(stack.x).max()
     assert np.abs(stack.friction - slip.friction).max() < 1e-12
@@ -79,7 +86,7 @@ def test_elements_and_stack_move_the_rig_alike(rms):
 def test_leuven_agrees_with_an_independent_integrator():
     # every element a state of its own, which stops where it slips: no stack, no turning points
     k, w = np.array([24e3, 20e3, 20e3]), np.array([0.1, 0.3, 0.65])
-    law = Leuven(curve=MaxwellSlip(k, w), n=2.0)
+    law = nlfrf.friction.Leuven(curve=nlfrf.hysteresis.MaxwellSlip(k, w), n=2.0)
     fs, n = 4096.0, 600
     u = force(4096, rms=1.0)[:n]
     motion = run(Rig(1.0, 80e3, law), u, fs=fs, oversampling=64)
@@ -119,9 +126,16 @@ def test_small_motion_is_that_of_the_stuck_spring():
 def test_force_turned_around_turns_the_motion_around_to_the_last_bit():
     u = force(2048, rms=2.0)
     sliding = {"Fs": 1.0, "Fc": 0.7, "vs": 0.01}
-    gms = GeneralizedMaxwellSlip(stiffness=[30e3, 34e3], alpha=[0.3, 0.7], C=20.0, **sliding)
-    frictions = [Leuven(), Leuven(n=2.0), Dahl(sigma0=64e3, Fc=1.0, n=1.5), gms]
-    for friction in (*frictions, Coulomb(**sliding)):
+    gms = nlfrf.friction.GeneralizedMaxwellSlip(
+        stiffness=[30e3, 34e3], alpha=[0.3, 0.7], C=20.0, **sliding
+    )
+    frictions = [
+        nlfrf.friction.Leuven(),
+        nlfrf.friction.Leuven(n=2.0),
+        nlfrf.friction.Dahl(sigma0=64e3, Fc=1.0, n=1.5),
+        gms,
+    ]
+    for friction in (*frictions, nlfrf.friction.Coulomb(**sliding)):
         rig = Rig(1.0, 80e3, friction)
         assert np.array_equal(
             run(rig, -u, fs=2048.0, oversampling=4).x, -run(rig, u, fs=2048.0, oversampling=4).x
@@ -129,7 +143,7 @@ def test_force_turned_around_turns_the_motion_around_to_the_last_bit():
 
 
 def test_dahl_yields_at_the_coulomb_force():
-    rig = Rig(1.0, 1000.0, Dahl(sigma0=64e3, Fc=0.7))
+    rig = Rig(1.0, 1000.0, nlfrf.friction.Dahl(sigma0=64e3, Fc=0.7))
     motion = run(rig, np.linspace(0, 5, 4000), fs=1000.0, oversampling=4)
     assert motion.friction[-1] == pytest.approx(0.7, rel=1e-6)
 
@@ -137,11 +151,11 @@ def test_dahl_yields_at_the_coulomb_force():
 @pytest.mark.parametrize(
     ("curve", "worst", "order"),
     [
-        (Linear(64e3), 5e-6, 3.8),
-        (Tanh(64e3, 1.0), 5e-6, 3.5),
-        (Exponential(64e3, 1.0), 5e-6, 3.5),
-        (Parabola(64e3, 1.0), 5e-6, 3.5),
-        (MaxwellSlip([20e3, 20e3, 24e3], [0.1, 0.3, 0.6]), 5e-5, 1.7),
+        (nlfrf.hysteresis.Linear(64e3), 5e-6, 3.8),
+        (nlfrf.hysteresis.Tanh(64e3, 1.0), 5e-6, 3.5),
+        (nlfrf.hysteresis.Exponential(64e3, 1.0), 5e-6, 3.5),
+        (nlfrf.hysteresis.Parabola(64e3, 1.0), 5e-6, 3.5),
+        (nlfrf.hysteresis.MaxwellSlip([20e3, 20e3, 24e3], [0.1, 0.3, 0.6]), 5e-5, 1.7),
     ],
     ids=lambda c: type(c).__name__,
 )
@@ -149,7 +163,7 @@ def test_refinement_converges(curve, worst, order):
     # fourth order where the curve is smooth, as steps are divided where its branches meet; else
     # second
     u = force(2048, rms=1.0)
-    rig = Rig(1.0, 80e3, Leuven(curve=curve))
+    rig = Rig(1.0, 80e3, nlfrf.friction.Leuven(curve=curve))
     x = [run(rig, u, fs=2048.0, oversampling=steps).x for steps in (2, 8, 64)]
     errors = [np.sqrt(np.mean((x[i] - x[2]) ** 2)) / x[2].std() for i in range(2)]
     assert errors[0] < worst
@@ -159,9 +173,9 @@ def test_refinement_converges(curve, worst, order):
 @pytest.mark.parametrize(
     ("friction", "worst", "order"),
     [
-        (Coulomb(Fc=0.7, Fs=1.0, vs=0.01, sigma2=0.4), 1e-5, 3.5),
+        (nlfrf.friction.Coulomb(Fc=0.7, Fs=1.0, vs=0.01, sigma2=0.4), 1e-5, 3.5),
         (
-            GeneralizedMaxwellSlip(
+            nlfrf.friction.GeneralizedMaxwellSlip(
                 stiffness=[20e3, 20e3, 24e3],
                 alpha=[0.2, 0.3, 0.5],
                 C=20.0,
@@ -218,7 +232,7 @@ def test_coarse_step_is_announced_with_its_error():
 
 
 def test_step_too_long_for_sliding_is_refused_with_one_that_was_tried():
-    rig = Rig(1.0, 80e3, Leuven(curve=Tanh(64e3, 1.0), n=3.0))
+    rig = Rig(1.0, 80e3, nlfrf.friction.Leuven(curve=nlfrf.hysteresis.Tanh(64e3, 1.0), n=3.0))
     u = 60.0 * np.sin(2 * np.pi * 40 * np.arange(4096) / 4096)
     with pytest.raises(
         ValueError, match=r"oversampling must be about (\d+) for a stable .* in sliding"
@@ -231,9 +245,9 @@ def test_step_too_long_for_sliding_is_refused_with_one_that_was_tried():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((0.0, 1.0, Leuven()), "mass must be positive, got 0"),
-        ((1.0, -1.0, Leuven()), "stiffness must be zero or positive, got -1"),
-        ((1.0, 1.0, Leuven(), -2.0), "damping must be zero or positive, got -2"),
+        ((0.0, 1.0, nlfrf.friction.Leuven()), "mass must be positive, got 0"),
+        ((1.0, -1.0, nlfrf.friction.Leuven()), "stiffness must be zero or positive, got -1"),
+        ((1.0, 1.0, nlfrf.friction.Leuven(), -2.0), "damping must be zero or positive, got -2"),
         ((1.0, 1.0, "Leuven"), "friction must be one of the laws of nlfrf.friction, got 'Leuven'"),
     ],
 )

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
+import nlfrf
 from nlfrf import DataWarning, identify, multisine, servo_axis
-from nlfrf.friction import Coulomb, GeneralizedMaxwellSlip, Leuven, LuGre, VaryingSliders
 from nlfrf.rig import Controller, Drive, Rig, ServoAxis, run, simulate_servo
 
 FS = 4000.0
@@ -103,7 +103,7 @@ def test_the_spring_to_ground_holds_a_sprung_axis():
 def test_break_away_is_where_the_force_passes_stiction():
     axis = replace(
         MASS,
-        motor_friction=Coulomb(Fc=9.0, Fs=13.0, vs=0.01),
+        motor_friction=nlfrf.friction.Coulomb(Fc=9.0, Fs=13.0, vs=0.01),
         drive=replace(DRIVE, lag=0.0, delay_periods=0.0),
     )
     force = np.linspace(0.0, 20.0, 2000)
@@ -132,7 +132,7 @@ def dragged(friction, v, damping=0.0, n=40000):
 def test_stick_slip_has_the_period_and_the_force_of_the_closed_form(v):
     """Friction that drops from Fs to Fc at once: D. Karnopp 1985, E. Rabinowicz 1958."""
     Fs, Fc, k, m = 10.0, 6.0, 5000.0, 2.0
-    trace = dragged(Coulomb(Fc=Fc, Fs=Fs, vs=1e-7), v)
+    trace = dragged(nlfrf.friction.Coulomb(Fc=Fc, Fs=Fs, vs=1e-7), v)
     drop, w = Fs - Fc, np.sqrt(k / m)
     period = 2 * drop / (k * v) + 2 / w * (np.pi - np.arctan(drop / k * w / v))
     stretch = trace.x[0] - trace.x[1]
@@ -150,7 +150,7 @@ def test_steady_sliding_is_lost_where_the_falling_stribeck_curve_outweighs_the_d
 ):
     Fs, Fc, vs, v = 10.0, 6.0, 0.02, 0.015
     slope = 2 * v / vs**2 * (Fs - Fc) * np.exp(-((v / vs) ** 2))
-    trace = dragged(Coulomb(Fc=Fc, Fs=Fs, vs=vs), v, damping=share * slope)
+    trace = dragged(nlfrf.friction.Coulomb(Fc=Fc, Fs=Fs, vs=vs), v, damping=share * slope)
     late = trace.v[1, -4000:]
     assert (np.ptp(late) > v) == slips
     if not slips:
@@ -226,7 +226,9 @@ def test_filters_are_those_of_scipy():
     low = signal.butter(2, 600, fs=FS, output="sos")
     sections = np.vstack([notch, low])
     held = replace(
-        MASS, motor_friction=Coulomb(Fc=1e6), drive=replace(DRIVE, filters=sections, tn=np.inf)
+        MASS,
+        motor_friction=nlfrf.friction.Coulomb(Fc=1e6),
+        drive=replace(DRIVE, filters=sections, tn=np.inf),
     )
     speed = np.random.default_rng(1).standard_normal(400) * 1e-2
     trace = run(held, {"velocity": speed})
@@ -236,7 +238,7 @@ def test_filters_are_those_of_scipy():
 def test_a_slower_position_loop_holds_the_velocity_set_point():
     held = replace(
         MASS,
-        motor_friction=Coulomb(Fc=1e6),
+        motor_friction=nlfrf.friction.Coulomb(Fc=1e6),
         drive=replace(DRIVE, position_every=4, velocity_feedforward=0),
     )
     r = np.random.default_rng(2).standard_normal(40)
@@ -247,11 +249,13 @@ def test_a_slower_position_loop_holds_the_velocity_set_point():
 # ---- The same loop around the rig, which is older: friction, encoder and delay as they are there.
 
 LAWS = [
-    VaryingSliders(stiffness=[6e5, 3e5], strength=[6.0, 7.0], stiction=1.3, vs=0.01),
-    LuGre(sigma0=2e5, sigma1=300.0, sigma2=2.0, Fc=10.0, Fs=13.0, vs=0.01),
-    Leuven(Fs=13.0, Fc=10.0, curve=Leuven().curve.__class__(K0=2e5, Fy=13.0)),
-    Coulomb(Fc=10.0, Fs=13.0, vs=0.01),
-    GeneralizedMaxwellSlip(
+    nlfrf.friction.VaryingSliders(stiffness=[6e5, 3e5], strength=[6.0, 7.0], stiction=1.3, vs=0.01),
+    nlfrf.friction.LuGre(sigma0=2e5, sigma1=300.0, sigma2=2.0, Fc=10.0, Fs=13.0, vs=0.01),
+    nlfrf.friction.Leuven(
+        Fs=13.0, Fc=10.0, curve=nlfrf.friction.Leuven().curve.__class__(K0=2e5, Fy=13.0)
+    ),
+    nlfrf.friction.Coulomb(Fc=10.0, Fs=13.0, vs=0.01),
+    nlfrf.friction.GeneralizedMaxwellSlip(
         stiffness=[1e5, 2e5], alpha=[0.5, 0.5], C=100, Fc=10.0, Fs=13.0, vs=0.01
     ),
 ]
@@ -292,7 +296,9 @@ def test_the_current_keeps_its_limit_and_the_integrator_does_not_wind_up():
     """A held motor: 2 A of the proportional part and 4 A a second of the integral part reach 3 A
     after 1000 periods.
     """
-    held = replace(MASS, motor_friction=Coulomb(Fc=1e6), drive=replace(DRIVE, tn=0.5, limit=3.0))
+    held = replace(
+        MASS, motor_friction=nlfrf.friction.Coulomb(Fc=1e6), drive=replace(DRIVE, tn=0.5, limit=3.0)
+    )
     speed = np.where(np.arange(8000) < 6000, 0.1, -0.1)
     trace = run(held, {"velocity": speed})
     asked = 2.0 + 4.0 * trace.t
@@ -386,7 +392,8 @@ def test_a_random_axis_left_alone_gains_no_energy(seed):
     energy += np.einsum("in,ij,jn->n", trace.x, rig.stiffness, trace.x) / 2
     # what elements and bristles hold at most: Fs^2 / K0 and a generous factor
     stored = sum(
-        0 if law is None or isinstance(law, Coulomb) else 2 * 13.0**2 / 2e5 for law in rig.friction
+        0 if law is None or isinstance(law, nlfrf.friction.Coulomb) else 2 * 13.0**2 / 2e5
+        for law in rig.friction
     )
     gained = energy[alone] - np.minimum.accumulate(energy[alone])
     assert gained.max() <= stored + 1e-6 * energy.max()

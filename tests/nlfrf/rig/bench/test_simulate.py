@@ -11,9 +11,8 @@ from multiprocessing import get_context
 import numpy as np
 import pytest
 
+import nlfrf
 from nlfrf._base.arguments import DataWarning
-from nlfrf.friction import Coulomb, Leuven, LuGre
-from nlfrf.hysteresis import Exponential, Tanh
 from nlfrf.rig.bench.rig import Rig, paper_rig
 from nlfrf.rig.bench.simulate import simulate
 from nlfrf.signals.multisine import multisine
@@ -41,12 +40,16 @@ def test_record_has_the_shape_and_the_lines_of_the_experiment():
     assert record.lines is ms.lines
 
 
-LUGRE = LuGre(sigma0=64e3, sigma1=13, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01)
+LUGRE = nlfrf.friction.LuGre(sigma0=64e3, sigma1=13, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01)
 
 
 @pytest.mark.parametrize(
     "friction",
-    [Leuven(), Leuven(curve=Exponential(64e3, 1.0)), LUGRE],
+    [
+        nlfrf.friction.Leuven(),
+        nlfrf.friction.Leuven(curve=nlfrf.hysteresis.Exponential(64e3, 1.0)),
+        LUGRE,
+    ],
     ids=["tanh", "exp", "LuGre"],
 )
 @pytest.mark.parametrize("rms", [0.025, 0.25, 2.5])
@@ -182,7 +185,13 @@ def test_results_of_another_experiment_are_not_taken(tmp_path):
     simulate(paper_rig(), ms, resume=tmp_path)
     others = [
         (replace(paper_rig(), mass=1.1), ms, {}),
-        (replace(paper_rig(), friction=Leuven(curve=Tanh(60e3, 1.0))), ms, {}),
+        (
+            replace(
+                paper_rig(), friction=nlfrf.friction.Leuven(curve=nlfrf.hysteresis.Tanh(60e3, 1.0))
+            ),
+            ms,
+            {},
+        ),
         (paper_rig(), odd(2, n_samples=8192, rng=6), {}),
         (paper_rig(), ms, {"oversampling": 2}),
         (paper_rig(), ms, {"n_discard": 3}),
@@ -209,7 +218,7 @@ def test_interruption_cancels_what_was_not_begun(tmp_path):
 
 
 def test_mass_that_never_breaks_away_is_a_constant_output_and_no_number_that_is_none():
-    stuck = Rig(1.0, 80e3, Coulomb(Fc=10.0))
+    stuck = Rig(1.0, 80e3, nlfrf.friction.Coulomb(Fc=10.0))
     with pytest.raises(ValueError, match="y must vary, got the constant 0"):
         simulate(stuck, odd(n_samples=512))
 
@@ -253,7 +262,7 @@ def test_refusals_name_the_parameter():
 
 
 def test_step_too_long_in_sliding_is_refused():
-    rig = Rig(1.0, 80e3, Leuven(n=3.0))
+    rig = Rig(1.0, 80e3, nlfrf.friction.Leuven(n=3.0))
     with pytest.raises(
         ValueError, match=r"oversampling must be about \d+ for a stable integration step in sliding"
     ):
@@ -263,7 +272,7 @@ def test_step_too_long_in_sliding_is_refused():
 @pytest.mark.filterwarnings("ignore:the integration step is coarse")
 @pytest.mark.parametrize(("n", "enough"), [(1.0, 2), (2.0, 4)])
 def test_step_accepted_in_sliding_is_right_and_a_longer_one_refused_with_its_name(n, enough):
-    rig = Rig(1.0, 80e3, Leuven(n=n))
+    rig = Rig(1.0, 80e3, nlfrf.friction.Leuven(n=n))
     ms = multisine("odd", fs=512, n_samples=2048, f_min=1.25, f_max=143.25, rms=2.5, rng=3)
     exact = simulate(rig, ms, oversampling=32).y
     accepted = simulate(rig, ms, oversampling=enough).y

@@ -5,20 +5,19 @@ model.
 import numpy as np
 import pytest
 
-from nlfrf.friction import Coulomb, Dahl, GeneralizedMaxwellSlip, Leuven, LuGre
-from nlfrf.hysteresis import ElasticPlastic, Exponential, MaxwellSlip, Tanh, hysteresis_force
+import nlfrf
 from nlfrf.rig import run
 from nlfrf.rig.bench.rig import Rig
 
 SLIDING = {"Fs": 1.0, "Fc": 0.7, "vs": 0.01, "sigma2": 0.4}
 GMS = {"stiffness": [20e3, 20e3, 24e3], "alpha": [0.2, 0.3, 0.5], "C": 20.0}
 LAWS = [
-    Leuven(),
-    Leuven(curve=Exponential(64e3, 1.0), n=2.0),
-    Leuven(curve=MaxwellSlip([32e3, 32e3], [0.3, 0.8])),
-    LuGre(sigma0=64e3, sigma1=13.0, **SLIDING),
-    GeneralizedMaxwellSlip(**GMS, **SLIDING),
-    Coulomb(**SLIDING),
+    nlfrf.friction.Leuven(),
+    nlfrf.friction.Leuven(curve=nlfrf.hysteresis.Exponential(64e3, 1.0), n=2.0),
+    nlfrf.friction.Leuven(curve=nlfrf.hysteresis.MaxwellSlip([32e3, 32e3], [0.3, 0.8])),
+    nlfrf.friction.LuGre(sigma0=64e3, sigma1=13.0, **SLIDING),
+    nlfrf.friction.GeneralizedMaxwellSlip(**GMS, **SLIDING),
+    nlfrf.friction.Coulomb(**SLIDING),
 ]
 
 
@@ -44,7 +43,7 @@ def test_break_away_force_falls_as_the_force_rate_rises():
     for rate, end in ((1.0, 1.05), (10.0, 1.2), (100.0, 2.5)):
         fs = max(8192.0, 10000 * rate / end)
         force = np.arange(0, end, rate / fs)
-        motion = run(Rig(1.0, 0.0, Leuven()), force, fs=fs, oversampling=4)
+        motion = run(Rig(1.0, 0.0, nlfrf.friction.Leuven()), force, fs=fs, oversampling=4)
         assert motion.v[-1] > 1e-3  # it has broken away
         peaks.append(motion.friction.max())
     assert peaks[0] == pytest.approx(0.963, abs=0.01)
@@ -57,7 +56,10 @@ def test_friction_lag_opens_with_frequency():
     for f in (1.0, 10.0, 50.0):
         t = np.arange(3 * 2000) / (2000 * f)
         motion = run(
-            Leuven(), 0.008 + 0.006 * np.sin(2 * np.pi * f * t), fs=2000 * f, oversampling=4
+            nlfrf.friction.Leuven(),
+            0.008 + 0.006 * np.sin(2 * np.pi * f * t),
+            fs=2000 * f,
+            oversampling=4,
         )
         last = slice(2 * 2000, None)
         areas.append(abs(np.trapezoid(motion.friction[last], motion.v[last])))
@@ -73,8 +75,8 @@ def test_presliding_is_hysteresis_with_non_local_memory():
     v = np.concatenate(
         [np.sign(step) * np.full(round(abs(step) / speed * fs), speed) for step in np.diff(z)]
     )
-    motion = run(Leuven(sigma1=0.0, sigma2=0.0, n=8.0), v, fs=fs)
-    exact = hysteresis_force(Tanh(64e3, 1.0), motion.z)
+    motion = run(nlfrf.friction.Leuven(sigma1=0.0, sigma2=0.0, n=8.0), v, fs=fs)
+    exact = nlfrf.hysteresis.hysteresis_force(nlfrf.hysteresis.Tanh(64e3, 1.0), motion.z)
     assert np.abs(motion.friction - exact).max() < 1e-5  # the motion turns between two samples
     turns = np.cumsum([round(abs(step) / speed * fs) for step in np.diff(z)])
     up, again = motion.friction[turns[2]], motion.friction[turns[4]]
@@ -95,19 +97,22 @@ def test_slow_spring_sticks_and_slips(law):
 
 
 def test_elements_of_gms_hold_the_hysteresis_of_maxwell_slip_in_presliding():
-    law = GeneralizedMaxwellSlip(**GMS, **SLIDING)
+    law = nlfrf.friction.GeneralizedMaxwellSlip(**GMS, **SLIDING)
     rng = np.random.default_rng(7)
     v = np.repeat(rng.uniform(-1e-5, 1e-5, 60), 200)
     motion = run(law, v, fs=1000.0)
-    elements = MaxwellSlip(GMS["stiffness"], GMS["alpha"])  # at rest s(v) = Fs = 1
+    elements = nlfrf.hysteresis.MaxwellSlip(GMS["stiffness"], GMS["alpha"])  # at rest s(v) = Fs = 1
     assert (
-        np.abs(motion.friction - 0.4 * motion.v - hysteresis_force(elements, motion.x)).max() < 3e-3
+        np.abs(
+            motion.friction - 0.4 * motion.v - nlfrf.hysteresis.hysteresis_force(elements, motion.x)
+        ).max()
+        < 3e-3
     )
 
 
 def test_gms_slips_with_the_lag_it_was_given():
     # at a jump of the velocity every slipping element relaxes with the rate C / |s(v)|
-    law = GeneralizedMaxwellSlip(**GMS, **{**SLIDING, "sigma2": 0.0})
+    law = nlfrf.friction.GeneralizedMaxwellSlip(**GMS, **{**SLIDING, "sigma2": 0.0})
     v = np.where(np.arange(40_000) < 20_000, 2e-3, 0.1)
     motion = run(law, v, fs=2e4, oversampling=1)
     later = np.arange(20_010, 22_000)
@@ -117,7 +122,7 @@ def test_gms_slips_with_the_lag_it_was_given():
 
 def test_coulomb_sticks_until_static_friction_is_passed():
     force = np.linspace(0, 1.2, 12_001)
-    motion = run(Rig(1.0, 0.0, Coulomb(Fc=0.7, Fs=1.0, vs=0.01)), force, fs=1000.0)
+    motion = run(Rig(1.0, 0.0, nlfrf.friction.Coulomb(Fc=0.7, Fs=1.0, vs=0.01)), force, fs=1000.0)
     still = motion.x == 0
     assert force[still].max() == pytest.approx(1.0, abs=2e-4)
     assert np.array_equal(motion.friction[still], force[still])
@@ -125,7 +130,7 @@ def test_coulomb_sticks_until_static_friction_is_passed():
 
 
 def test_coulomb_sliding_loses_exactly_its_work():
-    rig = Rig(1.0, 400.0, Coulomb(Fc=0.5))
+    rig = Rig(1.0, 400.0, nlfrf.friction.Coulomb(Fc=0.5))
     start = np.where(np.arange(12_000) < 600, 40.0, 0.0)  # pulled out, then let go
     motion = run(rig, start, fs=4000.0, oversampling=4, hold="zoh")
     peaks = motion.x[1:-1][(np.diff(motion.x)[:-1] > 0) & (np.diff(motion.x)[1:] <= 0)]
@@ -143,38 +148,41 @@ def test_coulomb_sliding_loses_exactly_its_work():
         ({"n": -1.0}, "n must be positive, got -1"),
         ({"sigma1": -1.0}, "sigma1 must be zero or positive, got -1"),
         ({"delta": np.nan}, "delta must be finite, got nan"),
-        ({"curve": ElasticPlastic(64e3, 0.5)}, "curve must reach the static friction Fs = 1 N"),
+        (
+            {"curve": nlfrf.hysteresis.ElasticPlastic(64e3, 0.5)},
+            "curve must reach the static friction Fs = 1 N",
+        ),
         ({"curve": lambda z: z}, "curve must be one of Linear, Tanh"),
     ],
 )
 def test_leuven_refuses(kwargs, message):
     with pytest.raises(ValueError, match=message):
-        Leuven(**kwargs)
+        nlfrf.friction.Leuven(**kwargs)
 
 
 def test_the_other_laws_refuse():
     with pytest.raises(ValueError, match="sigma0 must be positive"):
-        LuGre(sigma0=0.0, sigma1=1.0, sigma2=1.0, Fc=1.0, Fs=1.0, vs=1.0)
+        nlfrf.friction.LuGre(sigma0=0.0, sigma1=1.0, sigma2=1.0, Fc=1.0, Fs=1.0, vs=1.0)
     with pytest.raises(ValueError, match="Fc must be positive"):
-        Dahl(sigma0=1.0, Fc=0.0)
+        nlfrf.friction.Dahl(sigma0=1.0, Fc=0.0)
     with pytest.raises(
         ValueError, match=r"vs must be given if Fs = 1 N exceeds Fc = 0\.7 N, got none"
     ):
-        Coulomb(Fc=0.7, Fs=1.0)
+        nlfrf.friction.Coulomb(Fc=0.7, Fs=1.0)
     with pytest.raises(ValueError, match=r"Fs must be at least Fc = 0\.7 N, got 0\.5 N"):
-        Coulomb(Fc=0.7, Fs=0.5, vs=1.0)
+        nlfrf.friction.Coulomb(Fc=0.7, Fs=0.5, vs=1.0)
     with pytest.raises(ValueError, match="Fs must be a real number, got None"):
-        Coulomb(Fc=0.7, Fs=None)
+        nlfrf.friction.Coulomb(Fc=0.7, Fs=None)
     with pytest.raises(ValueError, match="vs must be a real number, got None"):
-        Coulomb(Fc=0.7, Fs=0.8, vs=None)
+        nlfrf.friction.Coulomb(Fc=0.7, Fs=0.8, vs=None)
     with pytest.raises(ValueError, match=r"alpha must add up to 1, got 0\.9"):
-        GeneralizedMaxwellSlip(**{**GMS, "alpha": [0.2, 0.3, 0.4]}, **SLIDING)
+        nlfrf.friction.GeneralizedMaxwellSlip(**{**GMS, "alpha": [0.2, 0.3, 0.4]}, **SLIDING)
     with pytest.raises(ValueError, match="C must be positive, got 0"):
-        GeneralizedMaxwellSlip(**{**GMS, "C": 0.0}, **SLIDING)
+        nlfrf.friction.GeneralizedMaxwellSlip(**{**GMS, "C": 0.0}, **SLIDING)
 
 
 def test_leuven_defaults_are_the_paper_s():
-    law = Leuven()
+    law = nlfrf.friction.Leuven()
     assert (law.Fs, law.Fc, law.vs, law.delta, law.sigma1, law.sigma2) == (
         1.0,
         0.7,
@@ -183,15 +191,15 @@ def test_leuven_defaults_are_the_paper_s():
         13.0,
         0.4,
     )
-    assert isinstance(law.curve, Tanh)
+    assert isinstance(law.curve, nlfrf.hysteresis.Tanh)
 
 
 def test_drive_refuses_bad_arguments():
     with pytest.raises(ValueError, match="signal must be finite"):
-        run(Leuven(), [0.0, np.inf], fs=1e3)
+        run(nlfrf.friction.Leuven(), [0.0, np.inf], fs=1e3)
     with pytest.raises(ValueError, match="signal must hold at least one sample, got none"):
-        run(Leuven(), [], fs=1e3)
+        run(nlfrf.friction.Leuven(), [], fs=1e3)
     with pytest.raises(
         ValueError, match=r"oversampling must be about \d+ for a stable integration step in sliding"
     ):
-        run(Leuven(), np.full(100, 5.0), fs=1e3)
+        run(nlfrf.friction.Leuven(), np.full(100, 5.0), fs=1e3)

@@ -8,11 +8,10 @@ from scipy.integrate import solve_ivp
 
 import nlfrf
 from nlfrf import simulate
-from nlfrf.friction import LuGre, OwnFriction
 from nlfrf.rig import Controller, Rig, run
 
 SIGMA0, SIGMA1, SIGMA2, FC, FS, VS = 64e3, 13.0, 0.4, 0.7, 1.0, 0.01
-BUILT_IN = LuGre(sigma0=SIGMA0, sigma1=SIGMA1, sigma2=SIGMA2, Fc=FC, Fs=FS, vs=VS)
+BUILT_IN = nlfrf.friction.LuGre(sigma0=SIGMA0, sigma1=SIGMA1, sigma2=SIGMA2, Fc=FC, Fs=FS, vs=VS)
 
 
 def level(v):
@@ -36,10 +35,10 @@ def tanh_force(x, v, z):
     return 0.7 * np.tanh(v / 0.01)
 
 
-OWN = OwnFriction(
+OWN = nlfrf.friction.OwnFriction(
     derivative=lugre_rate, force=lugre_force, rest=[0.0], stiffness=SIGMA0, damping=SIGMA1 + SIGMA2
 )
-SLIDING = OwnFriction(
+SLIDING = nlfrf.friction.OwnFriction(
     derivative=viscous_rate, force=tanh_force, rest=[], stiffness=0.0, damping=70.0
 )
 
@@ -82,7 +81,9 @@ def test_what_numba_cannot_compile_runs_as_it_is():
     def force(x, v, z):
         return table["stiffness"] * float(np.tanh(v / 0.01))
 
-    plain = OwnFriction(derivative=viscous_rate, force=force, rest=[], stiffness=0.0, damping=70.0)
+    plain = nlfrf.friction.OwnFriction(
+        derivative=viscous_rate, force=force, rest=[], stiffness=0.0, damping=70.0
+    )
     assert not plain.compiled
     push = np.linspace(0, 2, 200)
     slow, quick = (
@@ -124,7 +125,7 @@ def test_what_is_no_law_is_refused(fields, said):
         "stiffness": SIGMA0,
     } | fields
     with pytest.raises(ValueError, match=said):
-        OwnFriction(**given)
+        nlfrf.friction.OwnFriction(**given)
 
 
 def loop(law, **options):
@@ -151,7 +152,9 @@ def test_a_loop_around_what_numba_cannot_compile_runs_as_it_is():
     def force(x, v, z):
         return table["stiffness"] * float(np.tanh(v / 0.01))
 
-    plain = OwnFriction(derivative=viscous_rate, force=force, rest=[], stiffness=0.0, damping=70.0)
+    plain = nlfrf.friction.OwnFriction(
+        derivative=viscous_rate, force=force, rest=[], stiffness=0.0, damping=70.0
+    )
     slow, quick = loop(plain), loop(SLIDING)
     assert slow.x == pytest.approx(quick.x, rel=1e-9, abs=1e-15)
 

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from scipy.signal import dlsim
 
+import robust
 from robust import DesignWarning, UncertaintyModel, check, sampled, step_response, worst_case
-from robust.analysis.performance import classical_margins
-from robust.shaping import pid
 from tests.support.printed import unwrapped
 
 OMEGA = np.geomspace(1e-3, 1e3, 3000)
@@ -20,7 +19,7 @@ def test_margins_are_those_of_python_control(seed):
     rng = np.random.default_rng(seed)
     poles = -(10 ** rng.uniform(-1, 1.5, 3))
     L = control.tf([10 ** rng.uniform(1, 2)], np.poly(poles)) * control.tf([1, 1], [1, 0])
-    seen = classical_margins(OMEGA, L(1j * OMEGA))
+    seen = robust.margins.classical_margins(OMEGA, L(1j * OMEGA))
     gm, pm, _, wpc, wgc, _ = control.stability_margins(L, returnall=True)
     near = np.argmin(np.abs(pm))
     assert np.degrees(seen.phase_margin) == pytest.approx(abs(pm[near]), abs=0.01)
@@ -33,11 +32,13 @@ def test_margins_are_those_of_python_control(seed):
 
 
 def test_the_bandwidth_is_that_of_the_sensitivity():
-    seen = classical_margins(OMEGA, 2 / (1j * OMEGA))  # |S| = w / sqrt(w^2 + 4)
+    seen = robust.margins.classical_margins(OMEGA, 2 / (1j * OMEGA))  # |S| = w / sqrt(w^2 + 4)
     assert seen.bandwidth == pytest.approx(2.0, rel=1e-5)
     assert (seen.gain_margin, seen.gain_reduction) == (np.inf, 0.0)
-    assert np.isnan(classical_margins(OMEGA, 0.1 / (1j * OMEGA + 1)).bandwidth)
-    assert "|L| never crosses one" in unwrapped(classical_margins(OMEGA, 0.1 / (1j * OMEGA + 1)))
+    assert np.isnan(robust.margins.classical_margins(OMEGA, 0.1 / (1j * OMEGA + 1)).bandwidth)
+    assert "|L| never crosses one" in unwrapped(
+        robust.margins.classical_margins(OMEGA, 0.1 / (1j * OMEGA + 1))
+    )
 
 
 def test_every_crossover_is_named():
@@ -46,7 +47,7 @@ def test_every_crossover_is_named():
     |L| = 1 at one, and twice around the resonance at ten.
     """
     L = 1 / (1j * OMEGA) * 100 / (100 - OMEGA**2 + 0.2j * OMEGA)
-    seen = classical_margins(OMEGA, L)
+    seen = robust.margins.classical_margins(OMEGA, L)
     size = lambda omega: abs(100 / (1j * omega * (100 - omega**2 + 0.2j * omega)))  # noqa: E731
     assert len(seen.crossovers) == 3
     assert [size(omega) for omega in seen.crossovers] == pytest.approx([1, 1, 1], rel=1e-3)
@@ -58,7 +59,7 @@ def test_a_sampled_loop_has_its_gain_margin_at_nyquist():
     """k/(z - 1) is stable to k = 2, with the pole at z = -1."""
     T = 0.1
     omega = np.append(np.geomspace(1e-3, 0.99 * np.pi / T, 2000), np.pi / T * (1 - 1e-9))
-    seen = classical_margins(omega, 0.5 / (np.exp(1j * omega * T) - 1))
+    seen = robust.margins.classical_margins(omega, 0.5 / (np.exp(1j * omega * T) - 1))
     assert seen.gain_margin == pytest.approx(4.0, rel=1e-6)
     assert seen.omega_gain == pytest.approx(np.pi / T)
 
@@ -92,7 +93,11 @@ def test_overshoot_and_settling_of_a_second_order_loop(zeta):
 
 
 def test_a_sampled_step_is_that_of_scipy():
-    T, plant, K = 0.05, control.tf([2], [1, 0.5, 4]), pid(0.3, 0.8, 0.1, filter_time=0.1, dt=0.05)
+    T, plant, K = (
+        0.05,
+        control.tf([2], [1, 0.5, 4]),
+        robust.shaping.pid(0.3, 0.8, 0.1, filter_time=0.1, dt=0.05),
+    )
     step = step_response(plant, K, delay=0.03)
     G = sampled(control.ss(plant), T, 0.03)
     closed = control.ss(control.feedback(G * K, 1))
@@ -191,8 +196,10 @@ def test_the_delay_margin_is_the_least_of_all_crossovers():
     """
     omega = np.unique(np.concatenate([np.geomspace(0.1, 100, 2000), np.linspace(15, 25, 20001)]))
     s = 1j * omega
-    assert classical_margins(omega, 1 / s).delay_margin == pytest.approx(np.pi / 2, rel=1e-5)
-    found = classical_margins(omega, 1 / s + 5 * s / (s**2 + 0.1 * s + 400))
+    assert robust.margins.classical_margins(omega, 1 / s).delay_margin == pytest.approx(
+        np.pi / 2, rel=1e-5
+    )
+    found = robust.margins.classical_margins(omega, 1 / s + 5 * s / (s**2 + 0.1 * s + 400))
     fine = np.linspace(0.5, 25, 2000001)
     L = 1 / (1j * fine) + 5j * fine / (400 - fine**2 + 0.1j * fine)
     crossing = np.flatnonzero(np.diff(np.abs(L) > 1))

@@ -4,6 +4,7 @@ refute, played.
 
 import numpy as np
 
+import nlfrf
 import robust
 from benchmarks.bench_friction_proof import (
     attacked,
@@ -13,7 +14,6 @@ from benchmarks.bench_friction_proof import (
     spring_oscillates,
     verdicts,
 )
-from nlfrf.friction import VaryingSliders
 from tests.support.friction_loops import ORACLES, T, pd, pid
 
 LOOPS = [(pid(Kp, Ki, Kd), delay) for (Kp, Ki, Kd, delay), _, _ in ORACLES.values()]
@@ -31,7 +31,7 @@ def test_nothing_that_is_proved_keeps_moving():
 
 def test_the_harness_sees_what_moves():
     force = np.where(np.arange(2000) < 5, 0.1, 0.0)
-    element = VaryingSliders(stiffness=[64e3], strength=[1.0])
+    element = nlfrf.friction.VaryingSliders(stiffness=[64e3], strength=[1.0])
     assert moving(element, pid(80e3, 1e5, 240.0), T, force, np.zeros(2))
     assert not moving(element, LOOPS[3][0], 0.0, force, np.zeros(2))
 

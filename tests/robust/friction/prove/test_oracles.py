@@ -7,7 +7,7 @@ import control
 import numpy as np
 import pytest
 
-from nlfrf.friction import Leuven, LuGre
+import nlfrf
 from robust import friction_plant, prove_friction
 from robust.friction import Bounded, Bristle, MaxwellSlip, Passive
 from robust.friction.bounds import divergence_velocity, steady_error_bound
@@ -182,22 +182,22 @@ def test_lugre_gives_energy_back_where_its_viscous_friction_does_not_outweigh_it
     numbers = {"sigma0": 64e3, "sigma1": 13.0, "Fc": 0.7, "Fs": 1.0, "vs": 0.01}
     needed = 13.0 * (1.0 - 0.7) / 0.7
     assert needed == pytest.approx(5.571, abs=1e-3)
-    assert lugre_work(LuGre(sigma2=0.4, delta=1.0, **numbers), legs) == pytest.approx(
-        -6.25e-7, rel=0.03
-    )
-    assert lugre_work(LuGre(sigma2=0.4, **numbers), legs) < -7e-7
+    assert lugre_work(
+        nlfrf.friction.LuGre(sigma2=0.4, delta=1.0, **numbers), legs
+    ) == pytest.approx(-6.25e-7, rel=0.03)
+    assert lugre_work(nlfrf.friction.LuGre(sigma2=0.4, **numbers), legs) < -7e-7
     rng = np.random.default_rng(0)
     for _ in range(50):
         sizes = rng.choice([-1, 1], 6) * 10 ** rng.uniform(-4, 0.5, 6)
         legs = tuple(zip(sizes, 10 ** rng.uniform(-6, -4, 6), strict=True))
-        assert lugre_work(LuGre(sigma2=needed, **numbers), legs) > 0
+        assert lugre_work(nlfrf.friction.LuGre(sigma2=needed, **numbers), legs) > 0
 
 
 def test_the_rig_is_taken_for_no_passive_friction():
     """What the harness calls passive, the bristles' own class proves only above that viscous
     friction.
     """
-    rig = Leuven()
+    rig = nlfrf.friction.Leuven()
     needed = rig.sigma1 * ((rig.Fs / rig.Fc) ** rig.n - 1)
     creeping = Bristle(64e3, rig.Fs / rig.Fc, rig.sigma1)
     verdicts = [

@@ -18,7 +18,6 @@ from benchmarks.read_class import (
     read,
     tally_case,
 )
-from nlfrf.friction import VaryingSliders
 from tests.support.friction_loops import pid
 
 K_TRUE, K0_TRUE = 80e3, 64e3
@@ -26,7 +25,7 @@ K_TRUE, K0_TRUE = 80e3, 64e3
 
 def element(levels, **changes):
     """One elastic-plastic element of 64 kN/m and 1 N on 1 kg and 80 kN/m."""
-    friction = VaryingSliders(stiffness=[K0_TRUE], strength=[1.0])
+    friction = nlfrf.friction.VaryingSliders(stiffness=[K0_TRUE], strength=[1.0])
     known = {
         "mass": 1.0,
         "stiffness": K_TRUE,

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import nlfrf
-from nlfrf.friction import Leuven, VaryingSliders
 from robust import prove_friction
 from robust.friction import Bristle, MaxwellSlip, Passive
 from robust.friction.plant import friction_plant
@@ -44,7 +43,7 @@ def laws(seed, n):
             "stiffness": 64e3 * rng.dirichlet(np.ones(3)),
             "strength": FS * rng.dirichlet(np.ones(3)),
         }
-        yield VaryingSliders(
+        yield nlfrf.friction.VaryingSliders(
             stiction=1.05, vs=0.01, dwell=0.05, wavelength=1e-4, asymmetry=0.3, **elements
         )
 
@@ -145,7 +144,7 @@ def test_the_rig_of_the_paper_as_far_as_it_never_saturates():
     assert proof.share == 0
     assert "not tried for this class" in proof.reason
     assert "rigid stiction" in proof.not_claimed
-    force, swing = played(Leuven(), pd(20e3, 60.0), 0.0, proof.kick, c=0.0)
+    force, swing = played(nlfrf.friction.Leuven(), pd(20e3, 60.0), 0.0, proof.kick, c=0.0)
     assert force < LIMIT
     assert swing < 0.05
 

@@ -203,7 +203,7 @@ def test_a_variance_of_one_window_does_not_make_every_order_as_good():
     assert expected_ratio(np.array([0.9])) == expected_ratio(np.array([3.0])) == 1.5
 
 
-@pytest.mark.attack(every=5)
+@pytest.mark.attack(every=18)
 @pytest.mark.parametrize("delay", ["auto", "estimate", 0.0])
 @pytest.mark.parametrize("seed", range(6))
 def test_no_order_costs_more_than_one_below(seed, delay):
@@ -227,11 +227,15 @@ def test_a_pole_and_a_zero_that_cancel_but_for_scatter_are_named_and_not_taken()
     assert robust.models.scan_orders(frd, n_poles=(2, 4), std=np.full(OMEGA.size, 1e-3)).best == 2
 
 
-def test_the_separation_of_a_pole_from_a_zero_is_that_of_many_fits():
+@pytest.mark.parametrize(
+    ("n", "rel"),  # four sigmas of n draws
+    [(16, 0.7), pytest.param(60, 0.4, marks=pytest.mark.attack)],
+)
+def test_the_separation_of_a_pole_from_a_zero_is_that_of_many_fits(n, rel):
     """A pole and a zero 3 % apart scatter together: their distance is known better than either."""
     rng = np.random.default_rng(7)
     plant = (S**2 + 2 * S + 61.0**2) / (S**2 + 2 * S + 60.0**2) * 30 / (S + 30)
-    frd = [control.FrequencyResponseData(plant + noise(rng, 1e-2), OMEGA) for _ in range(60)]
+    frd = [control.FrequencyResponseData(plant + noise(rng, 1e-2), OMEGA) for _ in range(n)]
     fits = [
         robust.fit_nominal(one, n_poles=3, n_zeros=2, std=np.full(OMEGA.size, 1e-2)) for one in frd
     ]
@@ -245,4 +249,4 @@ def test_the_separation_of_a_pole_from_a_zero_is_that_of_many_fits():
     told = np.median(
         [abs(a) / f.uncertainty.separation[i] for a, f, i in zip(apart, fits, light, strict=True)]
     )
-    assert np.std(apart) == pytest.approx(told, rel=0.4)  # 60 draws: 4 sigmas are 37 %
+    assert np.std(apart) == pytest.approx(told, rel=rel)

@@ -307,7 +307,8 @@ def test_random_plants_are_fitted_as_from_the_truth():
     assert missed <= 3  # of 60: one in a hundred is missed
 
 
-def test_a_light_mode_beside_a_damped_one_behind_a_delay_is_found():
+@pytest.mark.parametrize("scanned", [False, pytest.param(True, marks=pytest.mark.attack)])
+def test_a_light_mode_beside_a_damped_one_behind_a_delay_is_found(scanned):
     """A pole pair that zeros almost cancel moves the FRF little."""
     s = 2j * np.pi * np.geomspace(10, 2000, 120)
     section = {
@@ -323,6 +324,7 @@ def test_a_light_mode_beside_a_damped_one_behind_a_delay_is_found():
     assert np.unique(np.abs(fit.G.poles()).round(6)) / 2 / np.pi == pytest.approx(
         [18.0, 310.0], rel=0.01
     )
-    scan = scan_orders(measured, std=std)
-    assert scan.fit.G.nstates == 4
-    assert scan.fit.G.zeros().size == 2
+    if scanned:
+        scan = scan_orders(measured, std=std)
+        assert scan.fit.G.nstates == 4
+        assert scan.fit.G.zeros().size == 2

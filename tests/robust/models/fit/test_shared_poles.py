@@ -147,6 +147,7 @@ def behind(delays, dt, rng, noise=0.01):
     return nlfrf.identify(nlfrf.Record(u=u, y=y, fs=1024, lines=ms.lines), transient="none")
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("delays", [(2e-3, 5.1e-3), (0.0, 1e-3), (1e-2, 1e-2)])
 def test_each_input_has_a_delay_of_its_own(delays):
     frm = behind(delays, 0, 1)

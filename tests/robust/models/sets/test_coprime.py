@@ -6,6 +6,7 @@ import control
 import numpy as np
 import pytest
 
+import robust
 from robust import (
     UncertaintyModel,
     check,
@@ -25,12 +26,10 @@ from robust.io import export_matlab
 from robust.lti import discretize
 from robust.lti.connections import worst_sensitivity
 from robust.lti.lti import response
-from robust.margins import ncf_margin, nu_gap
 from robust.models.sets.coprime import chord, factor_systems, tangent_system
 from robust.models.sets.forms import FORMS, perturbed_sensitivity_terms
 from robust.proofs.exact.claim import LoopClaim, to_matrices
 from robust.proofs.exact.loops import verify_loop
-from robust.shaping import loop_bounds
 from tests.support.bla import make_bla
 from tests.support.random_loops import closed_loop_poles, dense_grid, random_case, tf_response, zpk
 
@@ -135,23 +134,23 @@ def test_a_flat_weight_is_robust_up_to_the_ncf_margin(name, dt):
     G, K = map(control.ss, PLANTS[name])
     if dt:
         G, K = sampled(G, dt), discretize(K, dt)
-    margin = ncf_margin(G, K)
+    margin = robust.margins.ncf_margin(G, K)
     for factor, verdict in ((0.999, "robust"), (1.001, "not robust")):
         report = check(the_model(G, factor * margin), K)
         assert report.verdict == verdict
         assert report.margins.rs == pytest.approx(1 / factor, rel=1e-6)
     model = the_model(G, 0.9 * margin)
     for plant in model.sample(5, rng=0):
-        assert nu_gap(G, plant) <= 0.9 * margin * (1 + 1e-6)
+        assert robust.margins.nu_gap(G, plant) <= 0.9 * margin * (1 + 1e-6)
     family = sample_loops(model, K, 5, rng=1)
     assert family.stable.all()
     assert np.all(np.abs(family.S) <= family.worst * (1 + 1e-6))
     worst = worst_case(model, K)
-    assert nu_gap(G, worst.plant) == pytest.approx(0.9 * margin, rel=1e-6)
+    assert robust.margins.nu_gap(G, worst.plant) == pytest.approx(0.9 * margin, rel=1e-6)
     assert worst.stable
     assert worst.achieved == pytest.approx(worst.gain.max(), rel=1e-2)
     beyond = worst_case(the_model(G, 1.1 * margin), K)
-    assert nu_gap(G, beyond.plant) == pytest.approx(margin, rel=1e-3)
+    assert robust.margins.nu_gap(G, beyond.plant) == pytest.approx(margin, rel=1e-3)
     assert beyond.achieved > 1e3
 
 
@@ -160,7 +159,9 @@ def test_a_pole_that_crosses_the_axis():
     keeps it.
     """
     first, last = control.tf([1], [1, 0.1]), control.tf([1], [1, -0.1])
-    model = the_model(control.tf([1], [1, 0]), nu_gap(control.tf([1], [1, 0]), last) * 1.001)
+    model = the_model(
+        control.tf([1], [1, 0]), robust.margins.nu_gap(control.tf([1], [1, 0]), last) * 1.001
+    )
     assert model.contains(first)
     assert model.contains(last)
     report = check(model, 2.0)
@@ -207,6 +208,7 @@ def random_scaling(rng, dt):
     return zpk([z + 0j], [p + 0j], 10 ** rng.uniform(-1, 1), dt)
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("seed", range(3))
 def test_claims_are_decided_beside_their_limits(seed):
     """Stability, performance, performance with one scaling:
@@ -415,7 +417,7 @@ def test_refusals():
     with pytest.raises(
         ValueError, match="form must be a relative deviation of the plant here, got coprime"
     ):
-        loop_bounds(the_model(G, 0.1), performance_weight(1.0))
+        robust.shaping.loop_bounds(the_model(G, 0.1), performance_weight(1.0))
     with pytest.raises(ValueError, match="below and above must give a radius outside the band"):
         uncertainty(
             measured(), control.ss(control.tf([3.6e-3], [1, 6, 3600])), form="coprime", below=40.0

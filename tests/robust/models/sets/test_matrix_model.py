@@ -160,6 +160,7 @@ def stage_frm(noise=0.02, seed=1):
     return nlfrf.identify(nlfrf.Record(u=u, y=y, fs=100, lines=ms.lines), transient="none"), G
 
 
+@pytest.mark.attack
 def test_the_nominal_of_a_scan_of_orders_has_the_stage_around_it():
     """The scan finds the four poles of the continuous plant near those of the stage."""
     frm, truth = stage_frm()

@@ -108,21 +108,22 @@ def test_a_set_from_a_file_remembers_its_record(form, tmp_path):
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "m.json").read_bytes()
 
 
-def test_a_record_held_against_a_set():
+@pytest.mark.attack(every=3)
+@pytest.mark.parametrize("form", ["additive", "elements", "input"])
+def test_a_record_held_against_a_set(form):
     frm = matrix(1)
     nominal = control.tf2ss([1.0], [1 / (2 * np.pi * 50), 1.0])
     lag = control.append(nominal, nominal)
     G = control.ss(lag.A, lag.B, G0 @ lag.C, np.zeros((2, 2)))
-    for form in ("elements", "additive", "input"):
-        model = robust.uncertainty(frm, G, form=form, order=2)
-        seen = robust.validate(model, frm)
-        assert (seen.p_value, seen.n_outside, seen.n_lines) == (1.0, 0, frm.f.size)
-        new = robust.validate(model, matrix(2))
-        assert np.mean(new.distance > 1) < 0.15
-        far = robust.validate(model, matrix(3, lambda f: lags(f, gain=1.5)))
-        assert far.n_outside_set > 0.9 * far.n_lines
-        assert far.p_value < 1e-6
-        assert f"{far.n_outside_set} outside the set, worst at" in unwrapped(far)
+    model = robust.uncertainty(frm, G, form=form, order=2)
+    seen = robust.validate(model, frm)
+    assert (seen.p_value, seen.n_outside, seen.n_lines) == (1.0, 0, frm.f.size)
+    new = robust.validate(model, matrix(2))
+    assert np.mean(new.distance > 1) < 0.15
+    far = robust.validate(model, matrix(3, lambda f: lags(f, gain=1.5)))
+    assert far.n_outside_set > 0.9 * far.n_lines
+    assert far.p_value < 1e-6
+    assert f"{far.n_outside_set} outside the set, worst at" in unwrapped(far)
     # a set whose record is not known: its nominal is taken as exact
     exact = robust.validate(replace(model, records=()), matrix(2))
     assert exact.p_value > 1e-3

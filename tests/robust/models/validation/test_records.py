@@ -56,6 +56,7 @@ def rig(n_poles):
     return harness.judged(ms, y, 40, n_poles, None, rng, changes)
 
 
+@pytest.mark.attack(every=2)
 @pytest.mark.parametrize("frf", [False, True])
 def test_p_values_are_uniform_where_nothing_has_changed(frf):
     """120 pairs of gaussian records whose levels are estimates themselves; the FRF as nominal is no

@@ -132,6 +132,7 @@ def test_claims_that_do_not_fit_are_refused(proof, change, message):
         replace(proof.claim, **change(proof.claim))
 
 
+@pytest.mark.attack(every=4)
 @pytest.mark.parametrize("dt", [0.0, 0.1])
 @pytest.mark.parametrize("blocks", STRUCTURES[2:], ids=str)
 def test_random_loops_are_proved_above_the_bound_and_not_below_mu(blocks, dt):

@@ -154,6 +154,15 @@ def test_no_ideal_form_and_no_plc_where_times_are_negative_or_below_a_sample():
     assert "Gain = -2, Ti = 0.5 s, Td = 0 s" in inverted.plc_parameters()[0]
 
 
+def test_the_command_takes_positive_with_the_method_pid_alone(command_on_light_mode):
+    code, _, err = command_on_light_mode(
+        "robust design m.json --method ncfsyn --positive --bandwidth 1 -o K.json"
+    )
+    assert code == 2
+    assert "positive must be given with --method pid" in err
+
+
+@pytest.mark.attack
 def test_the_command_warns_and_positive_cures(command_on_light_mode):
     run = command_on_light_mode
     line = "robust design m.json --method pid --sample-time 0.005 --delay 0.02 --peak 1.8 -o K.json"
@@ -168,9 +177,6 @@ def test_the_command_warns_and_positive_cures(command_on_light_mode):
     assert "PID Siemens PID_Compact: Gain = " in out
     assert "PID TwinCAT FB_CTRL_PID: fKp = " in out
     assert_positive_and_within_limits(robust.load("K.json"))
-    code, _, err = run("robust design m.json --method ncfsyn --positive --bandwidth 1 -o K.json")
-    assert code == 2
-    assert "positive must be given with --method pid" in err
 
 
 def test_a_proportional_gain_that_does_nothing_is_named_and_an_integrator_is_as_good():

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import control
 import pytest
 
-import robust
 from robust import design_frf, friction_plant, prove_friction
 from robust.friction import MaxwellSlip, Passive
 from robust.synthesis.fixed import one_loop
@@ -31,27 +30,31 @@ def test_the_largest_proved_gain_is_bracketed(monkeypatch):
     assert one_loop.largest_proved_gain(1.0, (RIG,), friction=CLASS, delay=0.0) == 0
 
 
+STUCK = control.ss(control.tf([1], [1, 13.4, 144e3]))
+ASKED = {"M_S": 2.0, "dt": 1e-3}
+
+
+@pytest.mark.attack
+def test_where_no_gain_is_proved_the_class_is_refused():
+    undamped = friction_plant(1.0, 80e3)  # an integrator alone makes it unstable at every gain
+    with pytest.raises(
+        ValueError, match="prove must be a class for which some gain of the controller is proved"
+    ):
+        design_frf(STUCK, "I", prove=(undamped, CLASS), **ASKED)
+
+
 def test_a_design_from_the_frf_is_lowered_until_it_is_proved():
     """On the stuck machine alone a PID may destabilise the sliding one; with the class it
     does not.
     """
-    stuck = control.ss(control.tf([1], [1, 13.4, 144e3]))
-    asked = {"M_S": 2.0, "dt": 1e-3}
-    alone = design_frf(stuck, "I", **asked)
+    alone = design_frf(STUCK, "I", **ASKED)
     assert prove_friction(RIG, alone.K, CLASS).verdict == "refuted"
-    undamped = robust.friction_plant(
-        1.0, 80e3
-    )  # an integrator alone makes it unstable at every gain
-    with pytest.raises(
-        ValueError, match="prove must be a class for which some gain of the controller is proved"
-    ):
-        design_frf(stuck, "I", prove=(undamped, CLASS), **asked)
     for given, message in (
         ((1.0, CLASS), "machine must be a friction_plant, or a MachineWithFriction alone, got 1.0"),
         ((RIG, Passive()), "friction must be robust.friction.MaxwellSlip"),
     ):
         with pytest.raises(ValueError, match=message):
-            design_frf(stuck, "PID", prove=given, **asked)
-    better = design_frf(stuck, "PID", prove=(RIG, CLASS), **asked)
+            design_frf(STUCK, "PID", prove=given, **ASKED)
+    better = design_frf(STUCK, "PID", prove=(RIG, CLASS), **ASKED)
     assert prove_friction(RIG, better.K, CLASS).verdict == "proved"
     assert "proved for its class of friction" in better.reason

@@ -81,7 +81,7 @@ def test_what_a_loop_sees_with_others_closed():
     np.testing.assert_allclose(alone.radius, radius[:, 1, 1])
 
 
-@pytest.mark.attack(every=2)
+@pytest.mark.attack
 @pytest.mark.parametrize("form", ["elements", "input"])
 def test_two_axes_meet_their_demands_with_both_closed(form):
     """|S_k| of each loop with the other closed by hand; the whole is proved."""

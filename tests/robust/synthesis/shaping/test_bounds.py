@@ -4,11 +4,11 @@ import control
 import numpy as np
 import pytest
 
+import robust
 from robust import UncertaintyModel, performance_weight
 from robust.lti.connections import worst_sensitivity
 from robust.lti.lti import response
 from robust.models.sets.forms import perturbed_sensitivity_terms
-from robust.shaping import loop_bounds
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 FORMS = ("multiplicative", "additive", "inverse-multiplicative", "inverse-additive")
@@ -29,7 +29,7 @@ def test_loop_bounds_are_exact_over_the_phase(form):
         g = model.at(omega)
         w_P = performance_weight(2.0, M_S=2.0, A=0.01)
         p = np.abs(response(w_P, omega))
-        low, high = loop_bounds(model, w_P)
+        low, high = robust.shaping.loop_bounds(model, w_P)
         phases = np.exp(1j * np.linspace(0, 2 * np.pi, 1441))
 
         def holds(k, level, g=g, p=p, w=w, phases=phases):

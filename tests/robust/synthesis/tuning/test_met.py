@@ -8,7 +8,6 @@ import pytest
 
 import robust
 from benchmarks.attack_met import judged_tuning
-from robust.tuning import Limit, Pid, Plants
 
 ERROR, FORCE = control.summing_junction(["r", "-y"], "e"), control.summing_junction(["u", "d"], "f")
 LAG = control.tf([1], [1, 1])
@@ -16,7 +15,7 @@ LAG = control.tf([1], [1, 1])
 
 def pi(width=1.001):
     """A PI whose gains hardly move: what is said of it is what is tried here."""
-    return Pid(
+    return robust.tuning.Pid(
         kp=1.0,
         ki=1.0,
         reads="e",
@@ -37,20 +36,21 @@ def around(w, zeta):
     )
 
 
+@pytest.mark.attack(every=4)
 @pytest.mark.parametrize("w", [0.5, 40.0])
 @pytest.mark.parametrize("zeta", [1e-2, 1e-4])
 @pytest.mark.parametrize("as_weight", [True, False])
 def test_a_light_mode_of_a_weight_or_a_bound(w, zeta, as_weight):
     """A bound that is a system is the inverse of a weight: norms, which no frequency is above."""
     shape = {"weight": light(w, zeta, 20)} if as_weight else {"bound": light(w, zeta, 1 / 20)}
-    limit = Limit("d", "f", **{"bound": 1.0, **shape})
-    plant = Plants(LAG, inputs="f", outputs="y")
+    limit = robust.tuning.Limit("d", "f", **{"bound": 1.0, **shape})
+    plant = robust.tuning.Plants(LAG, inputs="f", outputs="y")
     design = robust.tune(
         [ERROR, FORCE],
         plant,
         {"K": pi()},
         hard=[limit],
-        soft=[Limit("r", "e", band=(0, 0.1))],
+        soft=[robust.tuning.Limit("r", "e", band=(0, 0.1))],
         n_starts=1,
     )
     found = next(one for one in design.limits if one.hard)
@@ -72,7 +72,7 @@ def test_a_bound_that_vanishes_at_infinite_frequency_and_one_of_another_clock():
     """
     dt, w, zeta = 0.05, 20.0, 1e-3
     bound = control.tf([2.0 * w**2], [1, 2 * zeta * w, w**2]) * light(7.0, zeta, 0.02)
-    plant = Plants(LAG, inputs="f", outputs="y")
+    plant = robust.tuning.Plants(LAG, inputs="f", outputs="y")
     for clock in (0.0, dt):
         parts = [
             control.ss([], [], [], p.D, clock, inputs=p.input_labels, outputs=p.output_labels)
@@ -82,8 +82,8 @@ def test_a_bound_that_vanishes_at_infinite_frequency_and_one_of_another_clock():
             parts,
             plant,
             {"K": pi()},
-            hard=[Limit("r", "y", bound)],
-            soft=[Limit("r", "e", band=(0, 0.1))],
+            hard=[robust.tuning.Limit("r", "y", bound)],
+            soft=[robust.tuning.Limit("r", "e", band=(0, 0.1))],
             n_starts=1,
             dt=clock,
         )
@@ -111,10 +111,10 @@ def test_a_light_mode_in_the_weight_of_a_set(form):
     model = robust.UncertaintyModel(LAG, W, form, omega, 0.01 * np.ones(40), perturbation="LTI")
     design = robust.tune(
         [ERROR],
-        Plants(model, inputs="u", outputs="y"),
+        robust.tuning.Plants(model, inputs="u", outputs="y"),
         {"K": pi()},
-        hard=[Limit("r", "e", 1.3, worst=True)],
-        soft=[Limit("r", "e", 1.0, band=(0, 0.05))],
+        hard=[robust.tuning.Limit("r", "e", 1.3, worst=True)],
+        soft=[robust.tuning.Limit("r", "e", 1.0, band=(0, 0.05))],
         n_starts=1,
     )
     at = 1j * around(w, zeta)
@@ -134,18 +134,22 @@ def test_a_set_that_worst_case_finds_unstable_is_not_met(monkeypatch):
         LAG, control.tf([0.1], [1]), "multiplicative", np.geomspace(0.1, 10, 40), 0.1 * np.ones(40)
     )
     asked = {
-        "hard": [Limit("r", "e", 1.5, worst=True)],
-        "soft": [Limit("r", "e", band=(0, 0.05))],
+        "hard": [robust.tuning.Limit("r", "e", 1.5, worst=True)],
+        "soft": [robust.tuning.Limit("r", "e", band=(0, 0.05))],
         "n_starts": 1,
     }
-    assert robust.tune([ERROR], Plants(model, inputs="u", outputs="y"), {"K": pi()}, **asked).met
+    assert robust.tune(
+        [ERROR], robust.tuning.Plants(model, inputs="u", outputs="y"), {"K": pi()}, **asked
+    ).met
     wide = robust.UncertaintyModel(
         LAG, control.tf([3.0], [1]), "multiplicative", np.geomspace(0.1, 10, 40), 0.1 * np.ones(40)
     )
     monkeypatch.setattr(
         "robust.synthesis.tuning.loops.ModelledLoop.perturbation", zero_perturbation
     )
-    design = robust.tune([ERROR], Plants(wide, inputs="u", outputs="y"), {"K": pi()}, **asked)
+    design = robust.tune(
+        [ERROR], robust.tuning.Plants(wide, inputs="u", outputs="y"), {"K": pi()}, **asked
+    )
     assert not design.met
     assert design.broken_sets == ("plant 0: a plant of its set makes the loop unstable",)
     assert design.broken_sets[0] in design.reason
@@ -164,15 +168,26 @@ def test_below_the_first_line_limits_are_looked_at():
     G = control.tf([1], [1, 2, 0])
     omega = np.geomspace(3, 300, 200)
     frf = control.FrequencyResponseData(G(1j * omega), omega)
-    limits = {"hard": [Limit("d", "f", 2.0)], "soft": [Limit("d", "y", 1.0)], "n_starts": 1}
-    block = {"K": Pid(kp=1.0, reads="e", drives="u", lower={"kp": 0.99}, upper={"kp": 1.01})}
-    design = robust.tune([ERROR, FORCE], Plants(frf, inputs="f", outputs="y"), block, **limits)
+    limits = {
+        "hard": [robust.tuning.Limit("d", "f", 2.0)],
+        "soft": [robust.tuning.Limit("d", "y", 1.0)],
+        "n_starts": 1,
+    }
+    block = {
+        "K": robust.tuning.Pid(
+            kp=1.0, reads="e", drives="u", lower={"kp": 0.99}, upper={"kp": 1.01}
+        )
+    }
+    design = robust.tune(
+        [ERROR, FORCE], robust.tuning.Plants(frf, inputs="f", outputs="y"), block, **limits
+    )
     soft = next(one for one in design.limits if not one.hard)
     assert soft.ratio == pytest.approx(1 / design.blocks["K"].kp, rel=0.05)
     assert soft.omega < 3
     assert soft.n_lines == 200
 
 
+@pytest.mark.attack(every=2)
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("seed", [1, 5])
 def test_random_tunings_are_what_they_say(seed):

@@ -11,7 +11,6 @@ from robust import friction_plant
 from robust.friction import MaxwellSlip
 from robust.models import LpvModel
 from robust.synthesis.tuning.parameters import controller_of_blocks
-from robust.tuning import FrictionLimit, Gain, Limit, Notch, Pid, Plants
 
 JOINED = [control.summing_junction(["r", "-y"], "e"), control.summing_junction(["v", "d"], "u")]
 POINTS = np.array([-0.2, 0.1, 0.4])
@@ -26,14 +25,14 @@ def spring(p):
 
 
 def pid(**changes):
-    return Pid(**{"kp": 2.0, "ki": 1.0, "reads": "e", "drives": "v"} | changes)
+    return robust.tuning.Pid(**{"kp": 2.0, "ki": 1.0, "reads": "e", "drives": "v"} | changes)
 
 
 # ---- A block.
 
 
 def test_a_scheduled_number_is_a_polynomial_with_its_ends():
-    one = Notch(omega=[200.0, 260.0, 300.0], scheduled={"omega": 2})
+    one = robust.tuning.Notch(omega=[200.0, 260.0, 300.0], scheduled={"omega": 2})
     assert [one.at(theta).omega for theta in (-1, 1)] == [200.0, 300.0]
     assert one.at(0.0).omega == pytest.approx((200 + 2 * 260 + 300) / 4)
     thetas = np.linspace(-1, 1, 41)
@@ -45,7 +44,9 @@ def test_a_scheduled_number_is_a_polynomial_with_its_ends():
 def test_matrices_and_slopes_go_with_the_operating_point():
     blocks = {
         "K": pid(kd=0.1, filter_time=0.02, scheduled={"kp": 1, "ki": 2, "kd": 1}),
-        "notch": Notch(omega=[30.0, 40.0], scheduled={"omega": 1}, reads="a", drives="b"),
+        "notch": robust.tuning.Notch(
+            omega=[30.0, 40.0], scheduled={"omega": 1}, reads="a", drives="b"
+        ),
     }
     controller = controller_of_blocks(blocks, 0.01)
     x = controller.start + 0.1 * np.random.default_rng(3).normal(size=controller.start.size)
@@ -66,17 +67,25 @@ def test_a_schedule_is_as_good_as_a_tuning_at_each_point():
     """With as many coefficients as points the loops are independent; one gain for both is worse."""
     plants = [lag(1.0), lag(4.0)]
     limits = {
-        "hard": [Limit("r", "u", 10.0), Limit("d", "u", 1.05), Limit("r", "y", 1.2)],
-        "soft": [Limit("r", "e", 1.0, band=(0.0, 0.3))],
+        "hard": [
+            robust.tuning.Limit("r", "u", 10.0),
+            robust.tuning.Limit("d", "u", 1.05),
+            robust.tuning.Limit("r", "y", 1.2),
+        ],
+        "soft": [robust.tuning.Limit("r", "e", 1.0, band=(0.0, 0.3))],
         "delay": 0.1,
         "n_starts": 1,
     }
     kp = pid(ki=0.0)
     alone = [
-        robust.tune(JOINED, Plants(one, inputs="u", outputs="y"), {"K": kp}, **limits).gamma
+        robust.tune(
+            JOINED, robust.tuning.Plants(one, inputs="u", outputs="y"), {"K": kp}, **limits
+        ).gamma
         for one in plants
     ]
-    together = Plants(plants, inputs="u", outputs="y", at=[0.0, 3.0], over="load", unit="kg")
+    together = robust.tuning.Plants(
+        plants, inputs="u", outputs="y", at=[0.0, 3.0], over="load", unit="kg"
+    )
     moving = robust.tune(JOINED, together, {"K": pid(ki=0.0, scheduled={"kp": 1})}, **limits)
     still = robust.tune(JOINED, together, {"K": kp}, **limits)
     assert moving.met
@@ -97,14 +106,14 @@ def moved():
     plant = LpvModel.from_points([spring(p) for p in POINTS], weight=weight, **known)
     blocks = {
         "K": pid(kp=300.0, ki=900.0, drives="a", scheduled={"kp": 1, "ki": 2}),
-        "notch": Notch(omega=40.0, scheduled={"omega": 2}, reads="a", drives="v"),
+        "notch": robust.tuning.Notch(omega=40.0, scheduled={"omega": 2}, reads="a", drives="v"),
     }
     design = robust.tune(
         JOINED,
-        Plants(plant, inputs="u", outputs="y"),
+        robust.tuning.Plants(plant, inputs="u", outputs="y"),
         blocks,
-        hard=[Limit("d", "u", 2.0, worst=True)],
-        soft=[Limit("d", "y", 2e-3, band=(0.0, 4.0))],
+        hard=[robust.tuning.Limit("d", "u", 2.0, worst=True)],
+        soft=[robust.tuning.Limit("d", "y", 2e-3, band=(0.0, 4.0))],
         dt=5e-3,
         delay=5e-3,
         n_starts=1,
@@ -146,10 +155,10 @@ def test_frfs_at_operating_points_are_scheduled():
     frfs = [control.frd(lag(g)(1j * omega), omega) for g in (1.0, 4.0)]
     design = robust.tune(
         JOINED,
-        Plants(frfs, inputs="u", outputs="y", at=[0, 1]),
+        robust.tuning.Plants(frfs, inputs="u", outputs="y", at=[0, 1]),
         {"K": pid(ki=0.0, kp=[1.0, 0.25], scheduled={"kp": 1})},
-        hard=[Limit("r", "y", 0.8)],
-        soft=[Limit("r", "e", 1.0, band=(0.0, 0.3))],
+        hard=[robust.tuning.Limit("r", "y", 0.8)],
+        soft=[robust.tuning.Limit("r", "e", 1.0, band=(0.0, 0.3))],
         n_starts=1,
     )
     low, high = design.blocks["K"].kp
@@ -165,7 +174,7 @@ def test_frfs_at_operating_points_are_scheduled():
         (lambda: pid(scheduled={"omega": 1}), "scheduled must give degrees by name"),
         (lambda: pid(scheduled="kp"), "scheduled must give degrees by name"),
         (
-            lambda: Gain(K=1.0, reads="e", drives="v", scheduled={"K": 1}),
+            lambda: robust.tuning.Gain(K=1.0, reads="e", drives="v", scheduled={"K": 1}),
             "scheduled must give degrees by name .none here: take Pid.",
         ),
         (
@@ -177,20 +186,23 @@ def test_frfs_at_operating_points_are_scheduled():
         (lambda: pid(kd=0.0, scheduled={"kd": 1}), "kd must start at one number that is not zero"),
         (lambda: pid(kp=[1.0, 2.0]), "kp must be a real number"),
         (
-            lambda: Notch(omega=9.0, scheduled={"omega": 1}).at(1.5),
+            lambda: robust.tuning.Notch(omega=9.0, scheduled={"omega": 1}).at(1.5),
             "theta must lie between -1 and 1",
         ),
         (
-            lambda: Notch(omega=9.0, scheduled={"omega": 1}).section(100.0),
+            lambda: robust.tuning.Notch(omega=9.0, scheduled={"omega": 1}).section(100.0),
             "scheduled must be empty",
         ),
-        (lambda: Plants(lag(1), inputs="u", outputs="y", at=[0.0]), "at must be at least two"),
         (
-            lambda: Plants([lag(1)] * 3, inputs="u", outputs="y", at=[0, 1]),
+            lambda: robust.tuning.Plants(lag(1), inputs="u", outputs="y", at=[0.0]),
+            "at must be at least two",
+        ),
+        (
+            lambda: robust.tuning.Plants([lag(1)] * 3, inputs="u", outputs="y", at=[0, 1]),
             "at must have one operating point for each plant, got 2 for 3",
         ),
         (
-            lambda: Plants(
+            lambda: robust.tuning.Plants(
                 LpvModel.from_points([lag(1), lag(2)], at=[0, 1]),
                 inputs="u",
                 outputs="y",
@@ -214,7 +226,7 @@ def test_bad_schedules_are_refused(make, message):
             {"at": [0, 1]},
             1,
             [
-                FrictionLimit(friction_plant(1.0, 80e3), MaxwellSlip(64e3)),
+                robust.tuning.FrictionLimit(friction_plant(1.0, 80e3), MaxwellSlip(64e3)),
             ],
             "hard must hold no friction limit for scheduled blocks",
         ),
@@ -224,18 +236,18 @@ def test_schedules_without_points_are_refused(plants, degree, more, message):
     with pytest.raises(ValueError, match=message):
         robust.tune(
             JOINED,
-            Plants([lag(1.0), lag(2.0)], inputs="u", outputs="y", **plants),
+            robust.tuning.Plants([lag(1.0), lag(2.0)], inputs="u", outputs="y", **plants),
             {"K": pid(scheduled={"kp": degree})},
-            hard=[Limit("d", "u", 2.0), *more],
+            hard=[robust.tuning.Limit("d", "u", 2.0), *more],
         )
 
 
 def test_a_design_without_points_has_no_schedule():
     design = robust.tune(
         JOINED,
-        Plants(lag(1.0), inputs="u", outputs="y"),
+        robust.tuning.Plants(lag(1.0), inputs="u", outputs="y"),
         {"K": pid(ki=0.0)},
-        hard=[Limit("r", "u", 9.0)],
+        hard=[robust.tuning.Limit("r", "u", 9.0)],
         n_starts=1,
     )
     with pytest.raises(ValueError, match="plant must have operating points for a schedule"):
