@@ -81,7 +81,7 @@ def sample_loops(
     n : int
         Number of plants.
     rng : numpy Generator, int or None
-        Source of the perturbations.
+        Random generator of the perturbations, or its seed.
 
     Returns
     -------

@@ -1,6 +1,4 @@
-"""The result of a judge for a loop and its set: curves, margins, proofs, and the verdict that
-follows from them.
-"""
+"""The findings about a loop and its set: curves, margins, proofs, and the verdict from them."""
 
 from __future__ import annotations
 

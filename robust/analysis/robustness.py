@@ -75,58 +75,56 @@ def check(
     n_unstable: int = 0,
     signals: LoopSignals | None = None,
 ) -> RobustnessReport:
-    """Check a controller against a model with uncertainty, and prove what can be proved.
+    """Check a controller with an uncertainty model, and prove robust stability and performance.
 
-    Use this after every design, and for a controller that you have already. The report contains the
-    verdict, the margins over the whole set, and the proofs. `check_structure` takes several
-    uncertainties at once.
+    Use this after every design, and for an existing controller. The report contains the verdict,
+    the margins over the whole set, and the proofs. Use `check_structure` for several uncertainties.
 
     Parameters
     ----------
     model : UncertaintyModel, nlfrf.Bla or control.FrequencyResponseData
-        The plant. An FRF (alone, as a Bla with its bound, or as the nominal of a model) is known on
-        its lines only; the result then holds on these lines only. An FRF with several channels has
-        no set around it.
+        The plant with its uncertainty. If it is an FRF (alone, as a Bla with its bound, or as the
+        nominal of a model), the result holds on its lines only. An FRF with several channels is
+        checked without uncertainty.
     K : control.StateSpace, TransferFunction or float
-        Controller, negative feedback u = K (r - y). A discrete K on a continuous nominal is the
-        normal case: the nominal is discretised with zero-order hold and delay, and the set acts at
-        every alias. So the aliases of frequencies above Nyquist are part of verdict, margin and
-        certificate. For several channels they are part of the sampled set that is checked; its
-        weights cover them on a grid.
+        Controller, negative feedback u = K (r - y). With a discrete K and a continuous nominal,
+        which is the usual case, the nominal is discretised with zero-order hold and delay. Verdict,
+        margins and certificate then include the aliases of the set above the Nyquist frequency. For
+        several channels the aliases are part of a sampled set, whose weights cover them on a
+        frequency grid.
     w_P : control.StateSpace or TransferFunction, optional
-        Performance weight: the demand is |w_P S_p| <= 1 for every plant of the set. The largest |S|
-        that it allows, max 1/|w_P|, is the limit above which thin margins are reported, if it is 4
-        at most; else the limit is 2.
+        Performance weight: the demand is |w_P S_p| <= 1 for every plant of the set. The report
+        warns of thin margins if |S| over the set exceeds a limit. This limit is max 1/|w_P| if that
+        is at most 4, otherwise 2.
     delay : float
-        Computation delay [s] in addition to the delay of the model.
+        Computation delay [s], in addition to the delay of the model.
     certify : bool
         Prove the result over all frequencies. Without a proof the best verdict is "not certified".
     proof : str
-        Method of proof for one channel: "exact" (polynomials in exact arithmetic), "lmi" (a matrix
-        P and a scaling from cvxpy, verified over the rationals; it leaves aliases and delays of
-        continuous loops open), or "both", for which one proof by either method is enough. Several
-        channels are always proved by P and a scaling.
+        Method of proof for one channel. "exact": polynomials in exact arithmetic. "lmi": linear
+        matrix inequality with a matrix P and a scaling from cvxpy, verified over the rationals; it
+        does not decide loops with aliases or with a delay in continuous time. "both": a proof by
+        either method suffices. For several channels the method is always "lmi".
     solver : str, optional
-        "CLARABEL" or "SCS", for P and the scaling. Default: CLARABEL for one channel, both for
-        several channels.
+        Solver of cvxpy for P and the scaling: "CLARABEL" or "SCS". Default: CLARABEL for one
+        channel, both solvers for several channels.
     n_unstable : int
-        Number of unstable open-loop poles of an FRF, for the winding number.
+        Number of unstable open-loop poles, if the plant is an FRF.
     signals : LoopSignals, optional
-        Reference, disturbance and noise. The report then contains the level at which the loop moves
-        the machine, as `predict_level` gives it. This needs an UncertaintyModel with a parametric
-        nominal.
+        Reference, disturbance and noise. The report then contains the rms of plant input and
+        output, as from `predict_level`. This needs an UncertaintyModel with a parametric nominal.
 
     Returns
     -------
     RobustnessReport
-        A bad controller is a result, not an error. For several channels the result is that of
-        `check_structure`.
+        Verdict, margins and proofs. An unstable loop or a missed demand is a result, not an error.
+        For several channels the report is as from `check_structure`.
 
     Raises
     ------
     ValueError
-        Parts that do not fit each other: sampling times, an unstable w_P, a loop without a
-        solution, signals that do not fit the loop or the model.
+        Sampling times or shapes that do not fit each other, an unstable w_P, an algebraic loop
+        without a solution, or signals that do not fit the loop or the model.
 
     References
     ----------
@@ -229,31 +227,30 @@ def check_structure(
     gap: float | None = None,
     solver: str | None = None,
 ) -> RobustnessReport:
-    """Check a loop with several uncertainties by the structured singular value, and prove what can
-    be proved.
+    """Check a loop with several uncertainties by the structured singular value, with proofs.
 
-    Use this if uncertainties act at several places, or if parameters are uncertain:
-    `interconnection` makes the system.
+    Use this if uncertainties act at several places, or if parameters are uncertain.
 
     Parameters
     ----------
     system : UncertainSystem
-        From `interconnection`.
+        System with its perturbations, from `interconnection`.
     certify : bool
         Prove the result at all frequencies. Without a proof the best verdict is "not certified".
     gap : float, optional
-        For real parameters: relative distance between margins.rs and margins.broken down to which
-        their box is subdivided (`parameter_margin`). Default: down to 5 %, and only if the verdict
-        is still open.
+        For real parameters: relative distance between the proved margin (`margins.rs`) and a
+        destabilising size (`margins.broken`) at which the subdivision of their box ends (see
+        `parameter_margin`). Default: 5 %, and only if the verdict is not decided before.
     solver : str, optional
-        "CLARABEL" or "SCS" of cvxpy, for the proof by P and a scaling. Default: one after the
-        other.
+        Solver of cvxpy for the proof by P and a scaling: "CLARABEL" or "SCS". Default: one after
+        the other.
 
     Returns
     -------
     RobustnessReport
-        A bad loop is a result, not an error. If one block is an "operator", only a proof with the
-        same scalings at every frequency is accepted (Shamma 1994).
+        Verdict, margins and proofs. An unstable loop is a result, not an error. If one block is of
+        class "operator", only a proof with the same scalings at every frequency is accepted (Shamma
+        1994).
 
     Raises
     ------

@@ -140,8 +140,8 @@ def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> Sampl
     k, tails = _alias_indices_and_tails(model, dt)
     if not np.isfinite(tails).all():
         raise ValueError(
-            f"model must have {model.form} weights that fall above the Nyquist frequency,"
-            ' because the sum of the aliases is unbounded otherwise. Use form="input", or a'
+            "model must have weights that fall above the Nyquist frequency, because the sum of"
+            f' the aliases is unbounded otherwise ({model.form} form). Use form="input", or a'
             " sampled nominal (fit_nominal(..., dt=))"
         )
     left, right, share = _folded_radii(model, nominal, omega=omega, dt=dt, k=k, tails=tails)

@@ -112,28 +112,28 @@ def friction_plant(
     port: bool | None = None,
     position_unit: str = "m",
 ) -> FrictionPlant:
-    """Return a machine without its friction, from mass, stiffness and damping or from a model.
+    """Return the linear plant of a machine with friction, from its parameters or from a model.
 
-    Use this before `prove_friction`, for a machine with friction at one place. `two_mass_plant` has
-    two places.
+    Use this before `prove_friction`, for a machine with friction at one place; `two_mass_plant` is
+    for friction at two places.
 
     Parameters
     ----------
     mass : float or control.StateSpace
-        Mass [kg]; or a continuous model from force [N] to position [m], with the friction where the
-        force acts; or, with `port`, a model with several inputs and outputs. A Padé approximation
-        in a model without `port` is replaced by the exact delay: no machine has the right
-        half-plane zeros of the approximation, and no proof is found for them.
+        One of three: the mass [kg]; a continuous model from force [N] to position [m], with the
+        friction at the place of the force; or, with `port`, a model with several inputs and
+        outputs. In a model without `port`, a Padé approximation is replaced by the exact delay,
+        because its right half-plane zeros prevent a proof.
     stiffness : float, optional
         Stiffness of the spring to ground [N/m]; zero for a free mass. Not given with a model.
     damping : float
         Viscous damping [Ns/m].
     port : bool, optional
-        True if the friction acts elsewhere than the force, or at several places. The model then has
-        the inputs (force, force at each friction port) and the outputs (measured position,
-        displacement at each friction port).
+        True if the friction acts at another place than the force, or at several places. The inputs
+        of the model are then (force, force at each friction port), and its outputs (measured
+        position, displacement at each friction port).
     position_unit : str
-        "m", or "rad" for a machine that turns, with kg m^2, Nm/rad and Nm s/rad.
+        "m", or "rad" for a rotary machine, with kg m^2, Nm/rad and Nm s/rad.
 
     Returns
     -------
@@ -142,9 +142,9 @@ def friction_plant(
     Raises
     ------
     ValueError
-        A model that is sampled, not strictly proper, or without a velocity at its friction port (a
-        fit needs at least two poles more than zeros); a model that a force accelerates backwards,
-        so that its friction would push; a mass that is not positive.
+        A model that is sampled or not strictly proper; a model whose velocity at the friction port
+        jumps with the force (a fit needs at least two poles more than zeros); a model that
+        accelerates against the force; a mass that is not positive.
 
     References
     ----------
@@ -204,12 +204,12 @@ def two_mass_plant(
     encoder: str = "motor",
     position_unit: str = "m",
 ) -> FrictionPlant:
-    """Return a motor and a load behind a belt, a screw or a gear, with a friction port at each.
+    """Return the linear plant of a motor and an elastically coupled load, with friction at each.
 
     Parameters
     ----------
     motor, load : float
-        Masses in the coordinate of the load [kg], or inertias [kg m^2].
+        Masses [kg] or inertias [kg m^2], both in the coordinate of the load.
     stiffness, damping : float
         Stiffness and damping between motor and load, [N/m] and [Ns/m], or [Nm/rad] and [Nm s/rad].
     motor_damping, load_damping : float
@@ -217,14 +217,14 @@ def two_mass_plant(
     spring : float
         Stiffness from the motor to ground [N/m]; zero for a free axis.
     encoder : str
-        "motor" or "load": the position that the drive controls.
+        "motor" or "load": the position that is measured and controlled.
     position_unit : str
-        "m", or "rad" for a machine that turns.
+        "m", or "rad" for a rotary machine.
 
     Returns
     -------
     FrictionPlant
-        With two friction ports: first the motor, then the load.
+        Plant with two friction ports: first the motor, then the load.
 
     Raises
     ------

@@ -75,8 +75,8 @@ class RoundedController:
     Fields
     ------
     K : control.StateSpace or LpvModel
-        The controller with the rounded coefficients, for `check`, or for `prove_schedule` if it is a
-        schedule. Its matrices are computed from these coefficients and rounded to float64.
+        The controller with the rounded coefficients, for `check`; or for `prove_schedule`, if it is
+        scheduled. Its matrices are computed from these coefficients and rounded to float64.
     dtype : str
         "float32" or "float64".
     before, after : tuple of Statement, Polynomial
@@ -88,16 +88,17 @@ class RoundedController:
         Largest relative error |dK|/|K| over frequency caused by rounded coefficients.
     gain : float
         l1 norm from e to u, which is the largest |u| for |e| <= 1. A pole that the code treats
-        separately is not counted: an integrator, and with a limit also the slowest real lag. nan for
-        a schedule.
+        separately is not counted: an integrator, and with a limit also the slowest real lag. nan
+        for a scheduled controller.
     rounding : float
         Bound on the error of u by rounding in all operations, divided by the largest |e|. It is the
         sum of the l1 norms from each operation to u. Infinite if another pole than these lies on or
-        outside the unit circle; nan for a schedule.
+        outside the unit circle; nan for a scheduled controller.
     facts : tuple of str
         These numbers with their conditions, as text.
     theta : (middle, scale) or None
-        theta = scale (p - middle) of a schedule, clamped to -1 and 1.
+        For a scheduled controller: theta = scale (p - middle), limited to [-1, 1], is the variable
+        of its polynomials, with the operating point p.
 
     References
     ----------

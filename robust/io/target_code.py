@@ -34,46 +34,48 @@ def export_c(
     limit: ArrayLike | None = None,
     unit: str = "",
 ) -> RoundedController:
-    """Write a sampled controller for one loop as a C header: one struct, `init` and `step(e) -> u`,
-    no allocation.
+    """Write a sampled controller with one input and one output as a C header.
 
-    Use this for a controller on a microcontroller. The coefficients are rounded to the arithmetic
-    of the target. Check the returned controller: it is the one that runs. A schedule has `step(p, e)
-    -> u`, with the operating point p in its unit, clamped to its range.
+    Use this for a controller on a microcontroller. The header contains a struct and the functions
+    `init` and `step(e) -> u`; it allocates no memory. The coefficients are rounded to the
+    arithmetic of the target, so check the returned controller, which contains this rounding. For a
+    scheduled controller the function is `step(p, e) -> u`, with the operating point p in its unit,
+    limited to its range.
 
     Parameters
     ----------
     K : control.StateSpace, TransferFunction or LpvModel
-        Discrete controller with one input and one output. A schedule is written in the realisation
-        that `prove_schedule` proves, with polynomials of the operating point.
+        Discrete controller with one input and one output. A scheduled controller (LpvModel) is
+        written in the realisation that `prove_schedule` proves, with coefficients that are
+        polynomials of the operating point.
     path : path
-        The ``.h`` file. Its name is also that of the struct and the two functions.
+        The ``.h`` file. Its name is also the name of the struct, and the beginning of the names of
+        both functions.
     dtype : str
-        "float32" or "float64", in which the target computes.
+        Arithmetic of the target: "float32" or "float64".
     limit : float or (2,) sequence, optional
-        Largest |u|, or the least and the largest u, in the unit of u. An integrator then follows a
-        limited u (anti-windup by back-calculation), and so does a lag with most of the gain at zero
-        frequency. None for a schedule.
+        Largest |u|, or the smallest and the largest u, in the unit of u. The code then has
+        anti-windup by back-calculation, for an integrator or for a lag with most of the gain at
+        zero frequency. Not available for a scheduled controller.
     unit : str
-        Unit of the plant, y over u, as in `UncertaintyModel.origin`; for the comment.
+        Unit of the plant, y over u, as in `UncertaintyModel.origin`; it is written in the comment.
 
     Returns
     -------
     RoundedController
-        Its `K` is the controller with the rounded coefficients. Printed, it shows the bounds of
-        rounding.
+        The controller with the rounded coefficients, and bounds on the effect of rounding.
 
     Raises
     ------
     ValueError
-        A continuous controller, one for several channels, one with two integrators and a limit, a
-        schedule with a limit, one whose sections do not reproduce its response to 0.1 %,
-        coefficients beyond the range of `dtype`; a path that does not end in .h.
+        A controller that is continuous, has several channels, has two integrators and a limit, is
+        scheduled and has a limit, or has second-order sections that do not reproduce its response
+        to 0.1 %; coefficients beyond the range of `dtype`; a path that does not end in .h.
 
     Warns
     -----
     DesignWarning
-        Rounding that changes |K| or moves u by more than 1 %.
+        Rounding changes |K| or u by more than 1 %.
 
     References
     ----------
@@ -100,15 +102,16 @@ def export_structured_text(
     limit: ArrayLike | None = None,
     unit: str = "",
 ) -> RoundedController:
-    """Write a sampled controller for one loop as a function block in structured text (IEC 61131-3).
+    """Write a sampled controller with one input and one output as a function block for a PLC.
 
-    Use this for a controller on a PLC; a P-PI cascade has `robust.servo.structured_text`. The
-    statements are those of `export_c`, in REAL or LREAL. The block has an input `reset`.
+    Use this for a controller on a PLC; for a P-PI cascade use `robust.servo.structured_text`. The
+    block is in structured text (IEC 61131-3), computes the same as the code of `export_c`, and has
+    an input `reset`.
 
     Parameters
     ----------
     K : control.StateSpace, TransferFunction or LpvModel
-        Discrete controller with one input and one output, or a schedule, as for `export_c`.
+        Discrete or scheduled controller with one input and one output, as for `export_c`.
     path : path
         The ``.st`` file; the name of the block is FB_ followed by the name of the file.
     dtype : str

@@ -1,4 +1,4 @@
-"""Discrete systems for a sampled controller: plants with hold and delay, and discrete controllers."""
+"""Discrete systems: plants with hold and delay, and discrete controllers."""
 
 from __future__ import annotations
 

@@ -28,33 +28,33 @@ _LEVELS = ("level", "amplitude", "excitation", "excitation level")
 
 @value
 class LpvModel:
-    """A state space with matrices that are polynomials of theta in [-1, 1], the operating point on
-    its range.
+    """Linear parameter-varying (LPV) model: its matrices are polynomials of an operating point.
 
-    theta = (2 p - low - high)/(high - low) for an operating point p in [low, high]. The states are
-    those of one realisation for all operating points: x' = A(theta) x + B(theta) u also holds while
-    theta moves. Frozen models do not show this (Tóth 2010); whoever chooses the realisation assumes
-    it.
+    The polynomials are in theta = (2 p - low - high)/(high - low), which is in [-1, 1] for an
+    operating point p in [low, high]. The states mean the same at all operating points, so that x' =
+    A(theta) x + B(theta) u also holds while theta moves. This is an assumption, because models at
+    fixed operating points do not show it (Tóth 2010).
 
     Fields
     ------
     A, B, C, D : (d + 1, n, n), (d + 1, n, m), (d + 1, p, n), (d + 1, p, m) ndarray
         Coefficients, lowest power of theta first.
     points : (N,) ndarray
-        Operating points it was made from, increasing; the first and the last are the range.
+        Operating points from which the model was made, increasing. The range is from the first to
+        the last.
     dt : float
         Sampling time [s]; 0 for continuous.
     over, unit : str
         Name and unit of the operating point.
     weight : control.StateSpace or None
-        Weight W of the set of plants around it, for every operating point.
+        Weight W of the set of plants around the model, for every operating point.
     form : str
-        How W Delta enters: "multiplicative" (at the input of the plant), "additive",
+        Form of the uncertainty: "multiplicative" (at the input of the plant), "additive",
         "inverse-multiplicative" or "inverse-additive". Delta is any causal operator with a gain of
         at most one.
     held_out : float
-        Largest error at an operating point that was left out, in units of the weight; nan if none
-        was.
+        Largest error at an operating point that was left out of the fit, divided by the weight; nan
+        if none was left out.
 
     References
     ----------
@@ -118,15 +118,14 @@ class LpvModel:
         weight: Weight | None = None,
         form: str = DEFAULT_FORM,
     ) -> LpvModel:
-        """Return the polynomials through given systems in one realisation; of a lower degree, the
-        closest ones.
+        """Return the model through systems given at operating points; of lower degree, the closest.
 
         Parameters
         ----------
         systems : list of control.StateSpace
-            One at each operating point, all with the same states, inputs, outputs and sampling
-            time. The states must mean the same at every point (displacement and velocity of each
-            mode, for example).
+            One system at each operating point, all with the same states, inputs, outputs and
+            sampling time. The states must mean the same at every point (displacement and velocity
+            of each mode, for example).
         at : (N,) array_like
             Operating points, increasing.
         degree : int, optional
@@ -145,8 +144,8 @@ class LpvModel:
         Raises
         ------
         ValueError
-            One operating point, points that do not increase, another number of systems, or systems
-            that differ in order, channels or sampling time.
+            Only one operating point, points that do not increase, a number of systems that differs
+            from the number of points, or systems that differ in order, channels or sampling time.
 
         Examples
         --------
@@ -201,13 +200,11 @@ class LpvModel:
 
     @property
     def half_range(self) -> float:
-        """Half of the range of operating points: theta moves at the rate of the operating point
-        divided by it.
-        """
+        """Half of the range of operating points: d theta/dt = (dp/dt)/half_range."""
         return float(self.points[-1] - self.points[0]) / 2
 
     def at(self, point: float) -> control.StateSpace:
-        """Return the model with the operating point held.
+        """Return the linear model at a fixed operating point.
 
         Parameters
         ----------

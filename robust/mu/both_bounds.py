@@ -1,8 +1,7 @@
-"""Both bounds of mu, or of the worst gain over a set, in one call, with the perturbation that
-attains the lower one.
+"""Both bounds of mu or of the worst gain over a set, with a perturbation for the lower bound.
 
-For a system the upper bound is proved at all frequencies, and the lower one is followed to its peak
-(`robust.mu.skewed`).
+For a system the upper bound is proved at all frequencies, and the peak of the lower bound is
+searched (`robust.mu.skewed`).
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ def plot_friction_fit(fit: FrictionFit, *, ax: AxesLike | None = None) -> tuple[
     """Plot equivalent stiffness k_eq and damping c_eq of the friction over the rms of the motion.
 
     The plot shows the measured values at each level and the values of the fit. If they differ,
-    friction or machine are not as the fit assumes.
+    friction or machine are not of the kind that the fit assumes.
 
     Parameters
     ----------

@@ -35,23 +35,25 @@ _WHOLE = 1e-6  # of a sample
 
 @value
 class ScheduleProof:
-    """What is proved of a scheduled loop while its operating point moves.
+    """Result of a proof for a scheduled loop whose operating point moves.
 
     Fields
     ------
     outcome : Outcome
-        "holds": everything asked for is proved, at every rate up to `rate`. "violated": `broken` is
-        a trajectory within that rate, on which the loop grows. "undecided": neither.
+        "holds": stability (and the level of the gain, if given) is proved at every rate up to
+        `rate`. "violated": `broken` is a trajectory within this rate on which the state grows.
+        "undecided": neither.
     rate : float
-        Rate that was asked for, in units of the operating point per second; inf for jumps.
+        Rate of the claim, in units of the operating point per second; inf for jumps.
     provable : float
-        Largest rate at which the same was proved, at least; inf: at any rate; 0: at none.
+        Largest rate for which the same claim was found to be provable (a lower bound); inf: any
+        rate; 0: none.
     certificate : Certificate
-        Of stability, or of a gain (which includes stability), at the rate that was asked for.
+        Certificate of stability, or of a gain (which includes stability), at the rate of the claim.
     broken : BrokenRate or None
-        The slowest trajectory found on which the loop grows.
+        The slowest trajectory found on which the state of the loop grows.
     degree : int
-        Degree of P in theta.
+        Degree in theta of the matrix P(theta) of the Lyapunov function.
     plant, K : LpvModel
         Plant and controller, u = -K y.
     delay : float
@@ -87,16 +89,16 @@ class ScheduleProof:
 
     @property
     def holds(self) -> bool:
-        """True if everything that was asked for is proved."""
+        """True if the whole claim is proved."""
         return self.outcome is Outcome.HOLDS
 
     def verify(self, *, time_cap: float = 60.0) -> Verification:
-        """Prove the claim again from its numbers alone, without the search.
+        """Prove the claim again from its numbers, without the search.
 
         Parameters
         ----------
         time_cap : float
-            Seconds of processor time.
+            Limit of the processor time [s].
 
         Returns
         -------
@@ -140,19 +142,20 @@ class ScheduleProof:
 
 @value
 class BrokenRate:
-    """A periodic trajectory of the operating point on which the loop grows, proved in balls.
+    """A periodic trajectory of the operating point on which the state of the loop provably grows.
 
     Fields
     ------
     rate : float
-        Its largest rate, per second; inf for jumps; 0: the loop grows with the operating point
-        held.
+        Largest rate of the operating point on the trajectory, per second; inf for jumps; 0 if the
+        state grows at a fixed operating point.
     points : (N,) ndarray
-        Operating points at its vertices; linear in between, or held for jumps.
+        Operating points at the vertices of the trajectory, which is linear between them, or
+        constant for jumps.
     step : float
-        Time between vertices [s].
+        Time between two vertices [s].
     delta : float
-        The perturbation: this number, 0 without.
+        Value of the perturbation Delta, a constant; 0 without a perturbation.
 
     References
     ----------
@@ -175,7 +178,7 @@ class BrokenRate:
     delta: float
 
     def describe(self, unit: str) -> str:
-        """Return one line."""
+        """Describe the trajectory in one line."""
         if not self.rate:
             return f"unstable with the operating point held at {self.points[0]:.3g} (proved)"
         speed = "jumping" if np.isinf(self.rate) else f"at {self.rate:.3g} {unit}"
@@ -201,38 +204,37 @@ def prove_schedule(
 ) -> ScheduleProof:
     """Prove that a scheduled loop u = -K(p) y stays stable while its operating point p moves.
 
-    With V = x'P(p)x and one scaling for each perturbation, V falls on every trajectory with |p'| <=
-    rate, for every causal perturbation of gain one in the set of the plant. The inequality is
-    decided at every p, in balls. That the loop is stable with p held anywhere proves nothing of
-    this (Shamma & Athans).
+    The proof is a Lyapunov function V = x'P(p)x that decreases on every trajectory with |p'| <=
+    rate, for every causal perturbation of the set of the plant. The inequality is decided at every
+    p in ball arithmetic. Stability at every fixed p does not suffice for this (Shamma & Athans).
 
-    A sampled controller acts on the continuous plant through a hold; the motion of p within a
-    sample is covered. The perturbation then acts from sample to sample: aliases of the set above
-    Nyquist are not in it.
+    A sampled controller acts on the continuous plant through a hold, and the proof includes the
+    motion of p within a sample. The perturbation then acts from sample to sample, so the proof does
+    not include aliases of the set above the Nyquist frequency.
 
     Parameters
     ----------
     plant : LpvModel
-        Continuous, or discrete with the sampling time of K; no direct feedthrough. Its weight, if
-        it has one, must have the time base of K.
+        Plant without direct feedthrough, continuous or discrete with the sampling time of K. Its
+        weight, if any, must have the sampling time of K.
     K : LpvModel or control.StateSpace
-        The controller as a polynomial of the same operating point, or one for all.
+        Controller with the same operating point, or one controller for all operating points.
     rate : float
-        Largest rate of the operating point, in its units per second. inf: it jumps; with a sampled
-        K at the samples.
+        Largest rate of the operating point, in its units per second. inf: the operating point may
+        jump, with a sampled K at the sampling instants.
     delay : float
-        Delay between controller and plant [s]: whole samples; 0 for a continuous K.
+        Delay between controller and plant [s]: a whole number of samples, or 0 for a continuous K.
     gain : str
-        "S": from the reference to the error; "GS": from the input of the plant to its output. ""
-        for stability.
+        L2 gain to bound. "S": from the reference to the error. "GS": from a disturbance at the
+        plant input to the plant output. "": stability only.
     level : float, optional
-        Level to prove for the L2 gain.
+        Bound of the L2 gain to prove.
     degree : int, optional
-        Degree of P; by default 1 and 2 are tried for a sampled K, 0 to 3 for a continuous one, 0
-        and 1 for jumps.
+        Degree of P(p). By default 1 and 2 are tried for a sampled K, 0 to 3 for a continuous K, and
+        0 and 1 for jumps.
     limit : bool
-        Whether to search for the largest provable rate (to 20 percent) and for a trajectory on
-        which the loop grows.
+        Whether to search for the largest provable rate (to 20 percent), and for a trajectory on
+        which the state of the loop grows.
 
     Returns
     -------

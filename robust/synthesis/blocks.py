@@ -19,10 +19,10 @@ trapezoidal rule of a PLC. So the tuned element is exactly the one that is imple
 which other functions do not need. A parameter keeps the sign of its start value, and the search
 varies its logarithm.
 
-A scheduled number is a polynomial of the operating point, theta in [-1, 1] on its range, in the form
-of Bernstein: the sum over k of c_k binom(d, k) ((1 + theta)/2)^k ((1 - theta)/2)^(d - k). c_0 and c_d
-are the number at the ends of the range, and everywhere it lies between the least and the largest c_k,
-so that sign and bounds of the c_k are those of the number.
+A scheduled number is a polynomial of the operating point theta in [-1, 1], in Bernstein form: the
+sum over k of c_k binom(d, k) ((1 + theta)/2)^k ((1 - theta)/2)^(d - k). Its values at the ends of
+the range are c_0 and c_d. All its values are between the smallest and the largest c_k, so bounds
+and sign of the c_k hold for the number.
 """
 
 from __future__ import annotations
@@ -375,8 +375,7 @@ class Gain(TunableBlock):
         Bounds of every entry of K, with the key "K". The default bound of |K| is 1000 times the
         start value, or 1000 if the start value is zero.
     scheduled : None
-        Only for numbers, not for a matrix: take a `Pid` for a gain that goes with the operating
-        point.
+        Not available for a matrix. Use a `Pid` for a gain that depends on the operating point.
 
     Raises
     ------
@@ -435,9 +434,10 @@ class Pid(TunableBlock):
         Bounds by name of the parameter; by default a thousandth of the start value, and a thousand
         times the start value. In a sampled loop filter_time stays above dt/10.
     scheduled : dict of str to int, optional
-        Degrees by name of the numbers that are polynomials of the operating point. Their fields are
-        then the coefficients (d + 1,): the first and the last are the number at the ends of the
-        range, and everywhere it lies between the least and the largest. One number starts all alike.
+        Degree d of each number that is a polynomial of the operating point, by name. The field of
+        such a number contains its Bernstein coefficients (d + 1,). The first and the last
+        coefficient are the values at the ends of the range, and all values are between the smallest
+        and the largest coefficient. If a single number is given, all coefficients start with it.
 
     Raises
     ------
@@ -489,8 +489,10 @@ class Pid(TunableBlock):
         return [*gains, "filter_time"] if np.any(self.kd) else gains
 
     def state_space(self, numbers: Numbers, dt: float = 0.0) -> Matrices:
-        """Return the PID as a system with its parts in parallel; ki is in front of the integrator, so
-        that the integral stays when a scheduled ki moves.
+        """Return the PID as a system with its parts in parallel.
+
+        The factor ki is before the integrator, so that the integral does not jump if ki is
+        scheduled.
         """
         rows: list[tuple[float | np.ndarray, ...]] = []
         D = numbers.get("kp", 0.0)
@@ -866,7 +868,7 @@ class StateSpace(TunableBlock):
     lower, upper : dict of str to float, optional
         Bounds of every entry of a matrix, by name of the matrix.
     scheduled : None
-        Not for a matrix.
+        Not available for matrices.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Bristles that bend and creep: multipliers from a cone program, and their dissipation inequality."""
+"""Bristles that bend and creep: multipliers from a cone program, dissipation inequality."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ _N_POINTS = 300  # of the frequencies of the cone program
 class Bristle(FrictionClass):
     """Class of friction laws with bristles that bend and creep, such as LuGre and Leuven.
 
-    The friction force is f = F + microdamping z', with the bristle deflection z. F is a Masing
-    hysteresis of z with a slope of at most K0. The bristles slip at the velocity p: z' = v - p with
-    F p >= 0 and |p| <= stiction |v|.
+    The friction force is f = F + microdamping z', with the bristle deflection z. F is a hysteresis
+    of z (by Masing's rules) with a slope of at most K0. The bristles slip at the velocity p: z' = v
+    - p with F p >= 0 and |p| <= stiction |v|.
 
     Use this class for friction that creeps below break-away. It contains:
 
@@ -104,9 +104,7 @@ class Bristle(FrictionClass):
     def decide(
         self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()
     ) -> FrictionProof:
-        """Return "proved" if a decreasing storage function is found, else `error_bound` if it
-        exists.
-        """
+        """Return "proved" if a decreasing storage function is found, else the bound `error_bound`."""
         return settled_by_bound(certified_verdict(undecided, task, self.certify))
 
     def certify(

@@ -148,7 +148,7 @@ class MaxwellSlip(FrictionClass):
     def certify(
         self, loop: FrictionLoop, reference: float, others: Sequence[Self] = ()
     ) -> FrictionCertificate:
-        """Search and verify a storage function that decreases with every friction of the classes."""
+        """Search and verify a storage function that decreases with every friction law."""
         ports = (self, *others)
         K0 = np.array([one.K0 for one in ports])
         rho = np.array([one.stiction for one in ports])

@@ -1,4 +1,4 @@
-"""A bound on the final distance from rest for Maxwell slip with stiction, over the rationals (T7)."""
+"""A bound on the final distance from rest for Maxwell slip with stiction (theory: T7)."""
 
 from __future__ import annotations
 

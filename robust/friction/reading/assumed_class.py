@@ -23,8 +23,8 @@ ASSUMPTION_NOTE = (
 class MachineWithFriction:
     """A linear plant and a class of friction, estimated from measurements at several levels.
 
-    That the machine is this plant with a friction of this class is an assumption; `evidence` states
-    what supports it. For a rotary axis read N as Nm and m as rad.
+    It is an assumption that the machine consists of this plant and a friction of this class;
+    `evidence` states what supports the assumption. For a rotary axis read N as Nm and m as rad.
 
     Fields
     ------

@@ -1,4 +1,4 @@
-"""Machine and friction stiffness from BLAs at several levels; insufficient levels raise an error."""
+"""Machine and friction stiffness from BLAs at several levels, or an error."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ The fit minimises the negative logarithm of the likelihood over theta and the on
 
 (stochastic embedding: Goodwin, Gevers & Ninness, IEEE Trans. Automatic Control 37, 1992). m_k is
 the error that a loop tolerates: because of K S = T/G, a model error has the effect |T| |G_k -
-G(theta)_k|/|G| on the loop. |G| is smoothed, because |T| is small at an antiresonance, too. For
+G(theta)_k|/|G| on the loop. At an antiresonance of G, |T| is small as well, so |G| is smoothed. For
 four machines with many modes the square of |T_c| gave better models than |T_c|, because low
 frequencies matter more to a loop than |T_c| itself suggests (control-relevant identification:
 Schrama 1992; de Callafon & Van den Hof 1995; Oomen & Bosgra 2012).

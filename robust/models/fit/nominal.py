@@ -689,10 +689,11 @@ def fit_nominal(
         loop.
     std : (F,) ndarray, or (n_y, n_u, F), optional
         Standard deviation sqrt(E|.|^2) of each line of a FrequencyResponseData, as in
-        `nlfrf.bla_from_frf`; a Bla contains its own. Without `std` the lines are weighted by 1/|G|, and the fit has no
-        expected cost. Required for several channels.
+        `nlfrf.bla_from_frf`; a Bla contains its own. Without `std` the lines are weighted by 1/|G|,
+        and the fit has no expected cost. Required for several channels.
     rank : int
-        Rank of the residues for several channels: 2 for the equal modes of a symmetric machine.
+        Rank of the residues for several channels; 2 for a symmetric machine, which has pairs of
+        equal modes.
     omega_c : float, optional
         Intended crossover [rad/s] of the loop. With fewer poles than the machine has, the model is
         then most accurate around this crossover: m contains the complementary sensitivity T_c of a

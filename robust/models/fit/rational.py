@@ -1,6 +1,4 @@
-"""Rational functions through complex frequency data: vector fitting, numerators,
-Levenberg-Marquardt.
-"""
+"""Fits of rational functions to complex frequency data by vector fitting and least squares."""
 
 from __future__ import annotations
 

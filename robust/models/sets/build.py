@@ -80,53 +80,59 @@ def uncertainty(
     W1: Weight | None = None,
     W2: Weight | None = None,
 ) -> UncertaintyModel:
-    """Turn a measured BLA with its levels into a set of plants around a nominal model.
+    """Make an uncertainty set around a nominal model from a measured BLA and its bound.
 
-    On each line the disc around the nominal contains the FRF of a new realisation with the stated
-    confidence: radius = misfit of the nominal + sqrt(F_p (variance of G + variance of one
-    realisation + even level)). The raw residual of a line contains scatter, so the misfit is the
-    residual less the variance. For a fitted nominal this errs on the wide side: the fit averages
-    the variance of G that is counted here.
+    On each line (frequency) a disc around the nominal contains the FRF of a new realisation (random
+    draw of the phases of the excitation) with the stated confidence. Its radius is the misfit of
+    the nominal + sqrt(F_p (variance of G + variance of one realisation + even level)), with the F
+    quantile F_p and the variance of the even distortion. The misfit is the residual of the line
+    minus the variance, because the residual contains scatter. For a fitted nominal the radius is
+    slightly too large, because the fit averages a part of the variance.
 
-    Use this after `nlfrf.identify` and `fit_nominal`, before any design: controllers are designed
-    and checked for the set that it returns. For plants that a set has to hold, use
-    `uncertainty_of_plants`; for a radius of your own, `UncertaintyModel.from_radius`.
+    Use this after `nlfrf.identify` and `fit_nominal`, before any design. Controllers are designed
+    and checked for the set that it returns. Use `uncertainty_of_plants` for a set that has to
+    contain given plants, and `UncertaintyModel.from_radius` for a radius of your own.
 
     Parameters
     ----------
     bla : nlfrf.Bla or list of them
-        What was measured, with one or several channels; several levels, offsets or days make one
-        set, with the largest radius of all. `nlfrf.bla_from_frf` and `robust.io.bla_from_frd` make
-        a Bla of an FRF from elsewhere.
+        The measurement, with one or several channels. A list of measurements at several levels or
+        offsets or on several days gives one set, with the largest radius of all.
+        `nlfrf.bla_from_frf` and `robust.io.bla_from_frd` make a Bla from an FRF of another program.
     nominal : NominalFit, control system or control.FrequencyResponseData
-        The model in the middle, continuous or discrete. An FRF gives a model that is known on its
-        lines only.
+        Nominal model, continuous or discrete. With an FRF as nominal the set is known on its lines
+        only.
     form : str, optional
-        "multiplicative" (when not given), "additive", "inverse-multiplicative", "inverse-additive"
-        or "coprime". For several channels: "elements" (when not given), "additive" or "input",
-        chosen before you see a verdict; or "auto", the first two at a price of 10 %.
+        "multiplicative" (default), "additive", "inverse-multiplicative", "inverse-additive" or
+        "coprime". For several channels: "elements" (default), "additive" or "input", which you
+        choose before you see a verdict; or "auto", which makes the sets "elements" and "additive"
+        with radii that are up to 10 % larger.
     order : int, optional
-        Order of each weight. When not given, it grows up to 12 as long as a state saves 0.1 dB of
-        the mean excess.
+        Order of each weight. By default it is raised, up to 12, as long as one more state lowers
+        the mean of |weight|/radius by 0.1 dB.
     confidence : float
-        Probability per line (or for all lines together when `simultaneous`).
+        Probability on each line, or on all lines together if `simultaneous` is True.
     simultaneous : bool
-        False: about one line in twenty of another record lies outside its disc at 95 %; `joint` is
-        the probability for a whole FRF. True widens the radius by a factor of 1.8 to 2.1 and is
-        seldom worth it (see the guide on bounds).
+        False: at a confidence of 95 %, about one line in twenty of another record lies outside its
+        disc; the field `joint` is the probability for a whole FRF. True: the confidence holds for
+        all lines together, and the radius is larger by a factor of 1.8 to 2.1, which is seldom
+        useful (see the guide on bounds).
     even : bool
-        Add the even distortion level: in closed loop the machine receives signals that are not odd.
+        Add the variance of the even distortion, because the signals in closed loop are not odd
+        multisines.
     systematic : float, optional
-        Decibels above the odd level added to the radius for the systematic part (8 in the paper);
-        None leaves it out. For one channel, or for "elements".
+        Systematic part of the radius, in decibels above the odd distortion level (8 in the paper);
+        None for no such part. For one channel, or for the form "elements".
     below, above : "flat" or float
-        Assumption outside the measured band: the radius stays flat, or rises away from the band
-        with that many dB per decade, over two decades, flat beyond.
+        Assumption about the radius below and above the measured band. "flat": it is constant. A
+        number: it rises away from the band by this many dB per decade over two decades, and is
+        constant beyond.
     perturbation : str
-        The class; "LTI" and "operator" are claims of the user about the plant.
+        Class of Delta, as in `UncertaintyModel`. With "LTI" or "operator" you claim that the plant
+        is in the set.
     W1, W2 : control.StateSpace, TransferFunction or float, optional
-        Scaling W2 G W1 of the plant for the coprime form, as for `ncfsyn`; when not given, unit
-        gain in mid band.
+        Shaping functions of the plant, W2 G W1, for the coprime form, as in `ncfsyn`. By default
+        constants that give W2 G W1 a gain of one in the middle of the band.
 
     Returns
     -------
@@ -135,8 +141,8 @@ def uncertainty(
     Raises
     ------
     ValueError
-        A form or class that does not exist, an inverse form where the radius reaches |G|, an order
-        too low.
+        A form or class that does not exist, an inverse form if the radius reaches |G|, or an order
+        that is too low.
 
     References
     ----------

@@ -199,8 +199,8 @@ def choose_form(
     The demand is evaluated for a loop with the bandwidth `omega_B`. The form with the smallest
     demand comes first.
 
-    Use this before `uncertainty_of_plants` if you do not know where the uncertainty of a plant with several
-    channels acts.
+    Use this before `uncertainty_of_plants` if you do not know where the uncertainty of a plant with
+    several channels acts.
 
     Parameters
     ----------

@@ -352,7 +352,9 @@ class UncertaintyModel:
         ('multiplicative', 2, True)
         """
         if FORMS[require_choice("form", form, tuple(FORMS))].depends_on_units:
-            raise ValueError(f"form must not depend on units with a radius of your own, got {form}")
+            raise ValueError(
+                f"form must not depend on the units of u and y for a radius of your own, got {form}"
+            )
         rules = Extrapolation(
             below=checked_slope("below", below), above=checked_slope("above", above)
         )

@@ -26,41 +26,42 @@ def uncertainty_of_plants(
     above: str | float = 20.0,
     perturbation: str = "statistical",
 ) -> UncertaintyModel:
-    """Turn a list of plants into a set around a nominal model that contains each of them.
+    """Make an uncertainty set around a nominal model that contains each plant of a list.
 
-    Systems lie inside at all frequencies, zero and infinity included, which is proved by exact
-    polynomials (`UncertaintyModel.contains`); FRFs lie inside on their lines. The set has no
+    The set contains FRFs on their lines, and systems at all frequencies, zero and infinity
+    included. The latter is proved by exact polynomials (`UncertaintyModel.contains`). The set has
+    no confidence.
+
+    Use this for models at several operating points, or for FRFs with unknown scatter. For a
+    measured BLA use `uncertainty`, whose set contains the next measurement with a stated
     confidence.
-
-    Use this for models of several operating points, or for FRFs without a known scatter. For a
-    measured BLA use `uncertainty`, whose set contains the next measurement.
 
     Parameters
     ----------
     plants : list of control.StateSpace, TransferFunction or FrequencyResponseData
-        The plants, all with one channel or all with several. For one channel at least one of them,
-        or the nominal, is an FRF, on whose lines the radius is read.
+        Plants, all with one channel or all with several channels. For one channel at least one
+        plant, or the nominal, must be an FRF; the radius is computed on its lines.
     nominal : NominalFit, control system or control.FrequencyResponseData, optional
-        The model in the middle, continuous or discrete. For several channels a system, or a fit of
-        the mean response when not given.
+        Nominal model, continuous or discrete. For several channels it must be a system; the default
+        is a fit of the mean response of the plants.
     form : str, optional
-        "multiplicative" (when not given), "additive", "inverse-multiplicative" or
-        "inverse-additive". For several channels "elements", "additive", "input", "output",
-        "inverse-additive", "inverse-input" or "inverse-output"; when not given, the first form of
-        `choose_form`.
+        "multiplicative" (default), "additive", "inverse-multiplicative" or "inverse-additive". For
+        several channels "elements", "additive", "input", "output", "inverse-additive",
+        "inverse-input" or "inverse-output"; the default is the first form of `choose_form`.
     weights : str
-        "diagonal": one weight a channel. "full", for several channels: W_l and W_r are matrices,
-        and the set is smaller if deviations share a direction.
+        "diagonal": one weight for each channel. "full", for several channels: W_l and W_r are
+        matrices, and the set is smaller if the deviations have a common direction.
     omega_B : float, optional
-        Bandwidth [rad/s] of the loop for which the form is chosen, for several channels; the middle
-        of their band when not given.
+        Bandwidth [rad/s] of the loop for which the form is chosen, for several channels. Default:
+        the middle of the band of the plants.
     order : int, optional
-        Order of each weight. When not given, it is 4 for several channels, and for one grows up to
-        12 as long as a state saves 0.1 dB of the mean excess.
+        Order of each weight. Default for one channel: it is raised, up to 12, as long as one more
+        state lowers the mean of |weight|/radius by 0.1 dB. Default for several channels: 4.
     below, above : "flat" or float
-        Assumption outside the lines of FRFs, as in `uncertainty`.
+        Assumption about the radius outside the lines of the FRFs, as in `uncertainty`.
     perturbation : str
-        The class; "LTI" and "operator" are claims of the user about the plant.
+        Class of Delta, as in `UncertaintyModel`. With "LTI" or "operator" you claim that the plant
+        is in the set.
 
     Returns
     -------
@@ -69,13 +70,14 @@ def uncertainty_of_plants(
     Raises
     ------
     ValueError
-        Plants that no set of the form holds, a form that does not exist, an order too low.
+        Plants that no set of this form can contain, a form that does not exist, or an order that is
+        too low.
 
     Notes
     -----
-    For several channels the set has the least tr W_l W_l* + tr W_r* W_r at each frequency, before
-    the fit. So scale inputs and outputs first (SP 1.4). If full weights of the order do not cover
-    the plants, the weights are diagonal, with a warning.
+    For several channels the set minimises tr W_l W_l* + tr W_r* W_r at each frequency, before
+    weights are fitted. So scale inputs and outputs first (SP 1.4). If full weights of this order do
+    not cover the plants, the weights are diagonal, with a warning.
 
     References
     ----------
@@ -83,7 +85,7 @@ def uncertainty_of_plants(
 
     Examples
     --------
-    A lag whose gain is up to 20 % off:
+    A lag whose gain has an error of up to 20 %:
 
     >>> import control
     >>> import numpy as np

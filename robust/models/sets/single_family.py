@@ -47,7 +47,9 @@ def make_set_of_plants(
     form = require_choice("form", DEFAULT_FORM if form is None else form, tuple(FORMS))
     row = FORMS[form]
     if row.depends_on_units:
-        raise ValueError(f"form must not depend on units with plants, got {form}")
+        raise ValueError(
+            f"form must not depend on the units of u and y for a list of plants, got {form}"
+        )
     centre, delay = single_nominal(nominal)
     dt, is_frf = sampling_time_of(centre), isinstance(centre, control.FrequencyResponseData)
     omega, radius = _radius_of_plants(plants, centre, row)

@@ -214,7 +214,8 @@ def read_claim(path: str | os.PathLike[str], kind: type[C]) -> C | None:
         return None
     if entries.get("version") != _VERSION:
         raise ValueError(
-            f"path must have version {_VERSION}, got {entries.get('version')!r} in {str(path)!r}"
+            f"path must be a certificate of version {_VERSION}, got version"
+            f" {entries.get('version')!r} in {str(path)!r}"
         )
     if entries.get("digest") != content_digest(
         {name: entry for name, entry in entries.items() if name != "digest"}

@@ -1,4 +1,4 @@
-"""The start controller of the page if none is given: a gain, and the elements that the plant needs."""
+"""The default start controller of the page: a gain, and the elements that the plant needs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Generated texts of the page: Python code of the controller, and the command that proves the loop."""
+"""Generated texts of the page: Python code, and the command that proves the loop."""
 
 from __future__ import annotations
 

@@ -60,20 +60,21 @@ class DkDesign(Unpacked):
     Fields
     ------
     K : control.StateSpace
-        u = K y, positive feedback through P (for a set, the usual negative feedback u = K (r - y));
-        zero if none was found.
+        Controller u = K y, with positive feedback as usual for a generalised plant; for a set u = K
+        (r - y). Zero if none was found.
     mu : float
-        Peak of the upper bound over omega with this controller; inf without one.
+        Peak of the upper bound of mu over omega with this controller; inf if none was found.
     omega, curve : (W,) ndarray
-        Frequencies [rad/s] and the bound there.
+        Frequencies [rad/s], and the upper bound of mu at these frequencies.
     history : tuple of (float, float, int)
         For each round the norm of the synthesis, the peak of mu, and the order of its scalings.
     certificate : Certificate
-        mu proved at all frequencies, one per cent above its peak; or the reason why not.
+        Proof that mu is below 1.01 times its peak at all frequencies, or the reason why there is no
+        proof.
     reason : str
         Reason why the iteration ended.
     CL : control.StateSpace or None
-        F_l(P, K), closed except for the blocks; None if no controller was found.
+        F_l(P, K), the closed loop without the perturbations; None if no controller was found.
 
     References
     ----------
@@ -81,7 +82,7 @@ class DkDesign(Unpacked):
 
     Examples
     --------
-    A lag with half its gain unknown, and an error that has to stay below two everywhere:
+    A lag whose gain is uncertain by 50 %, with a sensitivity that has to stay below two:
 
     >>> A, B, C = [[-1.0]], [[1.0, 0.0, 1.0]], [[0.0], [-0.5], [-1.0]]
     >>> P = control.ss(A, B, C, [[0, 0, 0.5], [0, 0.5, 0], [0, 1, 0]])
@@ -138,32 +139,36 @@ def dk_iteration(
     most_states: int | None = None,
     omega: ArrayLike | None = None,
 ) -> DkDesign:
-    """Synthesise a controller that keeps mu small.
+    """Design a controller that minimises mu by D-K iteration.
 
     Use this for several uncertainties, or for robust performance with several channels.
 
     Parameters
     ----------
     P : UncertaintyModel, UncertainSystem or control.StateSpace
-        A set with several channels; an `interconnection` without the controller; or a system from
-        (inputs of the perturbations and of the performance, u) to (their outputs, y).
+        A set with several channels; an `interconnection` without the controller; or a generalised
+        plant from (inputs of perturbations and performance, u) to (outputs of perturbations and
+        performance, y).
     blocks : list
-        For a system, as in `robust.mu.upper`; the performance is a full block. Repeated and real
-        blocks are treated as full complex ones in the design, and by their kind in the final bound.
+        For a generalised plant: blocks as in `robust.mu.upper`, with the performance as a full
+        block. The design treats repeated and real blocks as full complex blocks; the final bound
+        uses their kind.
     n_y, n_u : int
-        For a system or an interconnection: number of the last outputs that are measured, and of the
-        last inputs that are controlled.
+        For a generalised plant or an interconnection: number of measured outputs y and of
+        controlled inputs u, which are the last outputs and inputs.
     w_P, w_u : control system or float, optional
-        Performance for a set: mu < 1 keeps the norm of [w_P S; w_u K S] below one for all its
-        plants. One weight for all channels, or a matrix for all of them; w_P is required.
+        Performance weights for a set: mu < 1 means that the norm of [w_P S; w_u K S] is below one
+        for all its plants. Each is one weight that is used for every channel, or a matrix. w_P is
+        required.
     order : int
-        Largest order of a scaling; a lower one is taken if it comes close.
+        Largest order of a scaling; a lower order is used if it fits nearly as well.
     n_rounds : int
-        Largest number of rounds. They end earlier if mu falls by less than 0.001 in two of them.
+        Largest number of rounds. The iteration ends earlier if mu falls by less than 0.001 in two
+        rounds.
     mu_min : float
-        Sufficient level: no round is made below it.
+        Sufficient mu: the iteration ends once mu is this small.
     most_states : int, optional
-        Largest order of K: a higher one is reduced to it, and mu is computed again.
+        Largest order of K. A controller of higher order is reduced, and mu is computed again.
     omega : (W,) ndarray, optional
         Frequencies [rad/s] for mu; by default chosen from the poles of the loop.
 
@@ -188,7 +193,7 @@ def dk_iteration(
     >>> bool(dk_iteration(P, [(1, 1), (1, 1)], 1, 1, n_rounds=1).mu < 1)
     True
 
-    The same by the names of its signals. K reads e and drives u, the last output and the last
+    The same problem with named signals. K is from e to u, which are the last output and the last
     input:
 
     >>> from robust.models import Block, interconnection
@@ -203,12 +208,11 @@ def dk_iteration(
 
     Notes
     -----
-    Without omega the frequencies are those of the poles of the loop of each round. Each round also
-    tries scalings moved farther than the loop requires, because successive rounds move them in the
-    same direction. After the first round that gains less than 0.01, each round is a step along the
-    gradient. For the distillation column of SP 8.11.3 (there 8.12.4, from 1.18 to 1.02 and lower;
-    the least known value is 0.974) the rounds reach 1.18, 1.035, 1.027, 1.016, 0.989 and 0.980 in
-    eleven.
+    Without `omega` the frequencies follow from the poles of the loop in each round. Each round also
+    tries extrapolated scalings, because successive rounds change the scalings in the same
+    direction. After the first round that lowers mu by less than 0.01, each round is a step along
+    the gradient. For the distillation column of SP 8.11.3, mu falls to 0.980 in eleven rounds; SP
+    8.12.4 reaches 1.02 and lower, and the least known value is 0.974.
     """
     if has_several_channels(P):
         P, blocks, n_y, n_u = _performance_plant(P, w_P, w_u=w_u, blocks=blocks)

@@ -246,9 +246,7 @@ class TunedDesign:
     def controller_at(
         self, inputs: str | Sequence[str], outputs: str | Sequence[str], theta: float | None
     ) -> control.StateSpace:
-        """Return `controller` at an operating point theta in [-1, 1]; None for blocks that are not
-        scheduled.
-        """
+        """Return `controller` at an operating point theta in [-1, 1] (None: nothing is scheduled)."""
         inputs, outputs = signal_names("inputs", inputs), signal_names("outputs", outputs)
         open_chain = self.joined((), inputs, outputs, theta)
         K = structurally_minimal(
@@ -263,13 +261,12 @@ class TunedDesign:
         *,
         degree: int | None = None,
     ) -> LpvModel:
-        """Return `controller` as a polynomial of the operating point, in one realisation: for
-        `prove_schedule` and `export_c`.
+        """Return `controller` as an `LpvModel`, for `prove_schedule` and `export_c`.
 
-        The numbers of the blocks are polynomials; the matrices of a filter whose frequency moves are
-        nearly. Theirs go through d + 1 nodes, with the least degree d whose response differs by less
-        than 1e-4 of it anywhere, or with `degree`. What is returned is the controller that is proved
-        and runs.
+        The numbers of the blocks are polynomials of the operating point. The matrices of a filter
+        whose frequency moves are not, and are interpolated through d + 1 nodes. The degree d is
+        `degree`, or the smallest one for which the relative error of the response is below 1e-4
+        everywhere. Prove and implement the returned controller.
 
         Raises
         ------
@@ -321,9 +318,7 @@ class TunedDesign:
         outputs: tuple[str, ...],
         theta: float | None = None,
     ) -> control.StateSpace:
-        """Return fixed parts, blocks (scheduled ones at theta) and further systems, connected by signal
-        names.
-        """
+        """Return fixed parts, blocks (at theta) and further systems, connected by signal names."""
         blocks = [one if theta is None else one.at(theta) for one in self.blocks.values()]
         parts = [*self.system, *(block.system(self.dt) for block in blocks), *more]
         return with_names(

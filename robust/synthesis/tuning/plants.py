@@ -54,16 +54,17 @@ class Plants:
     models : control system, UncertaintyModel, nlfrf.Bla, FrequencyResponseData, LpvModel, or a list
         Each plant has to meet every limit. An FRF is known on its lines only. For an
         UncertaintyModel a limit refers to the nominal, or to the whole set if `worst` is set in the
-        limit. An LpvModel stands for its plants at operating points, each with its weight.
+        limit. An LpvModel is replaced by its plants at the operating points, each with the weight
+        of the model.
     inputs, outputs : str or list of str
         Names of the signals, in the order of the channels.
     n_unstable : int
         Number of unstable poles of plants that are FRFs.
     at : (N,) array_like, optional
-        Operating points of the plants, increasing, for blocks with scheduled numbers; for an
-        `LpvModel` its own points by default, or others with the same ends.
+        Operating points of the plants, increasing, for blocks with scheduled numbers. For an
+        `LpvModel` the default is its own points; other points must have the same ends.
     over, unit : str
-        Name and unit of the operating point; for an `LpvModel` its own.
+        Name and unit of the operating point; those of an `LpvModel` by default.
 
     Raises
     ------
@@ -125,7 +126,7 @@ class Plants:
 
     @property
     def thetas(self) -> np.ndarray:
-        """Return (N,) operating points in [-1, 1]; zeros without any."""
+        """(N,) operating points scaled to [-1, 1]; zeros without operating points."""
         return np.zeros(len(self.models)) if self.at is None else to_theta(self.at, self.at)
 
     def check_channels(self, name: str, model: PlantModel) -> None:

@@ -1,4 +1,4 @@
-"""The objective of the search: poles and peaks of all limits with all plants, and their gradients."""
+"""The objective of the search: poles and peaks of all limits, with their gradients."""
 
 from __future__ import annotations
 

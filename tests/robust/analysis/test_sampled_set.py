@@ -137,9 +137,7 @@ def test_a_delay_goes_into_the_samples():
 def test_what_reaches_the_sampler_unfiltered_is_refused_with_a_cure():
     K = control.StateSpace([], [], [], 0.1 * np.eye(2), T)
     flat = made(MIXED, "elements", (), (rising(0.1),) * 4)
-    with pytest.raises(
-        ValueError, match=r'model must have additive weights that fall .* form="input"'
-    ):
+    with pytest.raises(ValueError, match=r'model must have weights that fall .* form="input"'):
         check(flat, K)
     with pytest.raises(ValueError, match="model must have a sampled nominal for the class"):
         check(replace(INPUT, perturbation="operator"), K)

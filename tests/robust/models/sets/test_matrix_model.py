@@ -270,7 +270,7 @@ def test_refusals():
         match="K must have 2 inputs and 2 outputs, one for each output and input of the plant",
     ):
         robust.check(model, control.ss([], [], [], [[1.0]]))
-    with pytest.raises(ValueError, match=r"model must have .* weights that fall above"):
+    with pytest.raises(ValueError, match="model must have weights that fall above"):
         robust.check(
             model, control.StateSpace(-0.5 * np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), 0.1)
         )

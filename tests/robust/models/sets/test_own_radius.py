@@ -80,7 +80,7 @@ def test_a_fitted_nominal_brings_its_delay_into_the_set():
     [
         (-OMEGA, {}, "radius must be positive, one value for each"),
         (OMEGA[1:], {}, "radius"),
-        (OMEGA, {"form": "coprime"}, "must not depend on units"),
+        (OMEGA, {"form": "coprime"}, "must not depend on the units"),
         (0.1 + 0 * OMEGA, {"order": 0}, 'mean excess .*above="flat"'),
         (0.1 + 0 * OMEGA, {"form": "input"}, "form must be"),
     ],
@@ -94,7 +94,7 @@ def test_what_is_no_radius_is_refused(radius, options, expected):
 @pytest.mark.parametrize(
     ("given", "options", "expected"),
     [
-        ([control.frd(plants()[0], OMEGA)], {"form": "coprime"}, "must not depend on units"),
+        ([control.frd(plants()[0], OMEGA)], {"form": "coprime"}, "must not depend on the units"),
         (
             [control.frd(plants()[0], OMEGA)],
             {"weights": "full"},
