@@ -30,8 +30,8 @@ class PidGains:
     Fields
     ------
     kp, ki, kd : float
-        Gains of the parallel form, in the unit of u over y; kp without a further factor, ki per
-        second, kd times seconds.
+        Gains of the parallel form: kp in the unit of u over y, ki in this unit per second, kd in
+        this unit times seconds.
     filter_time : float
         Tf, time constant of the derivative filter [s]; zero without a derivative.
     dt : float

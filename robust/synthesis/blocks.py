@@ -368,7 +368,7 @@ class Gain(TunableBlock):
         Start value of the gain from the signals `reads` to the signals `drives`. Entries may change
         sign.
     reads, drives : str or list of str
-        Signals.
+        Names of the input signals (`reads`) and of the output signals (`drives`) of the block.
     fixed : tuple of str
         ("K",) to keep the gain at its start value.
     lower, upper : dict of str to float, optional
@@ -859,7 +859,7 @@ class StateSpace(TunableBlock):
     n_states : int
         Number of states.
     reads, drives : str or list of str
-        Signals.
+        Names of the input signals (`reads`) and of the output signals (`drives`) of the block.
     A, B, C, D : (n_states, n_states), (n_states, n_y), (n_u, n_states), (n_u, n_y) ndarray,
     optional
         Start values. By default A is -I, all entries of B and C are 0.1, and D is zero.

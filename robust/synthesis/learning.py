@@ -336,8 +336,9 @@ def design_learning(
         set; between 0 and 1.
     L : "set", "nominal", control.StateSpace or TransferFunction
         Filter from the error to the input. J is the transfer function from the learned input to the
-        output. "set": the best filter for the set, 1/J at the centre of the disc of J. "nominal":
-        1/J of the nominal loop. Or a filter of your own with the sampling time of the loop.
+        output; over the set its values fill a disc at each frequency. "set": the best filter for
+        the set, 1 over the centre of this disc. "nominal": 1/J of the nominal loop. Or a filter of
+        your own with the sampling time of the loop.
     omega_Q : float, optional
         Cut-off frequency of Q [rad/s]. By default the highest frequency in the measured band up to
         which the bound `factor` is met.
@@ -366,7 +367,8 @@ def design_learning(
 
     Examples
     --------
-    A lag with an uncertain gain. At low frequency T is near 1/2, and x = 0.2/2/(1 - 0.04/2).
+    A lag with an uncertain gain. At low frequency T is near 1/2, and the factor is 0.2/2/(1 -
+    0.04/2).
 
     >>> import robust
     >>> lag, w = robust.sampled(control.tf([1], [1, 1]), 0.1), control.ss([], [], [], [[0.2]], 0.1)

@@ -104,7 +104,7 @@ class Bristle(FrictionClass):
     def decide(
         self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()
     ) -> FrictionProof:
-        """Return "proved" if a decreasing storage function is found, else the bound `error_bound`."""
+        """Return "proved" if a decreasing storage function is found, else the bound on the error."""
         return settled_by_bound(certified_verdict(undecided, task, self.certify))
 
     def certify(

@@ -84,10 +84,10 @@ def uncertainty(
 
     On each line (frequency) a disc around the nominal contains the FRF of a new realisation (random
     draw of the phases of the excitation) with the stated confidence. Its radius is the misfit of
-    the nominal + sqrt(F_p (variance of G + variance of one realisation + even level)), with the F
-    quantile F_p and the variance of the even distortion. The misfit is the residual of the line
-    minus the variance, because the residual contains scatter. For a fitted nominal the radius is
-    slightly too large, because the fit averages a part of the variance.
+    the nominal + sqrt(F_p (variance of G + variance of one realisation + variance of the even
+    distortion)), with the F quantile F_p. The misfit is the residual of the line minus the
+    variance, because the residual contains scatter. For a fitted nominal the radius is slightly too
+    large, because the fit averages a part of the variance.
 
     Use this after `nlfrf.identify` and `fit_nominal`, before any design. Controllers are designed
     and checked for the set that it returns. Use `uncertainty_of_plants` for a set that has to
@@ -104,9 +104,9 @@ def uncertainty(
         only.
     form : str, optional
         "multiplicative" (default), "additive", "inverse-multiplicative", "inverse-additive" or
-        "coprime". For several channels: "elements" (default), "additive" or "input", which you
-        choose before you see a verdict; or "auto", which makes the sets "elements" and "additive"
-        with radii that are up to 10 % larger.
+        "coprime". For several channels: "elements" (default), "additive" or "input"; or "auto",
+        which makes the sets "elements" and "additive" with radii that are up to 10 % larger. Choose
+        the form before you see a verdict, because trying several forms is a multiple test.
     order : int, optional
         Order of each weight. By default it is raised, up to 12, as long as one more state lowers
         the mean of |weight|/radius by 0.1 dB.

@@ -246,7 +246,7 @@ class TunedDesign:
     def controller_at(
         self, inputs: str | Sequence[str], outputs: str | Sequence[str], theta: float | None
     ) -> control.StateSpace:
-        """Return `controller` at an operating point theta in [-1, 1] (None: nothing is scheduled)."""
+        """Return `controller` at operating point theta in [-1, 1] (None: nothing is scheduled)."""
         inputs, outputs = signal_names("inputs", inputs), signal_names("outputs", outputs)
         open_chain = self.joined((), inputs, outputs, theta)
         K = structurally_minimal(
