@@ -71,7 +71,8 @@ def prove_friction(
         Largest force of the actuator [N], for one port with `MaxwellSlip` or `Bristle`. It must
         exceed Fs, which must be given. With `MaxwellSlip` the proof then holds for the loop with a
         saturated actuator, from every state or up to an initial velocity. With `Bristle` the result
-        contains only the velocity up to which the actuator does not saturate. K has no anti-windup.
+        contains only the velocity up to which the actuator does not saturate. The proof is for K
+        without anti-windup.
 
     Returns
     -------

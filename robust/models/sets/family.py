@@ -194,10 +194,10 @@ def choose_form(
     omega_B: float,
     weights: str = DIAGONAL,
 ) -> _FormRanking:
-    """Rank the forms of uncertainty by the robust-stability demand that a family of plants makes.
+    """Rank the forms of uncertainty for a family of plants by how much they restrict a loop.
 
-    The demand is evaluated for a loop with the bandwidth `omega_B`. The form with the smallest
-    demand comes first.
+    For each form the robust-stability measure of a loop with the bandwidth `omega_B` is computed.
+    The form with the smallest measure comes first.
 
     Use this before `uncertainty_of_plants` if you do not know where the uncertainty of a plant with
     several channels acts.
