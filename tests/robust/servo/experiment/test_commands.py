@@ -199,8 +199,8 @@ def test_a_design_is_replaced_when_asked_to_and_the_refusal_says_what_it_is(run_
         (
             "servo design bad.toml {} -o x.csv",
             (
-                "bad.toml must have no entry 'motor_inertai', did you mean motor_inertia? It may"
-                " have damping, drive,"
+                "bad.toml must have no entry 'motor_inertai', did you mean motor_inertia?"
+                " Known: damping, drive,"
             ),
         ),
         (
