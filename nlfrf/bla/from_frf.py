@@ -157,9 +157,11 @@ def bla_from_frf(
     source = "std" if coherence is None else "coherence"
     several = G.ndim == 3
     n_y, n_u = G.shape[:2] if several else (1, 1)
+    # A Bla has Cov(vec G) = gamma (x) cov, so the variances of the entries need to be a product.
     of_output, of_input = _bound_by_product(variance.reshape(n_y, n_u, f.size))
     cov = np.einsum("jf,jk->jkf", of_output, np.eye(n_y)).astype(complex)
     nan = np.full(cov.shape, np.nan, dtype=complex)
+    # noise and distortion are not told apart: what scattered counts as the total
     levels = levels_without_detection(f, np.full(f.size, np.nan))
     return Bla(
         f=f,

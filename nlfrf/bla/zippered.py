@@ -59,6 +59,7 @@ def estimate_zippered_frm(excited: Spectra) -> tuple[FrmEstimate, _ColumnInterpo
     )
     each = np.broadcast_to(G, (M, *G.shape)).copy()
     each[:, :, owner, k] = np.moveaxis(measured, 1, 0)
+    # a line shows the scatter of one column: as an error of the output it stands for all of them
     V = (measured - column[:, None]) * size[owner, k]
     gamma = np.zeros((n_u, n_u, F), dtype=complex)
     for i in range(n_u):

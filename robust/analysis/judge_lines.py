@@ -178,6 +178,7 @@ def judge_matrix_lines(loop: MatrixLoopOnLines, _: Effort) -> Findings:
     """Return the findings for several channels on the lines of their FRF; none is a proof."""
     omega, one = np.asarray(loop.G.omega), np.eye(loop.G.noutputs)
     L = np.einsum("jkw,klw->wjl", np.asarray(loop.G.frdata), response_by_channel(loop.K, omega))
+    # Nyquist for several channels: det(I + L) has to encircle zero as often as L has unstable poles
     turns, clear = winding_of_matrix(omega, one + L, loop.wanted)
     nominal, nothing = _stability_on_lines(turns, clear, loop.wanted), np.full(omega.size, np.nan)
     if nominal is Stability.UNDECIDED:

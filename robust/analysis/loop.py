@@ -288,6 +288,7 @@ def assemble_loop(
                 f" because sampling changes its set, got {dt_K:g} s and a continuous nominal."
                 " Use sampled(nominal, dt) as the nominal"
             )
+        # hold and delay become part of the plant, the part of the delay within a sample included
         dt, unsampled = dt_K, G
         shift = np.floor(delay / dt + 1e-9) * dt
         short, G = sampled(G, dt, max(delay - shift, 0.0)), sampled(G, dt, delay)

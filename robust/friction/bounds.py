@@ -242,6 +242,8 @@ def _cut_period(loop: FrictionLoop) -> _PeriodPieces | None:
     read = np.array([loop.x, loop.v @ loop.F, loop.v])  # position, acceleration, velocity
     map_, kernel, ends, within = np.eye(n), np.zeros((n, 0)), [], []
     for span, jump, count in zip(spans, jumps, counts.astype(int), strict=True):
+        # what friction in a piece does at its end; later pieces and jumps carry it on as they carry
+        # the state
         flow, push = _flow_and_gramian_root(loop.F, loop.B, span / count)
         map_, kernel = jump @ map_, jump @ kernel
         for _ in range(count):

@@ -296,6 +296,9 @@ def _method_of_centres(
     with most slack.
     """
     W = N.shape[0]
+    # Minimise alpha such that alpha I - (the bound's matrix) stays positive: Newton steps go to the
+    # centre of the scalings that are possible for alpha, then alpha is lowered (Boyd and El Ghaoui
+    # 1993). All frequencies are solved together; those that are done leave.
     d = _osborne_balance(N, s)
     D_L, D_R = (
         np.stack([np.diag(np.repeat(row, [p.stop - p.start for p in parts])) for row in d]).astype(

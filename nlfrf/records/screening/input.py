@@ -239,6 +239,8 @@ def _track_cut_periods(periods: np.ndarray) -> PeriodAlignment:
     if used.size > MAX_LINES:
         used = np.sort(np.argpartition(weight, -MAX_LINES)[-MAX_LINES:])
     weight = weight[used]
+    # Phases over the lines tell a delay, which is linear in frequency, from samples that are lost
+    # inside a period, which is not.
     spectra = np.array([rfft_at(one, used) for one in periods])
     gaps = find_slips(periods, int(used[-1]))
     corrupted, gaps = find_corrupted_periods(periods, int(used[-1]), gaps)

@@ -307,6 +307,8 @@ def advance_gms(
                 break
         step = Step(x, v, u, h)
         x1, v1, keep, gain = _trial_step(body, law, grid, stack, d, step, 0.0, 1.0)
+        # The force is not smooth where the velocity changes its sign: the step ends there, every
+        # element sticks again, and the rest of the step follows in the other direction.
         if v * v1 < 0.0:
             b = _locate_reversal(body, law, grid, stack, d, step, 0.0, v1)
             x1, v1, keep, gain = _trial_step(body, law, grid, stack, d, step, 0.0, b)

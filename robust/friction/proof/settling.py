@@ -149,8 +149,11 @@ def _settle_at_rate(
 
     A, B, jumps, x, v = _with_filters(loop, rates, rests)
     n, n_ports = A.shape[0], K0.size
+    # Coordinates, time and friction get units in which the entries of the program are near one:
+    # interior-point solvers lose digits otherwise.
     V = balancing_coordinates(A, B, spans=loop.spans, jumps=jumps)
     back = np.linalg.inv(V)
+    # d/dt V + 2 lambda V <= ... for A is d/dt V <= ... for A + lambda I
     A = back @ A @ V + decay * np.eye(n)
     jumps = back @ jumps @ V
     time_unit = float(loop.spans.sum()) if loop.T else 1 / max(1.0, float(np.linalg.norm(A, 2)))
@@ -187,6 +190,7 @@ def _settle_at_rate(
         )
         return weigh @ (total + wide @ supply @ wide.T - last) @ weigh << -_STRICT * np.eye(full)
 
+    # Schur complement: c' E^-1 c, the square of the largest position with V <= 1, is at most reach
     def within(P: cvxpy.Expression) -> list[cvxpy.Constraint]:
         energy = np.eye(n + n_ports, n) @ P @ np.eye(n, n + n_ports) + stored
         corner = cp.reshape(reach, (1, 1), order="F")
@@ -201,11 +205,13 @@ def _settle_at_rate(
         slopes = _slopes_of_cubic(b, loop.spans[i]) if loop.T else [np.zeros((n, n))]
         constraints += [flow(P, slope) for P, slope in zip(b, slopes, strict=True)]
         constraints += [one for P in b for one in within(P)]
+    # V does not rise over a jump: from the end of the span before it to the start of the span after
     for i, jump in enumerate(jumps):
         constraints.append(storage[i - 1][3] - jump.T @ storage[i][0] @ jump >> _STRICT * np.eye(n))
     solve_program(cp.Problem(cp.Minimize(reach), constraints), "CLARABEL")
     if reach.value is None:
         return None
+    # the reach is computed again from the numbers that are kept, which are not quite the solver's
     found = np.array([[P.value for P in b] for b in storage])
     weights = np.where(allowed, np.maximum(mu.value, 0) / scale, 0.0)
     energies = np.pad(found.reshape(-1, n, n), ((0, 0), (0, n_ports), (0, n_ports))) + np.tensordot(

@@ -472,6 +472,8 @@ def break_away(
     unknown = np.full(2, np.nan)
     if len(peaks) < 2:
         return unknown, f"the friction force needs two levels or more at rest, got {len(peaks)}"
+    # While elements stick, the force follows the level (slope one over logarithms); once all slip,
+    # it does not rise any more (slope zero).
     level, peak, error, _ = (np.array(one) for one in zip(*peaks, strict=True))
     slope = np.diff(np.log(np.maximum(peak, 1e-300))) / np.maximum(np.diff(np.log(level)), 1e-9)
     breaks = peak[:-1] > _BELOW_COULOMB * coulomb

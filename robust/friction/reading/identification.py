@@ -320,6 +320,8 @@ def _balance_of(level: Motion, std: np.ndarray, candidate: Candidate) -> LevelBa
     )
     fitted = np.tensordot(candidate.stiffness, spectra, axes=1) + reaction_of_load(level, candidate)
     rigid = chosen
+    # Well below the mode of the coupling both masses move as one: there the force less that of the
+    # inertia is friction, as for one mass.
     if candidate.terms.load:
         load, coupling = (float(np.exp(candidate.numbers[name])) for name in LOAD[:2])
         fitted = fitted + load * level.omega**2 * level.Y

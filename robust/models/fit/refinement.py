@@ -512,6 +512,7 @@ def sections_that_pay(
     coupling = weighted @ J.T
     H = (J * second) @ J.T
     H[np.diag_indices_from(H)] *= 1.001
+    # what the other parameters take over, if a section at this place is split
     through = coupling @ np.linalg.pinv(H, hermitian=True)
     block = weighted @ slopes.mT
     schur = (
@@ -522,6 +523,7 @@ def sections_that_pay(
     slope = slopes @ first - through @ (J @ first)
     split = -np.linalg.solve(schur, slope[..., None])[..., 0]
     gain = -np.vecdot(split, slope)
+    # neighbouring places lower the cost by the same effect: the second one is elsewhere
     best = int(np.argmax(gain))
     other = int(np.argmax(np.where(np.abs(grid[:, 0] - grid[best, 0]) < 0.3, -np.inf, gain)))
     return [(grid[k], np.clip(split[k] / 2, -_MAX_SPLIT, _MAX_SPLIT)) for k in (best, other)]

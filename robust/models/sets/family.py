@@ -101,6 +101,7 @@ class _Family:
                     f" {form} and one at {self.omega[singular.argmax()]:.4g} rad/s"
                 )
         E = _between_lines(row.deviation(self.G_p, self.G), self.omega)
+        # A deviation that grows without limit outside the lines has no proper weight above it.
         ends, members, nominal = _decided_responses(form, self, self.ends)
         far = row.deviation(members, nominal) if ends.size else np.zeros(0)
         if (

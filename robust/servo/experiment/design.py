@@ -307,6 +307,7 @@ def _experiment_within(
             delay=drive.delay_periods / drive.fs,
             force_constant=source.force_constant,
         )
+    # Peaks are bounded by sums, base motion plus level times multisine, whatever their phases are.
     base, one = _base_motion(source, draft), _multisine_motion(draft)
     level = _level_within(
         draft, base, one=one, limits=AxisLimits() if limits is None else limits, rms=rms

@@ -903,6 +903,8 @@ def _synthesise_regular(
     best = replace(
         best, reason="the loop with the controller of the Riccati equations is not stable"
     )
+    # The Riccati equations state existence; near the least level rounding decides whether the
+    # controller built from them works. So the loop itself is judged, and higher levels are tried.
     for step in _STEPS_UP:
         gamma = high * factor * step
         loop = _controlled_loop(P, problem, gamma)

@@ -80,9 +80,10 @@ def ncfsyn(
     shaped = in_series(W1, G, W2, dt=dt)
     matrices = (shaped.A, shaped.B, shaped.C, shaped.D)
     A, B, C, D = to_continuous(*matrices) if dt else matrices
+    # No iteration: both Riccati equations are independent of gamma, and gamma_min follows from them.
     X, Z = _riccati_solutions(A, B, C=C, D=D)
     gamma_min = float(np.sqrt(1 + max(np.linalg.eigvals(X @ Z).real, default=0.0)))
-    gamma = factor * gamma_min
+    gamma = factor * gamma_min  # L is singular at gamma_min itself
     L = (1 - gamma**2) * np.eye(len(A)) + X @ Z
     F = -np.linalg.solve(np.eye(D.shape[1]) + D.T @ D, D.T @ C + B.T @ X)
     Bk = gamma**2 * np.linalg.solve(L.T, Z @ C.T)
