@@ -174,6 +174,7 @@ class _Warned(Protocol):
 
 Made = TypeVar("Made", bound="_Warned | Sequence[_Warned]")
 Kept = TypeVar("Kept", bound=_Warned)
+Thing = TypeVar("Thing")
 
 
 def data_warning(text: str, category: type[UserWarning] = DataWarning) -> None:
@@ -212,11 +213,7 @@ def keep_warnings(make: Callable[Given, Made]) -> Callable[Given, Made]:
 
     @wraps(make)
     def keeping(*args: Given.args, **kwargs: Given.kwargs) -> Made:
-        given = [
-            one
-            for arg in (*args, *kwargs.values())
-            for one in (arg if isinstance(arg, list | tuple) else [arg])
-        ]
+        given = [one for arg in (*args, *kwargs.values()) for one in as_list(arg)]
         with _collect_warnings() as texts:
             texts.update(
                 dict.fromkeys(text for one in given for text in getattr(one, "warnings", ()))
@@ -227,6 +224,11 @@ def keep_warnings(make: Callable[Given, Made]) -> Callable[Given, Made]:
         return cast("Made", add_warnings(cast("_Warned", made), texts))
 
     return keeping
+
+
+def as_list(given: Thing | Sequence[Thing]) -> list[Thing]:
+    """Return an argument that is one value or several as a list."""
+    return list(given) if isinstance(given, list | tuple) else [cast("Thing", given)]
 
 
 def add_warnings(made: Kept, texts: Iterable[str]) -> Kept:

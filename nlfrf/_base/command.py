@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO, TypeVar, get_type_hint
 
 import typer
 
-from nlfrf._base.arguments import one_line, printable
+from nlfrf._base.arguments import as_list, one_line, printable
 from nlfrf._base.extras import MissingPackageError
 from nlfrf._base.files import guarded_outputs, require_writable
 from nlfrf._base.progress import rich_bar
@@ -102,11 +102,7 @@ def _guard_outputs(function: Callable[..., object]) -> Callable[..., object]:
 
 
 def _find_paths(value: object) -> list[Path]:
-    return [
-        one
-        for one in (value if isinstance(value, (list, tuple)) else [value])
-        if isinstance(one, Path)
-    ]
+    return [one for one in as_list(value) if isinstance(one, Path)]
 
 
 class _Printable:

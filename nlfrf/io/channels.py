@@ -149,13 +149,12 @@ class Channels:
     def describe_signals(self, name: str) -> str:
         """Describe the available signals for a name that is none, with the reasons."""
         listed = ", ".join(sorted(self.signals)) or "none"
-        named = (
-            [name]
-            if name in self.notes
-            else []
-            if self.full_name(name) in self.arrays
-            else list(self.notes)[:3]
-        )
+        if name in self.notes:
+            named = [name]
+        elif self.full_name(name) in self.arrays:
+            named = []
+        else:
+            named = list(self.notes)[:3]
         noted = [f"{one!r} {self.notes[one]}" for one in named]
         return "; ".join(
             [f"one of {listed}", f"got {name!r}", *noted, *([] if self.signals else [_OTHER_WAY])]

@@ -192,7 +192,9 @@ def _rank_by_name(name: str) -> Rank:
         return Rank.SET_POINT
     drives = _INPUT_NAMES.fullmatch(short) is not None
     responds = _OUTPUT_NAMES.fullmatch(short) is not None
-    return Rank.UNKNOWN if drives == responds else Rank.INPUT if drives else Rank.OUTPUT
+    if drives == responds:
+        return Rank.UNKNOWN
+    return Rank.INPUT if drives else Rank.OUTPUT
 
 
 def choose_output(u: str, candidates: Mapping[str, np.ndarray]) -> str:

@@ -11,6 +11,7 @@ from typing import TypeAlias, TypedDict, Unpack, overload
 import numpy as np
 
 from nlfrf._base.arguments import (
+    as_list,
     data_warning,
     format_small_count,
     join_names,
@@ -176,10 +177,8 @@ def _arrange_rows(
     """Return measurement files whose channels are streams of rows, one per realisation, and the
     cutting options.
     """
-    several = (some if isinstance(some, list | tuple) else [some] for some in channels)
-    names = [
-        name for some in several for name in some if isinstance(name, str)
-    ]  # other types are refused later
+    # other types are refused later
+    names = [name for some in channels for name in as_list(some) if isinstance(name, str)]
     if not names or any(file.text("schema") for file in files):
         return files, options
     files = [merge_alternating_rows(file, names) for file in files]

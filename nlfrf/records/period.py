@@ -280,6 +280,8 @@ def _refine_lag(u: np.ndarray, lag: int, step: int) -> float:
         offset = step * _parabola_vertex(like, 1)
         if like[1] == like.max() and abs(offset) <= 0.5 * max(1, step // 4):
             return middle + offset
-        # to the vertex of the parabola if the middle is the largest
-        middle += round(offset) if like[1] == like.max() else step if like[2] > like[0] else -step
+        if like[1] == like.max():
+            middle += round(offset)  # to the vertex of the parabola
+        else:
+            middle += step if like[2] > like[0] else -step
     return float(lag)

@@ -229,8 +229,12 @@ def _reduce_one_realization(
     """
     best, lowest, done, own = phase, _fine_crest_factor(ms, phase, n_fine), 0, True
     while done < n_iterations and lowest > target:
-        start = phase if own else starts.pop() if starts else rng.uniform(0, 2 * np.pi, phase.size)
-        own = False
+        if own:
+            start, own = phase, False
+        elif starts:
+            start = starts.pop()
+        else:
+            start = rng.uniform(0, 2 * np.pi, phase.size)
         steps = min(500, n_iterations - done)
         found, its_crest = _clip_and_restore(ms, start, n_steps=steps, n_fine=n_fine, target=target)
         done += steps

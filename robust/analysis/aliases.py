@@ -171,13 +171,13 @@ class Aliases:
                 -0.5,
                 0.5,
             ):  # each alias is at its nearest: 1/(k - x) + 1/(k + x) grows with x
-                sizes = (
-                    np.diff(k)
-                    if not hold
-                    else -np.diff(zeta(hold, k + x))
-                    if hold > 1
-                    else np.diff(psi(k + x))
-                )
+                # the sum of 1/(k + x)^hold over a block: a difference of Hurwitz zeta functions, of digamma for 1
+                if not hold:
+                    sizes = np.diff(k)
+                elif hold > 1:
+                    sizes = -np.diff(zeta(hold, k + x))
+                else:
+                    sizes = np.diff(psi(k + x))
                 total += (2 / self.dt / self.spacing) ** hold * float(sizes @ top)
                 if c and n > 1:
                     total += (
@@ -479,7 +479,9 @@ def rs_breakdown(aliased: AliasedLoop, band: tuple[float, float], total: float) 
     if each.max() > own:
         source = float(abs(omega + aliases.spacing * aliases.single_indices[each.argmax()]))
     sums = aliased.alias_sums()
-    counted = sums.FF if aliases.operator else sums.G if aliases.inverse else sums.F
+    counted = sums.G if aliases.inverse else sums.F
+    if aliases.operator:
+        counted = sums.FF
     return RsBreakdown(
         omega=omega,
         total=total,

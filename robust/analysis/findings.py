@@ -154,7 +154,9 @@ class Margins:
 
 def reciprocal(x: float) -> float:
     """Return one over a nonnegative number; inf for zero, nan for nan."""
-    return 1 / x if x > 0 else x if np.isnan(x) else np.inf
+    if np.isnan(x):
+        return x
+    return 1 / x if x > 0 else np.inf
 
 
 @value

@@ -26,6 +26,7 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from nlfrf import Bla
 from nlfrf._base.arguments import (
+    as_list,
     require_kind,
     require_nonnegative,
     require_real,
@@ -451,7 +452,7 @@ def _measured_levels(model: UncertaintyModel, bla: Bla | Sequence[Bla] | None) -
     if bla is None:
         levels = [(one.rms_u, one.rms_y) for one in model.records]
     else:
-        blas = [bla] if is_single(bla) else list(bla) if isinstance(bla, Sequence) else []
+        blas = as_list(bla)
         if not blas or not all(map(is_single, blas)):
             raise ValueError(f"bla must be an nlfrf.Bla or a list of them, got {short_form(bla)}")
         levels = [rms_levels(one) for one in blas]
@@ -590,11 +591,10 @@ def describe_encoder_noise(gain: float, unit: str) -> str:
     if not np.isfinite(gain):
         return ""
     top, _, bottom = unit.rpartition("/")
-    size, step = (
-        (1e-6, f"u{top}")
-        if top in ("m", "rad")
-        else (1.0, top if top not in ("", "1") else "unit of y")
-    )
+    if top in ("m", "rad"):
+        size, step = 1e-6, f"u{top}"
+    else:
+        size, step = 1.0, top if top not in ("", "1") else "unit of y"
     rms = " ".join([f"{gain * size:.3g}", *bottom.split()]).removesuffix(" 1")
     return f"a step of 1 {step} adds {rms} rms to u, while y moves over many steps"
 

@@ -482,7 +482,9 @@ def simulate_step(
     A, B, C, D, dt = system.A, system.B, system.C, system.D, timebase(system)
     s = to_s_plane(np.linalg.eigvals(A), dt) if A.size else np.zeros(0, complex)
     slow, fast = np.min(-s.real, initial=np.inf), np.max(np.abs(s), initial=0.0)
-    horizon = duration if duration is not None else 8 / slow if slow < np.inf else 10 * dt
+    horizon = duration
+    if horizon is None:
+        horizon = 8 / slow if slow < np.inf else 10 * dt
     if dt:
         t = np.arange(int(np.clip(np.ceil(horizon / dt) + 1, 2, _MAX_SAMPLES))) * dt
         x = _propagate_states(A, B, np.zeros(A.shape[0]), t.size)
@@ -530,11 +532,11 @@ def measure_step(
     relative = y / final if size else np.full(y.size, np.nan)
     out = np.flatnonzero(np.abs(relative - 1) > _SETTLING_BAND)
     last = int(out[-1]) if out.size else -1
-    settled = (
-        t[last] + (t[last + 1] - t[last])
-        if 0 <= last < t.size - 1
-        else (0.0 if last < 0 else np.nan)
-    )
+    settled = np.nan  # outside the band at the end of the simulation
+    if last < 0:
+        settled = 0.0
+    elif last < t.size - 1:
+        settled = t[last] + (t[last + 1] - t[last])
     above = [np.flatnonzero(relative >= level) for level in (0.1, 0.9)]
     rise = t[above[1][0]] - t[above[0][0]] if above[1].size else np.nan
     keep = min(t.size, max(int(1.5 * (last + 2)), 40)) if cut else t.size

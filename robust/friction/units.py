@@ -67,10 +67,14 @@ def format_length(length: float, unit: str) -> str:
     >>> format_length(2.19e-05, "m"), format_length(0.5, "rad"), format_length(1e-5, "mm"), format_length(2.5e-3, "m")
     ('21.9 um', '0.5 rad', '1e-05 mm', '2.5 mm')
     """
-    scale, prefix = (
-        (1e6, "u") if abs(length) < 1e-3 else (1e3, "m") if abs(length) < 0.1 else (1.0, "")
-    )
-    return f"{scale * length:.3g} {prefix}{unit}" if unit in _UNITS else f"{length:.3g} {unit}"
+    if unit not in _UNITS:
+        return f"{length:.3g} {unit}"
+    scale, prefix = 1.0, ""
+    if abs(length) < 1e-3:
+        scale, prefix = 1e6, "u"
+    elif abs(length) < 0.1:
+        scale, prefix = 1e3, "m"
+    return f"{scale * length:.3g} {prefix}{unit}"
 
 
 def position_unit_of(unit: str) -> str:

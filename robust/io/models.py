@@ -58,13 +58,11 @@ def _encode(content: object) -> Json:
     if array.dtype.kind == "c":
         return [_encode(array.real), _encode(array.imag)]
     number = float(array)
-    return (
-        number
-        if np.isfinite(number)
-        else None
-        if np.isnan(number)
-        else ("inf" if number > 0 else "-inf")
-    )
+    if np.isnan(number):
+        return None
+    if np.isinf(number):
+        return "inf" if number > 0 else "-inf"
+    return number
 
 
 def _decode(content: Json) -> ArrayField:

@@ -250,7 +250,9 @@ def _loop_gains(K: control.StateSpace, dt: float | None, unit: str) -> PidGains:
     integrates, filter_time = _pid_structure(K, sampled)
     kp, ki, kd = _pid_coefficients(K, sampled, integrates=integrates, filter_time=filter_time)
     _require_same_response(K, sampled, kp=kp, ki=ki, kd=kd, filter_time=filter_time)
-    step = sampled if sampled else 0.0 if dt is None else require_positive("dt", dt)
+    step = sampled
+    if not sampled and dt is not None:
+        step = require_positive("dt", dt)
     if sampled and dt is not None and abs(dt / sampled - 1) > 1e-9:
         raise ValueError(f"dt must be the sampling time of K, {sampled:g} s, got {dt:g} s")
     return PidGains(
@@ -390,7 +392,11 @@ def _require_same_response(
     K: control.StateSpace, dt: float, *, kp: float, ki: float, kd: float, filter_time: float
 ) -> None:
     """Refuse a controller that the gains do not reproduce, for example a leaky integrator."""
-    size = 1 / filter_time if filter_time else abs(ki / kp) if kp and ki else 1.0
+    size = 1.0
+    if filter_time:
+        size = 1 / filter_time
+    elif kp and ki:
+        size = abs(ki / kp)
     omega = (min(size, 1 / dt) if dt else size) * np.geomspace(1e-3, 1.0, 24)
     s = 2j / dt * np.tan(omega * dt / 2) if dt else 1j * omega
     wanted = response(K, omega)

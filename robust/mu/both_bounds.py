@@ -85,13 +85,11 @@ class StructuredBounds:
     def __str__(self) -> str:
         k, W = int(np.argmax(self.upper)), self.upper.size
         attained = np.isinf(self.lower.max())  # true at any number of frequencies
-        where = (
-            " at every frequency"
-            if self.certificates
-            else f" on {W} lines"
-            if W > 1 and not attained
-            else ""
-        )
+        where = ""
+        if self.certificates:
+            where = " at every frequency"
+        elif W > 1 and not attained:
+            where = f" on {W} lines"
         at = "" if self.omega is None else f", largest at {self.omega[k]:.4g} rad/s"
         text = f"{self.quantity} between {self.lower.max():.4g} and {self.upper[k]:.4g}{where}{at}"
         return "; ".join(filter(None, (text, self.reason)))

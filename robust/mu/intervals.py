@@ -196,13 +196,9 @@ class _IntervalSearch:
     def cut_between(self, low: float, high: float) -> float:
         if np.isinf(high):
             return 6 * low or float(np.exp(np.log(np.maximum(np.abs(self.poles), 1e-300)).mean()))
-        return (
-            high / 6
-            if not low
-            else float(np.sqrt(low * high))
-            if high > 2 * low
-            else (low + high) / 2
-        )
+        if not low:
+            return high / 6
+        return float(np.sqrt(low * high)) if high > 2 * low else (low + high) / 2
 
     def prove(self, low: float, high: float) -> tuple[IntervalProof | None, tuple[float, float]]:
         """Return the proof of one interval, or None; and the largest bound there over the level,

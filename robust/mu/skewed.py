@@ -156,7 +156,10 @@ def _level_on_grid(search: SkewedMargin) -> tuple[np.ndarray, float]:
             or high < 1e-9 / size
         ):
             break
-        level = 8 * low if np.isinf(high) else high / 8 if not low else np.sqrt(low * high)
+        if np.isinf(high):
+            level = 8 * low
+        else:
+            level = np.sqrt(low * high) if low else high / 8
     peaks = np.argsort(-bound(low or high))[:4]
     if low:
         omega, mu = refine_grid(scaled_system(search, low), search.blocks, omega=omega)

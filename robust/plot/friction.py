@@ -204,13 +204,9 @@ def plot_rest(
         "noise": "simulated, no proof",
     }
     for row, ((name, verdict, distance), size) in enumerate(zip(cases, distances, strict=True)):
-        kind = (
-            "noise"
-            if verdict is None
-            else "weight"
-            if verdict is FrictionVerdict.PROVED
-            else "limit"
-        )
+        kind = "weight" if verdict is FrictionVerdict.PROVED else "limit"
+        if verdict is None:
+            kind = "noise"
         end = max(size, low) if np.isfinite(size) else high
         ax.barh(
             row, end - low, 0.4, left=low, color=COLOR[kind], alpha=0.6, label=words.pop(kind, None)

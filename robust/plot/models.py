@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nlfrf import Bla
-from nlfrf._base.arguments import require_kind
+from nlfrf._base.arguments import as_list, require_kind
 from nlfrf._base.axes import (
     axes_or_new,
     bode_axes,
@@ -146,7 +146,7 @@ def plot_set(
     tuple of two matplotlib Axes, or (n_y, n_u) ndarray of them
     """
     require_kind("model", model, UncertaintyModel)
-    blas = [] if bla is None else list(bla) if isinstance(bla, Sequence) else [bla]
+    blas = [] if bla is None else as_list(bla)
     for one in blas:
         (require_single if model.is_single else require_matrix)("bla", one)
     if not model.measured_only:

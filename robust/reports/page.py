@@ -6,11 +6,11 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from types import NoneType
-from typing import TypeVar, cast
+from typing import TypeVar
 
 import nlfrf
 from nlfrf import Bla, Record
-from nlfrf._base.arguments import add_warnings, require_kind
+from nlfrf._base.arguments import add_warnings, as_list, require_kind
 from nlfrf._base.files import page_path, write_text
 from robust._base.channels import require_matrix, require_single
 from robust._base.types import Controller, Weight
@@ -189,7 +189,4 @@ Thing = TypeVar("Thing")
 
 
 def _as_list(thing: Thing | Sequence[Thing] | None) -> list[Thing]:
-    """Return one thing or several as a list."""
-    if thing is None:
-        return []
-    return list(thing) if isinstance(thing, (list, tuple)) else [cast("Thing", thing)]
+    return [] if thing is None else as_list(thing)

@@ -179,10 +179,9 @@ def _rest_cases(found: DriveCheck) -> list[RestCase]:
     """
     friction, cases = found.friction, []
     if friction.proofs:
-        at_set_point = friction.proved and friction.has_integral
-        within = (
-            0.0 if at_set_point else friction.error_bound if friction.proved else friction.within
-        )
+        within = friction.within
+        if friction.proved:
+            within = 0.0 if friction.has_integral else friction.error_bound
         cases.append(
             RestCase(
                 "these gains, with the class that was read", friction.proofs[0].verdict, within

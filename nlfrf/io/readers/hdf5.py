@@ -125,13 +125,10 @@ def _require_own_numbers(place: str, node: h5py.Dataset | h5py.Group) -> None:
 
     why = ""
     if isinstance(node, h5py.Dataset):
-        why = (
-            "has external storage"
-            if node.external
-            else "is a virtual dataset"
-            if node.is_virtual
-            else ""
-        )
+        if node.external:
+            why = "has external storage"
+        elif node.is_virtual:
+            why = "is a virtual dataset"
     else:
         # h5py has three classes of links; programs may add others in HDF5
         for name in node:

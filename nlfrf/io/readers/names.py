@@ -487,13 +487,10 @@ def convert(column: ColumnName, x: np.ndarray) -> np.ndarray:
     if column.quantity == "phase":
         return -x if column.inverse else x
     with np.errstate(divide="ignore", invalid="ignore"):
-        x = (
-            x / TURN
-            if column.quantity == "frequency"
-            else x
-            if column.scale == 1
-            else x ** (1 / column.scale)
-        )
+        if column.quantity == "frequency":
+            x = x / TURN
+        elif column.scale != 1:
+            x = x ** (1 / column.scale)
         x = 1 / x if column.inverse and column.quantity in ("magnitude", "complex") else x
     return np.conj(x) if column.is_conjugate and column.quantity == "complex" else x
 

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from nlfrf._base.arguments import (
+    as_list,
     require_integer,
     require_kind,
     require_nonnegative,
@@ -533,7 +534,7 @@ def run_loops(
     """
     require_kind("rig", rig, Rig)
     require_one_axis(rig, "in a stack of loops")
-    listed = list(controllers) if isinstance(controllers, (list, tuple)) else [controllers]
+    listed = as_list(controllers)
     reference = require_real_array("r", np.atleast_2d(r), ndim=2)
     if reference.size == 0:
         raise ValueError("r must hold at least one sample, got none")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nlfrf._base.arguments import short_form
+from nlfrf._base.arguments import as_list, short_form
 from robust._base.states import FrictionVerdict
 from robust._base.types import Controller
 from robust.friction.bounds import divergence_velocity
@@ -149,7 +149,7 @@ def _friction_of_ports(
     machine: FrictionPlant, friction: FrictionClass | Sequence[FrictionClass]
 ) -> tuple[FrictionClass, ...]:
     """Return the class for each port; refuse classes that do not fit the machine or each other."""
-    given = tuple(friction) if isinstance(friction, Sequence) else (friction,)
+    given = tuple(as_list(friction))
     for one in given:
         if not isinstance(one, FrictionClass):
             raise ValueError(

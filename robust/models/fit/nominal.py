@@ -14,6 +14,7 @@ import numpy as np
 
 from nlfrf import Bla, bla_from_frf
 from nlfrf._base.arguments import (
+    as_list,
     data_warning,
     format_hertz,
     keep_warnings,
@@ -144,7 +145,7 @@ def matrices_given(bla: object) -> list[Bla]:
     """Return the given matrices, for one level or several, with the same channels; an empty list
     for other input.
     """
-    many = list(bla) if isinstance(bla, list | tuple) else [bla]
+    many = as_list(bla)
     require_same_units(many)
     matrices = [one for one in many if is_matrix(one)]
     if not matrices:
@@ -826,7 +827,7 @@ def _nominal_of_roots(search: FitSearch, roots: Roots, bla: Measurement) -> Nomi
         ),
         p_value=probability_of_cost(scatter, lines.dof, n_parameters),
         hold=lines.hold,
-        unit=getattr(bla[0] if isinstance(bla, Sequence) else bla, "unit", ""),
+        unit=getattr(as_list(bla)[0], "unit", ""),
     )
 
 
@@ -919,7 +920,7 @@ def _measured_lines(
     if isinstance(bla, control.FrequencyResponseData):
         omega, G, var, dof = _given_lines(bla, std, dt)
     else:
-        many = list(bla) if isinstance(bla, Sequence) else [bla]
+        many = as_list(bla)
         if not many or not all(map(is_single, many)):
             raise ValueError(
                 "bla must be an nlfrf.Bla, a list of them or a control.FrequencyResponseData, got"

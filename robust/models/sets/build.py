@@ -16,6 +16,7 @@ import numpy as np
 
 from nlfrf import Bla
 from nlfrf._base.arguments import (
+    as_list,
     data_warning,
     format_hertz,
     keep_warnings,
@@ -367,7 +368,7 @@ def _given_scaling(*scaling: Weight | None) -> tuple[Weight | None, ...]:
 
 def _require_records(bla: Bla | Sequence[Bla]) -> list[Bla]:
     """Return one Bla or several as a list, with the same channels and units."""
-    given = list(bla) if isinstance(bla, list | tuple) else [bla]
+    given = as_list(bla)
     blas = [one for one in given if isinstance(one, Bla)]
     if not blas or len(blas) < len(given):
         raise ValueError(

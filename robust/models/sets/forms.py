@@ -97,7 +97,9 @@ class Form:
             float(self.radius_scale(np.array([c]), np.array([c / 2]))[0]) for c in (4.0, 2.0)
         )
         power = 1 + round(np.log2(two / one))
-        return unit if power == 1 else inverse_unit(unit) if unit and power == -1 else ""
+        if power == 1:
+            return unit
+        return inverse_unit(unit) if unit and power == -1 else ""
 
     def radius_factor(self, omega: Array, absolute: Array, center: Array) -> Array:
         """Return (W,) the factor from an absolute radius to the radius in this form."""

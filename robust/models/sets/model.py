@@ -977,7 +977,8 @@ def format_channels(nominal: AnySystem) -> str:
 def _own_weights_call(nominal: AnySystem, form: str) -> str:
     """Return the call that makes a set from weights of the user, for several channels."""
     n_y, n_u = count_channels(nominal)
-    form = form if form in MATRIX_FORMS else INPUT if n_y == n_u else ADDITIVE
+    if form not in MATRIX_FORMS:
+        form = INPUT if n_y == n_u else ADDITIVE
     left, right = {
         ELEMENTS: ("()", f"(w,) * {n_y * n_u}"),
         ADDITIVE: (f"(w,) * {n_y}", f"(1,) * {n_u}"),

@@ -12,7 +12,13 @@ import control
 import numpy as np
 
 from nlfrf import Bla
-from nlfrf._base.arguments import format_count, format_hertz, require_integer, require_nonnegative
+from nlfrf._base.arguments import (
+    as_list,
+    format_count,
+    format_hertz,
+    require_integer,
+    require_nonnegative,
+)
 from nlfrf._base.values import value
 from robust._base.warnings import DesignWarning
 from robust.lti.lti import response, timebase, to_s_plane
@@ -376,8 +382,7 @@ def _scan_for_data(
 
 def _records_of(bla: Measurement, dt: float) -> list[Bla]:
     """Return the records behind a set, with the hold of a model of dt; none for a bare FRF."""
-    many = list(bla) if isinstance(bla, Sequence) else [bla]
-    return [bla_behind_hold(one, dt) for one in many if isinstance(one, Bla)]
+    return [bla_behind_hold(one, dt) for one in as_list(bla) if isinstance(one, Bla)]
 
 
 @value

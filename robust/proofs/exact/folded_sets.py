@@ -177,13 +177,9 @@ def _decide_part(folded: _FoldedSum) -> Decision:
             )
         if high - low <= _NARROW * high or high < _NARROW / folded.period:
             break
-        cut = (
-            high / 8
-            if not low
-            else float(np.sqrt(low * high))
-            if high > 2 * low
-            else (low + high) / 2
-        )
+        cut = high / 8
+        if low:
+            cut = float(np.sqrt(low * high)) if high > 2 * low else (low + high) / 2
         waiting += [(cut, high, level), (low, cut, 0)]
     return undecided(f"undecided from {format_hertz(low)} to {format_hertz(high)}")
 
@@ -325,13 +321,9 @@ class _Product:
     roots: _Expansion | None = None
 
     def __mul__(self, other: _Product) -> _Product:
-        found = (
-            self.roots
-            if other.roots is None
-            else other.roots
-            if self.roots is None
-            else self.roots * other.roots
-        )
+        found = self.roots or other.roots
+        if self.roots is not None and other.roots is not None:
+            found = self.roots * other.roots
         return _Product(smooth=self.smooth + other.smooth, roots=found)
 
     @property
@@ -653,13 +645,11 @@ class _FoldedSum:
             right = [
                 w.at(start, at.s_offset).function.squared * v[i] for i, w in enumerate(self.right)
             ]
-            hold = (
-                sinc * self.hold_share(at, k)
-                if k
-                else _Expansion.line(1)
-                if inverse and at.starts_at_zero
-                else sinc
-            )
+            hold = sinc
+            if k:
+                hold = sinc * self.hold_share(at, k)
+            elif inverse and at.starts_at_zero:
+                hold = _Expansion.line(1)
             for M in self.alias_matrices(at, V, inverse, start, k):
                 yield _Term(hold=hold, M=M, right=right)
 

@@ -12,7 +12,7 @@ import control
 import numpy as np
 from scipy.linalg import hessenberg
 
-from nlfrf._base.arguments import require_nonnegative, short_form
+from nlfrf._base.arguments import as_list, require_nonnegative, short_form
 from nlfrf._base.files import page_path, write_text
 from nlfrf._base.types import JsonObject
 from robust._base.types import Controller, Weight
@@ -78,7 +78,7 @@ _MAX_LINES = 400
 
 def _list_models(models: UncertaintyModel | Sequence[UncertaintyModel]) -> list[UncertaintyModel]:
     """Return the models of a page; refuse other things, and models without a parametric nominal."""
-    found = list(models) if isinstance(models, Sequence) else [models]
+    found = as_list(models)
     if not found or not all(isinstance(model, UncertaintyModel) for model in found):
         raise ValueError(
             f"model must be an UncertaintyModel or a list of them, got {short_form(found)}"

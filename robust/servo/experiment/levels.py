@@ -361,14 +361,12 @@ def _judge_breaking_away(
     share = (k - k_end) / (k0 - k_end) if k_end < k0 else np.ones(k.size)
     settled = abs(k[-1] - k[-2]) < _SETTLED * k0 and k_end < _STICKS * k0
     for i, one, left in zip(good, k, share, strict=True):
-        slides = settled and left <= _SLIDES
-        states[i] = (
-            FrictionRegime.STICKS
-            if one >= _STICKS * k0
-            else FrictionRegime.SLIDES
-            if slides
-            else FrictionRegime.BENDS
-        )
+        if one >= _STICKS * k0:
+            states[i] = FrictionRegime.STICKS
+        elif settled and left <= _SLIDES:
+            states[i] = FrictionRegime.SLIDES
+        else:
+            states[i] = FrictionRegime.BENDS
     top = f"at {read[good[-1]].force:.3g} {force} rms, the highest level that can be read"
     if k_end >= _STICKS * k0:
         return (

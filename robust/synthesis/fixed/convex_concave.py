@@ -224,7 +224,9 @@ def _convex_step(
         line, a, b, c, right = (np.concatenate(p) for p in zip(*parts, strict=True))
         return Rows(line=line, a=a, b=b, c=c, R=right)
 
-    aims = task.rows if level else [task.objective] if task.objective is not None else []
+    aims = task.rows
+    if not level:
+        aims = [] if task.objective is None else [task.objective]
     linear = linear_rows(task, theta) @ T
     Y0, X0 = task.basis.zero_frequency()
     x0 = float(X0 @ theta)

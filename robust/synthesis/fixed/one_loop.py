@@ -13,6 +13,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from nlfrf._base.arguments import (
+    as_list,
     format_hertz,
     require_choice,
     require_integer,
@@ -99,7 +100,7 @@ def design_loop(
     integrators = require_integer("integrators", options["integrators"], least=0)
     shape = structure_of(structure, integrators, options["filter_time"])
     options = {**options, "resonates": not shape.free and bool(np.iscomplex(shape.poles).any())}
-    plants = list(plant) if isinstance(plant, Sequence) else [plant]
+    plants = as_list(plant)
     if not plants:
         raise ValueError("plant must be a plant or a list of them, got an empty list")
     dt = _loop_sampling_time(plants, dt)
@@ -366,7 +367,8 @@ def _split_demands(
     """Return the aim, "gamma" or "gain", the demand for gamma, and the hard demands."""
     w_P, w_T, w_u = options["w_P"], options["w_T"], options["w_u"]
     weighted = not (w_P is None and w_T is None and w_u is None)
-    aim = ("gamma" if weighted else "gain") if aim == "auto" else aim
+    if aim == "auto":
+        aim = "gamma" if weighted else "gain"
     if aim == "gamma" and not weighted:
         raise ValueError('aim must be "gain" without a weight w_P, w_T or w_u, got "gamma"')
     rows = limit_rows(
@@ -536,14 +538,10 @@ def _evaluate_design(
     k = response(K, task.at.omega)
     ones = np.ones(k.size, complex)
     gamma = np.nan
-    if task.gamma is not None:
-        gamma = (
-            float(task.gamma.measure(ones, k).max())
-            if good
-            else np.inf
-            if state is Stability.UNSTABLE
-            else np.nan
-        )
+    if task.gamma is not None and good:
+        gamma = float(task.gamma.measure(ones, k).max())
+    elif task.gamma is not None and state is Stability.UNSTABLE:
+        gamma = np.inf
     if not good:
         return Design(
             K=K,

@@ -155,7 +155,9 @@ def close_in_turn(
     text += f"; each met on {n_lines} lines, between two of which a mode may violate it" * (
         n_lines > 0
     )
-    undecided = any(loop.stability is Stability.UNDECIDED for loop in loops)
+    stability = None if whole else Stability.STABLE
+    if any(loop.stability is Stability.UNDECIDED for loop in loops):
+        stability = Stability.UNDECIDED
     return Design(
         K=with_names(block_diagonal(K, dt), plant.outputs, plant.inputs),
         gamma=float(np.max([loop.gamma for loop in loops])),
@@ -163,7 +165,7 @@ def close_in_turn(
         reason="; ".join(bad)
         or f"{text}; the whole set is stable, up to {margin:.3g} times as large",
         history=tuple(history),
-        stability=Stability.UNDECIDED if undecided else None if whole else Stability.STABLE,
+        stability=stability,
         n_lines=n_lines,
     )
 

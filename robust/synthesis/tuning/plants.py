@@ -12,7 +12,13 @@ import control
 import numpy as np
 
 from nlfrf import Bla
-from nlfrf._base.arguments import format_hertz, require_integer, require_real_array, short_form
+from nlfrf._base.arguments import (
+    as_list,
+    format_hertz,
+    require_integer,
+    require_real_array,
+    short_form,
+)
 from nlfrf._base.values import ArrayField, value
 from robust._base.channels import is_known_on_lines, is_matrix, is_single
 from robust._base.types import AnySystem, SystemField
@@ -103,7 +109,7 @@ class Plants:
         if at is not None:
             at = require_real_array("at", at, ndim=1)
             require_increasing(at)
-        models = tuple(self.models) if isinstance(self.models, list | tuple) else (self.models,)
+        models = tuple(as_list(self.models))
         if lpv is not None:
             if not np.array_equal(at[[0, -1]], lpv.points[[0, -1]]):
                 raise ValueError(
