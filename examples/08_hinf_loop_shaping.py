@@ -80,5 +80,5 @@ for row, (name, K) in zip(
     row[0].set_title(name)
     plot_check(report, ax=row[1])
 figure.savefig(out / "hinf.png", dpi=90)
-robust.save(mixed.K, out / "mixed.json")
+robust.save(mixed.K, out / "mixed.json", delay=delay)
 print(f"wrote {out}/hinf.png and mixed.json")

@@ -100,5 +100,5 @@ axes[1, 1].set(
 axes[1, 1].legend()
 axes[1, 1].grid(alpha=0.3)
 figure.savefig(out / "pid.png", dpi=90)
-robust.save(K, out / "pid.json")
+robust.save(K, out / "pid.json", delay=5e-4)
 print(f"wrote {out}/pid.png and pid.json")

@@ -90,7 +90,7 @@ sent = loadmat(out / "controller_from_octave.mat")
 K = control.ss(*(sent[m] for m in "ABCD"), float(sent["Ts"].squeeze()))
 report = robust.check(model, K, w_P=robust.performance_weight(2 * np.pi * 0.5, M_S=2.5, A=1e-2))
 print(report.summary)
-robust.save(K, out / "controller.json")
+robust.save(K, out / "controller.json", delay=0.0)
 robust.io.export_matlab(K, out / "controller.mat")
 print(
     "second-order sections for the target, b0 b1 b2 a0 a1 a2:",

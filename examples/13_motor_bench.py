@@ -98,7 +98,7 @@ report = robust.check(model, K, delay=dt)
 # %%
 # Save the results.
 print(report.summary)
-robust.save(K, out / "controller.json")
+robust.save(K, out / "controller.json", delay=dt)
 robust.save(
     model, out / "model.json"
 )  # robust report model.json controller.json makes a page of them

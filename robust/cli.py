@@ -438,7 +438,7 @@ def design(
     if unusual := pid.reason_for_unusual_gains(result.K):
         warnings.warn(unusual, robust.DesignWarning, stacklevel=2)
     unit = str(getattr(measured.origin_of(plant), "unit", ""))
-    robust.save(result.K, out, delay=delay or None, unit=unit)
+    robust.save(result.K, out, delay=delay, unit=unit)
     kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
     say = printer(json)
     undecided = result.stability is Stability.UNDECIDED
@@ -966,7 +966,8 @@ def reduce(
         result = robust.reduce_controller(
             K, plant, w_P, order=order, delay=late, max_candidates=candidates
         )
-    robust.save(result.K, out, delay=late or None, unit=plant.origin.unit)
+    known = delay is not None or from_options.load_controller(controller)[1] is not None
+    robust.save(result.K, out, delay=late if known else None, unit=plant.origin.unit)
     printer(json)(result)
     finish_command(result, result.kept, json)
 

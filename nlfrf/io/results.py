@@ -156,7 +156,7 @@ def save(
         Decimal mark in a ``.csv``: "." with commas between the columns, or "," with semicolons.
     delay : float, optional
         For a controller: computation delay [s] assumed in its design. The command `robust check`
-        uses it.
+        uses it; without it the command assumes zero, with a warning if the controller is sampled.
     unit : str
         For a controller: unit of its plant, y over u. Commands refuse the controller for a plant
         with another unit.

@@ -45,10 +45,6 @@ if TYPE_CHECKING:
     import control
 
 _BLA_SUFFIXES = (".npz", ".h5", ".hdf5")
-_WITHOUT_DELAY = (
-    ".mat",
-    ".toml",
-)  # files of controllers without a computation delay, in many cases
 _MAX_DELAY_SAMPLES = (
     50  # a longer delay is probably in ms; each sample of it is a state of the plant
 )
@@ -239,9 +235,10 @@ def load_loops(
                 DesignWarning,
                 stacklevel=2,
             )
-        if path.suffix.lower() in _WITHOUT_DELAY and K.dt and stored is None and given is None:
+        if K.dt and stored is None and given is None:
             warnings.warn(
-                f"{path} has no computation delay: zero is assumed. Give --delay [s]",
+                f"{path} has no computation delay: zero is assumed. Give --delay [s]"
+                + ", or delay to robust.save" * (path.suffix.lower() == ".json"),
                 DesignWarning,
                 stacklevel=2,
             )

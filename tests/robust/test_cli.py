@@ -13,6 +13,7 @@ from scipy.io import savemat
 
 import nlfrf
 from robust import UncertaintyModel, cli, load, save
+from robust.io.models import load_controller_context
 from tests.support.bla import make_bla
 from tests.support.printed import unwrapped
 
@@ -184,6 +185,27 @@ def test_a_fit_that_leaves_more_than_scatter_is_named(robust_command):
     assert "order: 2 poles and" in unwrapped(out)
     assert "times noise and distortion, which widens the set" in unwrapped(out)
     assert "the data need 4 poles" in unwrapped(out)
+
+
+def test_a_controller_file_has_the_delay_or_the_check_warns_of_it(robust_command):
+    """The verdict on a saved controller is that of its design; a file without a delay is named."""
+    assert robust_command("model bla.npz --poles 2 -o m.json")[0] == 0
+    for delay in ("0", "0.002"):
+        line = f"design m.json --bandwidth 8 --sample-time 0.002 --delay {delay} -o K.json"
+        assert robust_command(line)[0] == 0
+        _, out, err = robust_command("check m.json K.json --no-certify")
+        assert "computation delay" not in err
+        assert out == robust_command(f"check m.json K.json --no-certify --delay {delay}")[1]
+    robust_command("reduce m.json K.json -o low.json")
+    assert load_controller_context("low.json") == (0.002, "")
+    save(load("K.json"), "K.json")
+    expected = (
+        "warning: K.json has no computation delay: zero is assumed. Give --delay [s], or delay to"
+        " robust.save"
+    )
+    for line in ("check m.json K.json --no-certify", "reduce m.json K.json -o low.json"):
+        assert expected in unwrapped(robust_command(line)[2])
+    assert load_controller_context("low.json")[0] is None
 
 
 @pytest.mark.usefixtures("undrawn")

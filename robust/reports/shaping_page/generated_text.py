@@ -64,7 +64,8 @@ def python_script(
     arguments = ", w_P=w_P" * (w_P is not None) + (f", delay={delay!r}" if delay else "")
     check = f"print(robust.check(model, K{arguments}))"
     rows += ["for model in models:", f"    {check}"] if several else [check]
-    return "\n".join([*rows, 'robust.save(K, "controller.json")', ""])
+    stored = f", delay={delay!r}" if dt or delay else ""
+    return "\n".join([*rows, f'robust.save(K, "controller.json"{stored})', ""])
 
 
 def _starting_controller(sources: PartSources, K: control.StateSpace) -> str:

@@ -212,7 +212,7 @@ def test_the_commands_design_and_step(tmp_path, capsys):
         tmp_path / name for name in ("m.json", "k.json", "l.json", "u.csv", "e.csv", "next.csv")
     )
     robust.save(make(sampled=True), model)
-    robust.save(PI, K)
+    robust.save(PI, K, delay=0.0)
     u.write_text("\n".join(["0"] * 300))
     e.write_text("t,e\n" + "\n".join(f"{k},{np.sin(k * T)}" for k in range(300)))
     cli.app(["learn", str(model), str(K), "-o", str(learning)], standalone_mode=False)
