@@ -55,13 +55,17 @@ _LEAST_DAMPING = 1e-4  # damping of a pair above the band, below which it is und
 #: limit.
 _ENOUGH = 0.5
 NEAR_BEST = 1.1  # the smallest order within this factor of the best is taken
+_MAX_COST_RATIO = (
+    100.0  # cost over the least one at the same reach: the misfit is 10 times as large
+)
 #: Last line of a scan that is printed, by whether a crossover was named.
 _CRITERION_TEXT = (
     "criterion: negative log likelihood, in units of its expected value from scatter on one line,"
     " plus ln(2 lines)/2 for each parameter. Taken is the lowest criterion among the fits that"
     " scatter explains and whose roots are significant. If scatter explains none: the smallest"
-    f" order whose crossover reaches the highest one, within {NEAR_BEST - 1:.0%}; up to the"
-    f" crossover |T_c| times the radius of the set stays below {_ENOUGH:g}"
+    f" order whose crossover reaches the highest one, within {NEAR_BEST - 1:.0%}, at no more than"
+    f" {_MAX_COST_RATIO:g} times the least cost; lines on which scatter alone limits the crossover"
+    f" do not count. Up to the crossover |T_c| times the radius of the set stays below {_ENOUGH:g}"
 )
 _CROSSOVER_TEXT = (
     "radius: largest radius of the set over |G| below the crossover; |T_c| x radius: its largest"
@@ -150,10 +154,13 @@ class OrderScan:
         Without a crossover: the smallest criterion among the fits that scatter explains and whose
         roots the data support; if there is none, among those that it explains without cancelled
         poles and far zeros, then among those that it explains. If scatter explains none: the fewest
-        poles among those with a reach within 10 % of the highest.
+        poles among those with a reach within 10 % of the highest and at most 100 times the least
+        cost. Lines on which scatter alone limits the reach do not count, because no order improves
+        them.
         """
         if np.isnan(self.omega_c):
-            return _choose_by_data(self.criterion, self.fits, self.reach)
+            reach = np.array([size.reach_by_misfit for size in self.sizes])
+            return _choose_by_data(self.criterion, self.fits, reach)
         shown = ~np.array([_has_unseen_pair(fit) for fit in self.fits])
         shown |= not shown.any()
         carried = shown & np.array([set(doubtful_roots(fit)) <= {_OUTSIDE} for fit in self.fits])
@@ -397,6 +404,7 @@ class _SetSizes:
     reach: (
         float  # highest crossover [rad/s] with |T_c| times the radius below `_ENOUGH` on every line
     )
+    reach_by_misfit: float  # the same without the lines on which the scatter alone limits it
     # True if the loop has its margins, or if no other nominal could improve it: on every line |T_c|
     # times the radius is below `_ENOUGH` or near that of the scatter alone, with poles and zeros
     # that the data show
@@ -416,7 +424,11 @@ def _set_sizes(fit: NominalFit, many: Sequence[Bla]) -> _SetSizes:
     omega, relative, scatter, shape, smooth = np.concatenate(rows, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         allowed = omega / 2 / (shape**2 * ((relative / _ENOUGH) ** 2 - 1)) ** 0.25
-    reach = min(float(np.min(allowed[relative > _ENOUGH], initial=np.inf)), float(fit.omega.max()))
+    limiting = relative > _ENOUGH
+    reach, by_misfit = (
+        min(float(np.min(allowed[lines], initial=np.inf)), float(fit.omega.max()))
+        for lines in (limiting, limiting & (relative > NEAR_BEST * scatter))
+    )
     target = target_loop(omega, fit.omega_c, smooth, shape)
     loop, least, asked = relative * target, scatter * target, not np.isnan(fit.omega_c)
     return _SetSizes(
@@ -424,6 +436,7 @@ def _set_sizes(fit: NominalFit, many: Sequence[Bla]) -> _SetSizes:
         loop_radius=float(loop.max()) if asked else np.nan,
         loop_lines=loop[line],
         reach=reach,
+        reach_by_misfit=by_misfit,
         suffices=asked
         and not _has_unseen_pair(fit)
         and bool(np.all(loop < np.maximum(_ENOUGH, NEAR_BEST * least))),
@@ -517,14 +530,16 @@ def _choose_by_data(criterion: np.ndarray, fits: Sequence[NominalFit], reach: np
     then among those that it explains without cancelled poles and far zeros, then among those that
     it explains. A fit with undamped poles above the band is excluded: such poles only imitate a
     lead in time. If scatter explains no fit, the set decides: the smallest order that lets a loop
-    reach as high as any.
+    reach as high as any, unless another one with that reach has a far lower cost.
     """
     doubts = [doubtful_roots(fit) for fit in fits]
     damped = np.array([UNDAMPED not in kinds for kinds in doubts])
     explained = damped & np.array([not fit.p_value <= UNLIKELY_COST for fit in fits])
     if not explained.any():
         some = damped if damped.any() else ~damped
-        return _smallest_order(fits, some & (reach >= np.max(reach[some]) / NEAR_BEST), -reach)
+        near = some & (reach >= np.max(reach[some]) / NEAR_BEST)
+        cost = np.array([fit.cost / fit.expected_cost for fit in fits])
+        return _smallest_order(fits, near & (cost <= _MAX_COST_RATIO * cost[near].min()), -reach)
     carried = np.array([not kinds for kinds in doubts])
     within = np.array([set(kinds) <= {_OUTSIDE, _UNSURE} for kinds in doubts])
     groups = (explained & carried, explained & within, explained)
