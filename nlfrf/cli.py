@@ -57,6 +57,7 @@ _OPTIONS = LOAD_OPTIONS | {
     "columns": "columns",
 }
 _MAX_BAND_GAP = 0.2  # share of the band that may lack lines at either end, without a warning
+_MAX_HOLD_TURN = 3.0  # [deg] turn of the phase by an unknown hold that is not mentioned
 _SPARSE_GRIDS = ("odd-odd", "special-odd")  # grids without some of the odd lines
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
 Identify = Callable[
@@ -441,12 +442,27 @@ def _identify_each(
     blas = dict(zip(targets, how(records), strict=True))
     for record, (label, bla) in zip(records, blas.items(), strict=True):
         nlfrf.save(bla, targets[label])
-        printer(json)(f"{label}: {bla}")
+        printer(json)(f"{label}: {bla}{_describe_unknown_hold(bla)}")
         if opinion:
             printer(json)(opinion(record))
         if csv:
             nlfrf.export_csv(bla, _table_path(targets[label]), decimal=decimal)
     finish_command(blas, True, json)
+
+
+def _describe_unknown_hold(bla: nlfrf.Bla) -> str:
+    """Return a line on a hold that is unknown and that would turn the phase of the last lines;
+    empty otherwise.
+    """
+    last = float(bla.f[-1])
+    turn = 180 * last / bla.fs if bla.fs else 0.0  # a hold delays by half a sample
+    if bla.hold != "unknown" or turn < _MAX_HOLD_TURN:
+        return ""
+    return (
+        "\nhold unknown: if u is the command of a converter, G includes its hold, which turns the"
+        f" phase by -{turn:.3g} deg at {last:.4g} Hz. Give --hold zoh then, or --hold band-limited"
+        " if u was measured behind the converter"
+    )
 
 
 @app.command()
@@ -601,7 +617,7 @@ def _identify_matrix(
     targets = [out, *[_table_path(out)] * (csv and not is_table)]
     require_writable(*targets)
     frm = how(record)
-    printer(json)(frm)
+    printer(json)(f"{frm}{_describe_unknown_hold(frm)}")
     for target in targets:
         if target.suffix.lower() == ".csv":
             nlfrf.export_csv(frm, target, decimal=decimal)

@@ -86,8 +86,8 @@ def find_direction(streams: Mapping[str, np.ndarray], rate: Callable[[str], floa
         inputs = [name for name in x if _rank_by_name(name) is Rank.INPUT]
         return Direction(u=inputs[0]) if len(inputs) == 1 < len(x) else Direction()
     u, doubt = _choose_input(lines)
-    references = [name for name in lines if name != u and _rank_by_name(name) is Rank.SET_POINT]
-    reference = min(references, key=lambda name: lines[name].spread, default="") if u else ""
+    references = _find_references(u, lines) if u else []
+    reference = min(references, key=lambda name: lines[name].spread, default="")
     name = u or next(iter(lines))
     excited, fs = lines[name].grid.excited, rate(name)
     lasts = f" ({period / fs:.4g} s)"
@@ -168,6 +168,25 @@ def _choose_input(lines: Mapping[str, SignalLines]) -> tuple[str, str]:
     return u, ""
 
 
+def _find_references(u: str, lines: Mapping[str, SignalLines]) -> list[str]:
+    """Return the channels that a loop may have followed, besides its input u: by their names, else
+    by their lines.
+
+    The lines decide if another channel is named like an output: the played multisine is exact from
+    period to period, and the input of a loop contains what the machine adds.
+    """
+    ranks = {name: _rank_by_name(name) for name in lines if name != u}
+    if named := [name for name, rank in ranks.items() if rank is Rank.SET_POINT]:
+        return named
+    if Rank.OUTPUT not in ranks.values():
+        return []
+    return [
+        name
+        for name, rank in ranks.items()
+        if rank is Rank.UNKNOWN and lines[name].is_clean and _shows_played(lines[name], lines[u])
+    ]
+
+
 def _shows_played(one: SignalLines, other: SignalLines) -> bool:
     """Return whether one signal was played and not another: by clean detection lines, one level, or
     exactness.
@@ -188,7 +207,7 @@ def _rank_by_name(name: str) -> Rank:
     ['INPUT', 'SET_POINT', 'UNKNOWN', 'UNKNOWN', 'OUTPUT']
     """
     short = _bare_name(name)
-    if is_set_point(name):
+    if is_set_point(name) or short == "r":  # the reference, as files of this package name it
         return Rank.SET_POINT
     drives = _INPUT_NAMES.fullmatch(short) is not None
     responds = _OUTPUT_NAMES.fullmatch(short) is not None

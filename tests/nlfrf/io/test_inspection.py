@@ -86,6 +86,7 @@ COUNTER, CLOCK = (
     1.7e9 + np.cumsum(1 + 0.3 * np.random.default_rng(1).random(U.size)),
 )
 FORCE = np.roll(U, 3) + 0.2 * Y
+NOISE = 1e-3 * np.random.default_rng(3).standard_normal(U.size)
 
 
 @pytest.mark.parametrize(
@@ -98,6 +99,13 @@ FORCE = np.roll(U, 3) + 0.2 * Y
             ("force", "position", "position reference"),
         ),
         ("Lage_Soll,Strom,Lage_Ist", (U, FORCE, Y), ("Strom", "Lage_Ist", "Lage_Soll")),
+        ("r,force,position", (U, FORCE, Y), ("force", "position", "r")),
+        (
+            "generator,force,position",
+            (U, FORCE + NOISE, Y + NOISE),
+            ("force", "position", "generator"),
+        ),
+        ("temperature,force,position", (U + NOISE, FORCE, Y), ("force", "position", "")),
         ("target,position,torque", (U, Y, FORCE), ("torque", "position", "target")),
         ("reference,position", (U, Y), ("reference", "position", "")),
         (
@@ -140,11 +148,11 @@ def test_what_is_proposed_goes_by_what_a_channel_can_be(
     assert (found.u, found.y, found.reference) == expected
     if found.y:
         command = str(found).splitlines()[-1].removeprefix("run:   nlfrf ")
-        code, _, err = nlfrf_command(*shlex.split(command))
+        code, out, err = nlfrf_command(*shlex.split(command))
         assert code == 0, err
-        assert nlfrf.load(tmp_path / "run-bla.npz").hold == (
-            "zoh" if found.u in ("cmd", "reference") else "unknown"
-        )
+        held = found.u in ("cmd", "reference")
+        assert nlfrf.load(tmp_path / "run-bla.npz").hold == ("zoh" if held else "unknown")
+        assert ("includes its hold, which turns the phase by -35.3 deg" in unwrapped(out)) != held
     else:
         assert "frequency: rises or falls throughout" in str(found)
         assert "--output OUTPUT" in found.command
