@@ -29,7 +29,7 @@ from nlfrf._base.command import (
     run_command,
 )
 from nlfrf._base.files import LOAD_OPTIONS, MULTIRECORD_KINDS, require_writable, stated_kind
-from nlfrf._base.values import ArrayField, to_json
+from nlfrf._base.values import ArrayField, to_json, wrap_lines
 from nlfrf.doctor import examine
 from nlfrf.io.channels import extra_of_file
 from nlfrf.io.designs import load_design
@@ -458,7 +458,7 @@ def _describe_unknown_hold(bla: nlfrf.Bla) -> str:
     turn = 180 * last / bla.fs if bla.fs else 0.0  # a hold delays by half a sample
     if bla.hold != "unknown" or turn < _MAX_HOLD_TURN:
         return ""
-    return (
+    return wrap_lines(
         "\nhold unknown: if u is the command of a converter, G includes its hold, which turns the"
         f" phase by -{turn:.3g} deg at {last:.4g} Hz. Give --hold zoh then, or --hold band-limited"
         " if u was measured behind the converter"
@@ -600,12 +600,17 @@ def _suggest_lines(ms: nlfrf.Multisine, kind: str, f_min: float) -> str:
         kind, 1, last=int(ms.f[0] / ms.f0 + 8.5), rng=np.random.default_rng()
     ).excited
     listed = ", ".join(f"{k * ms.f0:g}" for k in lines[lines * ms.f0 > f_min / 4][:6])
-    below = lines[lines * ms.f0 <= f_min]
-    ask = f"give --f-min {below[-1] * ms.f0:g}, " if below.size else "give "
+    below = lines[lines * ms.f0 <= f_min] * ms.f0
     finer = int(np.ceil(lines[0] * ms.fs / f_min))
+    other = (
+        f", or --f-min {below[-1]:g}, which leaves a gap in the lines from {below[-1]:g} to"
+        f" {ms.f[0]:g} Hz"
+        if below.size
+        else ""
+    )
     return (
-        f"a {kind} grid has the lines {listed}, ... Hz at this resolution of {ms.f0:g} Hz: {ask}"
-        + f"or a longer period, such as --period {max(finer, 2 * ms.n_samples)}"
+        f"a {kind} grid has the lines {listed}, ... Hz at this resolution of {ms.f0:g} Hz: give a"
+        f" longer period, such as --period {max(finer, 2 * ms.n_samples)}{other}"
     )
 
 

@@ -34,6 +34,8 @@ def test_what_the_warning_asks_for_has_a_line_there(command, kind, tmp_path):
     """
     _, _, err = command(f"{BAND} --kind {kind} --f-min 1 -o exc.npz")
     assert f"a {kind} grid has the lines" in err
+    if kind == "special-odd":
+        assert "or --f-min 0.75, which leaves a gap in the lines from 0.75 to 2.25 Hz" in err
     for asked in re.findall(r"--f-min [\d.]+|--period \d+", err):
         line = (
             BAND.replace("--period 8000", asked) + " --f-min 1"
