@@ -418,11 +418,6 @@ def design(
             )
         words = f"{result.limits_in_words}; {result.reason}"
         words += f"\n{result.loop_in_words}" if result.loop_in_words else ""
-        if not result.met and isinstance(omega_c, tuple):
-            words += (
-                "\na mode above the crossover may lift |L| above one: allow that with"
-                " --crossover-within inf"
-            )
     else:
         with spinner("designing"):
             plant, result = _synthesise(
@@ -446,10 +441,13 @@ def design(
     say(f"controller of order {result.K.nstates}, {kind}: {words}{gains}")
     if method == "pid":
         advice = "" if structure == "I" else pid.advice_on_structure(result.K, plant.omega)
-        checked = _describe_limit_checks(
-            plant, model, out, bandwidth, between=result.met and not result.n_lines
+        tried = _describe_limit_checks(plant, model, between=result.met and not result.n_lines)
+        following = (
+            _describe_proof(plant, model, out, bandwidth)
+            if result.met
+            else _advise_on_missed_limits(result, structure)
         )
-        say(f"{advice}\n{checked}".strip())
+        say("\n".join(filter(None, (advice, tried, following))))
     if method == "ncfsyn" and result.gamma > 4:
         say(
             "gamma above 4: the plant does not allow this shape of the loop; choose another"
@@ -1184,24 +1182,13 @@ def _controller_file(controller: Path, out: Path | None, several: bool) -> Path 
 
 
 def _describe_limit_checks(
-    plant: nlfrf.Bla | robust.UncertaintyModel,
-    model: Path,
-    out: Path,
-    bandwidth: float | None,
-    *,
-    between: bool,
+    plant: nlfrf.Bla | robust.UncertaintyModel, model: Path, *, between: bool
 ) -> str:
-    """Return text on the place where the limits of a design were tried, and the command that proves
-    more.
-
-    A check uses the weight of a model, which covers every line and also holds outside the band. A
-    limit that holds on the lines may fail there.
-    """
-    model_file, controller = shlex.quote(str(model)), shlex.quote(str(out))
+    """Return text on the place where the limits of a design were tried."""
     if not isinstance(plant, nlfrf.Bla) and not plant.measured_only:
         return (
             f"limits tried: on a grid, for every plant within the weight of {model}; a grid proves"
-            f" nothing\nprove it:    robust check {model_file} {controller}"
+            " nothing"
         )
     first, last = plant.omega[[0, -1]] / (2 * np.pi)
     where = "lines and along the arcs between them" if between else "lines only"
@@ -1209,17 +1196,43 @@ def _describe_limit_checks(
         f"limits tried: on the {plant.omega.size} measured {where}, {first:.4g} to {last:.4g} Hz"
     )
     if isinstance(plant, nlfrf.Bla):
-        made = shlex.quote(f"{model.stem}-model.json")
-        return (
-            f"{tried}, each with its bound at 95 %; below and above nothing was measured. A model"
-            " has a weight that covers these bounds, so it may fail although the lines pass\nprove"
-            f" it:    robust model {model_file}{f' --bandwidth {bandwidth:g}' if bandwidth else ''}"
-            f" -o {made}; robust check {made} {controller}"
-        )
+        return f"{tried}, each with its bound at 95 %; below and above nothing was measured"
+    return f"{tried}, with the weight of {model} there"
+
+
+def _describe_proof(
+    plant: nlfrf.Bla | robust.UncertaintyModel, model: Path, out: Path, bandwidth: float | None
+) -> str:
+    """Return the command that proves more than a design did.
+
+    A check uses the weight of a model, which covers every line and also holds outside the band. A
+    limit that holds on the lines may fail there.
+    """
+    model_file, controller = shlex.quote(str(model)), shlex.quote(str(out))
+    if not isinstance(plant, nlfrf.Bla):
+        return f"prove it:    robust check {model_file} {controller}"
+    made = shlex.quote(f"{model.stem}-model.json")
+    asked = f" --bandwidth {bandwidth:g}" if bandwidth else ""
     return (
-        f"{tried}, with the weight of {model} there\nprove it:    robust check {model_file}"
-        f" {controller}"
+        "a model has a weight that covers these bounds, so it may fail although the lines pass\n"
+        f"prove it:    robust model {model_file}{asked} -o {made}; robust check {made} {controller}"
     )
+
+
+def _advise_on_missed_limits(result: robust.Design, structure: str) -> str:
+    """Return the options that help a fixed structure to meet its limits; empty if its stability is
+    undecided, for which the reason of the design names the remedy.
+    """
+    if result.stability is Stability.UNDECIDED:
+        return ""
+    helps = ["a larger --peak", "a --structure of higher order, such as order-4"]
+    if structure.startswith("order-"):
+        helps[1] = "a higher order"
+    if result.omega_c:
+        helps.insert(0, "a lower --bandwidth")
+    if len(result.omega_c) == 2 and max(result.crossovers, default=0) > 0.98 * result.omega_c[1]:
+        helps.append("--crossover-within inf, if a mode above the crossover may lift |L| above one")
+    return f"to meet the limits: {'; or '.join(helps)}"
 
 
 def _require_demand(bandwidth: float | None, error: float) -> None:

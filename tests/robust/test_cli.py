@@ -623,3 +623,5 @@ def test_limits_that_are_not_met_are_not_called_held(robust_command):
     assert "LIMITS NOT MET" in out
     assert "held" not in out
     assert "limits tried: on the 60 measured lines only" in out
+    assert "to meet the limits: a larger --peak; or a --structure of higher order" in unwrapped(out)
+    assert "prove it" not in out

@@ -74,6 +74,7 @@ _N_FILTER_TIMES = 6  # time constants of a derivative filter that are tried for 
 _N_REFINED = 8  # more of them, around the best
 #: Accepted violation of a demand, recomputed on those lines.
 _LIMIT_TOLERANCE = 1e-3
+_CROSSOVER_TOLERANCE = 0.98  # share of the requested crossover: it is read between two lines
 #: Gains of a controller that are tried for a proof, in turn, and the final ratio of the bisection
 #: from there.
 _PROOF_GAINS, _PROOF_GAIN_RATIO = tuple(0.5**n for n in range(10)), 1.03
@@ -171,10 +172,13 @@ def design_loop(
     else:  # the best controller may have no proved gain, while another one has
         each = [follow(task, [one]) for one in starts]
         theta, history, why = _best_proved(task, each, prove=options["prove"], delay=delay)
-    found = _evaluate_design(closer([basis.controller(theta)]), theta, history=history, why=why)
+    omega_c = tuple(map(float, _per_demand_list("omega_c", options["omega_c"])))
     found = replace(
-        found, omega_c=tuple(map(float, _per_demand_list("omega_c", options["omega_c"])))
+        _evaluate_design(closer([basis.controller(theta)]), theta, history=history, why=why),
+        omega_c=omega_c,
     )
+    if found.met and omega_c and not options["resonates"]:
+        found = _judge_crossover(found, family, omega_c[0])
     return _with_lines_named(found, family, aim=aim, options=options) if found.met else found
 
 
@@ -575,6 +579,42 @@ def _evaluate_design(
         peak_S=peak_S,
         peak_T=peak_T,
     )
+
+
+def _judge_crossover(design: Design, family: list[PlantOnLines], omega_c: float) -> Design:
+    """Return a design as not met if a loop crosses one far below the requested crossover.
+
+    The demand |L| >= 1 at one line may be met by a mode of the plant alone.
+    """
+    for at in family:
+        omega = at.omega[at.known]
+        reached = _reached_crossover(omega, at.G[at.known] * response(design.K, omega))
+        if reached < _CROSSOVER_TOLERANCE * omega_c:
+            wanted = format_hertz(omega_c)
+            return replace(
+                design,
+                met=False,
+                reason=(
+                    f"not found: the loop crosses over at {format_hertz(reached)}, asked {wanted}:"
+                    f" from there on |L| is below one over most of the octaves to {wanted}, where"
+                    f" only a mode lifts it above ({design.reason})"
+                ),
+            )
+    return design
+
+
+def _reached_crossover(omega: np.ndarray, L: np.ndarray) -> float:
+    """Return the frequency that best separates |L| > 1 below it from |L| < 1 above, in octaves.
+
+    The short dip of an antiresonance leaves it above the dip; the short peak of a mode leaves it
+    below the peak. It is the first line if no crossover is better.
+    """
+    crossovers = classical_margins(omega, L).crossovers
+    ends = np.log([omega[0], *crossovers, omega[-1]])
+    first = 1.0 if abs(L[0]) >= 1 else -1.0
+    signs = first * (-1.0) ** np.arange(ends.size - 1)
+    above = np.concatenate([[0.0], np.cumsum(signs * np.diff(ends))])
+    return float(np.exp(ends[np.argmax(above)]))
 
 
 def _with_lines_named(

@@ -144,3 +144,20 @@ def test_every_crossover_is_printed(command):
     at = re.search(r"crossovers ([\d., Hz]+), asked 12 Hz", out)
     assert at, out + err
     assert "off by more than" not in err
+
+
+def test_a_mode_at_the_crossover_does_not_meet_it(command):
+    """|L| fell below one at 1.6 Hz and only a mode at 12 Hz lifted it above: every limit was met."""
+    stage = control.tf([HZ**2], [1, 0.6 * HZ, HZ**2])
+    mode = control.tf([-0.01 * (12 * HZ) ** 2], [1, 0.02 * 12 * HZ, (12 * HZ) ** 2])
+    save(model_of(stage + mode), "model.json")
+    line = "design model.json --method pid --bandwidth 12 --sample-time 0.002 --delay 0.002"
+    code, out, _ = command(f"{line} -o K.json")
+    said = unwrapped(out)
+    assert code == 1
+    assert re.search(
+        r"LIMITS NOT MET; not found: the loop crosses over at \S+ Hz, asked 12 Hz", said
+    )
+    assert "to meet the limits: a lower --bandwidth; or a larger --peak; or a --structure" in said
+    assert "prove it" not in said
+    assert "--crossover-within" not in said
