@@ -5,6 +5,7 @@ point.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import control
 import numpy as np
@@ -13,21 +14,21 @@ from numpy.typing import ArrayLike
 from nlfrf._base.arguments import (
     require_choice,
     require_integer,
-    require_kind,
     require_real,
     require_real_array,
 )
 from nlfrf._base.values import value
 from robust._base.types import SystemField, Weight
-from robust.lti.lti import one_sampling_time, timebase
+from robust.lti.lti import one_sampling_time
 from robust.lti.realisation import multivariable
 from robust.models.sets.forms import DEFAULT_FORM, FORMS
+from robust.proofs.exact.claim import LpvMatrices
 
 _LEVELS = ("level", "amplitude", "excitation", "excitation level")
 
 
 @value
-class LpvModel:
+class LpvModel(LpvMatrices):
     """Linear parameter-varying (LPV) model: its matrices are polynomials of an operating point.
 
     The polynomials are in theta = (2 p - low - high)/(high - low), which is in [-1, 1] for an
@@ -72,12 +73,7 @@ class LpvModel:
     array([-120. ,   -0.2])
     """
 
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    D: np.ndarray
     points: np.ndarray
-    dt: float = 0.0
     over: str = "operating point"
     unit: str = ""
     weight: SystemField = None
@@ -91,20 +87,13 @@ class LpvModel:
                 f" {self.over!r}: a BLA at a level is an average over its record, and no state"
                 " of the plant"
             )
-        require_increasing(self.points)
+        _require_increasing(self.points)
         require_choice(
             "form",
             self.form,
             tuple(name for name, form in FORMS.items() if "M" not in form.rs_factors),
         )
-        n, (p, m) = np.shape(self.A)[-1], np.shape(self.D)[1:]
-        for name, shape in {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}.items():
-            array = getattr(self, name)
-            if array.shape != (len(self.A), *shape) or not np.isfinite(array).all():
-                raise ValueError(
-                    f"{name} must be finite numbers of shape {(len(self.A), *shape)}, got"
-                    f" {array.shape}"
-                )
+        super().__post_init__()
 
     @classmethod
     def from_points(
@@ -154,18 +143,7 @@ class LpvModel:
         >>> gains.D.ravel(), float(gains.at(2).D[0, 0])
         (array([2., 2., 1.]), 5.0)
         """
-        at = require_real_array("at", at, ndim=1)
-        require_increasing(at)
-        if len(systems) != at.size:
-            raise ValueError(
-                f"at must have one operating point for each system, got {at.size} for"
-                f" {len(systems)}"
-            )
-        degree = at.size - 1 if degree is None else require_integer("degree", degree, least=0)
-        if degree > at.size - 1:
-            raise ValueError(
-                f"degree must be at most {at.size - 1} for {at.size} operating points, got {degree}"
-            )
+        at, degree = require_points(at, len(systems), degree, "system")
         found = [multivariable("systems", system) for system in systems]
         sizes = {(system.nstates, system.ninputs, system.noutputs) for system in found}
         if len(sizes) > 1:
@@ -174,17 +152,14 @@ class LpvModel:
                 " got "
                 + " and ".join(f"{n} states, {m} inputs, {p} outputs" for n, m, p in sorted(sizes))
             )
-        A, B, C, D = (
-            polynomials_through(
-                np.array([getattr(system, name) for system in found], dtype=float), at, at, degree
+        parts: dict[str, Any] = {
+            name: _polynomials_through(
+                np.array([getattr(system, name) for system in found], dtype=float), at, degree
             )
             for name in "ABCD"
-        )
+        }
         return cls(
-            A=A,
-            B=B,
-            C=C,
-            D=D,
+            **parts,
             points=at,
             dt=one_sampling_time(system.dt for system in found),
             over=over,
@@ -192,11 +167,6 @@ class LpvModel:
             weight=None if weight is None else multivariable("weight", weight),
             form=form,
         )
-
-    @property
-    def order(self) -> int:
-        """Number of states."""
-        return int(self.A.shape[1])
 
     @property
     def half_range(self) -> float:
@@ -254,35 +224,43 @@ def constant_model(name: str, system: object, like: LpvModel) -> LpvModel:
             f"{name} must be an LpvModel, got {len(system)} systems: LpvModel.from_points(systems,"
             " at=points)"
         )
-    real = multivariable(name, system)
-    A, B, C, D = (np.array(getattr(real, each), dtype=float)[None] for each in "ABCD")
-    return LpvModel(
-        A=A, B=B, C=C, D=D, points=like.points, dt=timebase(real), over=like.over, unit=like.unit
+    return LpvModel.from_points(
+        [multivariable(name, system)] * 2,
+        at=like.points[[0, -1]],
+        degree=0,
+        over=like.over,
+        unit=like.unit,
     )
 
 
-def require_lpv(name: str, model: object) -> LpvModel:
-    """Return an `LpvModel`, or refuse another type."""
-    require_kind(name, model, LpvModel)
-    return model  # type: ignore[return-value]
+def require_points(
+    at: ArrayLike, count: int, degree: int | None, what: str
+) -> tuple[np.ndarray, int]:
+    """Return operating points for a number of systems, and the degree, by default the largest."""
+    at = require_real_array("at", at, ndim=1)
+    _require_increasing(at)
+    if count != at.size:
+        raise ValueError(
+            f"at must have one operating point for each {what}, got {at.size} for {count}"
+        )
+    degree = at.size - 1 if degree is None else require_integer("degree", degree, least=0)
+    if degree > at.size - 1:
+        raise ValueError(
+            f"degree must be at most {at.size - 1} for {at.size} operating points, got {degree}"
+        )
+    return at, degree
 
 
-def polynomials_through(
-    values: np.ndarray, at: np.ndarray, span: np.ndarray, degree: int
-) -> np.ndarray:
+def _polynomials_through(values: np.ndarray, at: np.ndarray, degree: int) -> np.ndarray:
     """Return (d + 1, ...) coefficients in theta of the polynomials closest to values (N, ...) at
-    operating points.
-
-    span : operating points whose ends are the range. What is the same at all points does not go
-    with theta, exactly.
+    operating points. What is the same at all points does not go with theta, exactly.
     """
-    powers = to_theta(at, span)[:, None] ** np.arange(degree + 1)
-    known = np.nan_to_num(values.reshape(len(at), -1))
+    powers = to_theta(at, at)[:, None] ** np.arange(degree + 1)
+    known = values.reshape(len(at), -1)
     flat = np.linalg.lstsq(powers, known, rcond=None)[0]
     constant = np.all(known == known[0], axis=0)
     flat[:, constant] = 0.0
     flat[0, constant] = known[0, constant]
-    flat[:, np.isnan(values.reshape(len(at), -1)[0])] = np.nan
     return flat.reshape(degree + 1, *values.shape[1:])
 
 
@@ -291,7 +269,7 @@ def to_theta(point: ArrayLike, at: np.ndarray) -> np.ndarray:
     return np.asarray((2 * np.asarray(point, dtype=float) - at[0] - at[-1]) / (at[-1] - at[0]))
 
 
-def require_increasing(at: np.ndarray) -> None:
+def _require_increasing(at: np.ndarray) -> None:
     if at.ndim != 1 or at.size < 2 or not np.isfinite(at).all() or not np.all(np.diff(at) > 0):
         got = "one" if np.size(at) == 1 else f"{np.asarray(at).tolist()}"
         raise ValueError(f"at must be at least two operating points that increase, got {got}")

@@ -24,15 +24,13 @@ from scipy.linalg import block_diag
 from nlfrf import Bla
 from nlfrf._base.arguments import (
     data_warning,
-    require_integer,
     require_kind,
     require_nonnegative,
-    require_real_array,
 )
 from robust._base.warnings import DesignWarning
 from robust.lti.lti import response
 from robust.models.fit.nominal import NominalFit, fit_nominal
-from robust.models.lpv import LpvModel, polynomials_through, require_increasing
+from robust.models.lpv import LpvModel, require_points
 from robust.models.sets.build import uncertainty
 from robust.models.sets.forms import DEFAULT_FORM, FORMS
 from robust.models.sets.radius import Extrapolation, checked_slope, fit_covering_weight
@@ -126,29 +124,19 @@ def interpolate(
     >>> plant.order, plant.held_out < 0.1
     (2, True)
     """
-    points = require_real_array("at", at, ndim=1)
-    require_increasing(points)
-    if len(blas) != points.size:
-        raise ValueError(
-            f"at must have one operating point for each BLA, got {points.size} for {len(blas)}"
-        )
+    points, degree = require_points(at, len(blas), degree, "BLA")
     for bla in blas:
         require_kind("blas", bla, Bla)
         if bla.omega.shape != blas[0].omega.shape or not np.allclose(
             bla.omega, blas[0].omega, rtol=1e-9
         ):
             raise ValueError("blas must have the same lines at every operating point, got others")
-    degree = require_integer("degree", degree, least=0)
-    if degree > points.size - 1:
-        raise ValueError(
-            f"degree must be at most {points.size - 1} for {points.size} operating points, got"
-            f" {degree}"
-        )
     dt = require_nonnegative("dt", dt)
     fits = [fit_nominal(bla, n_poles=n_poles, delay=delay) for bla in blas]
     sections = np.array([_sections(fit.G) for fit in fits])
     _require_apart(sections, points, over, unit)
-    plant = _plant(sections, points, degree, over=over, unit=unit, form=form)
+    known = {"over": over, "unit": unit, "form": form}
+    plant = LpvModel.from_points(_realise(sections), at=points, degree=degree, **known)
     models = [
         uncertainty(bla, replace(fit, G=plant.at(p)), form=form, confidence=confidence, order=order)
         for bla, fit, p in zip(blas, fits, points, strict=True)
@@ -213,39 +201,18 @@ def _require_apart(sections: np.ndarray, points: np.ndarray, over: str, unit: st
                 )
 
 
-def _plant(
-    sections: np.ndarray,
-    points: np.ndarray,
-    degree: int,
-    *,
-    over: str,
-    unit: str,
-    form: str,
-    span: np.ndarray | None = None,
-) -> LpvModel:
-    """Return the polynomial plant; span: operating points whose ends are the range, by default the
-    points.
-    """
-    span = points if span is None else span
-    coefficients = polynomials_through(sections, points, span, degree)
-    parts: dict[str, list[np.ndarray]] = {name: [] for name in "ABC"}
-    for k, rows in enumerate(coefficients):
-        A: list[list[list[float]]] = []
-        B: list[float] = []
-        C: list[float] = []
-        for a0, a1, c0, c1 in rows:
+def _realise(sections: np.ndarray) -> list[control.StateSpace]:
+    """Return the plant at each point in one realisation."""
+    made = []
+    for point in sections:
+        A, B, C = [], [], []
+        for a0, a1, c0, c1 in point:
             single = np.isnan(a1)
-            A.append([[-a0]] if single else [[-a1, float(not k)], [-a0, 0.0]])
+            A.append([[-a0]] if single else [[-a1, 1.0], [-a0, 0.0]])
             B += [c0] if single else [c1, c0]
-            C += [float(not k)] if single else [float(not k), 0.0]
-        parts["A"].append(block_diag(*A))
-        parts["B"].append(np.array(B)[:, None])
-        parts["C"].append(np.array(C)[None])
-    made = {name: np.array(part) for name, part in parts.items()}
-    D = np.zeros((degree + 1, 1, 1))
-    return LpvModel(
-        A=made["A"], B=made["B"], C=made["C"], D=D, points=span, over=over, unit=unit, form=form
-    )
+            C += [1.0] if single else [1.0, 0.0]
+        made.append(control.StateSpace(block_diag(*A), np.array(B)[:, None], [C], 0))
+    return made
 
 
 def _held_out(
@@ -264,14 +231,8 @@ def _held_out(
     W = np.abs(response(weight, omega))
     for k in range(1, points.size - 1):
         others = np.arange(points.size) != k
-        plant = _plant(
-            sections[others],
-            points[others],
-            min(degree, points.size - 2),
-            over="",
-            unit="",
-            form=form,
-            span=points,
+        plant = LpvModel.from_points(
+            _realise(sections[others]), at=points[others], degree=min(degree, points.size - 2)
         )
         error = FORMS[form].deviation(
             response(fits[k].G, omega), response(plant.at(points[k]), omega)

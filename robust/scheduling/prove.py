@@ -9,6 +9,7 @@ import numpy as np
 from nlfrf._base.arguments import (
     require_choice,
     require_integer,
+    require_kind,
     require_nonnegative,
     require_positive,
 )
@@ -16,10 +17,15 @@ from nlfrf._base.values import value
 from robust._base.states import Outcome
 from robust._base.types import Controller
 from robust.lti.lti import timebase
-from robust.models.lpv import LpvModel, constant_model, require_lpv
+from robust.models.lpv import LpvModel, constant_model
 from robust.models.sets.forms import FORMS
 from robust.proofs.exact.claim import LpvMatrices, Matrices, to_matrices
-from robust.proofs.exact.scheduled_kyp import ScheduleClaim, require_schedule, verify_schedule
+from robust.proofs.exact.scheduled_kyp import (
+    ScheduleClaim,
+    describe,
+    require_schedule,
+    verify_schedule,
+)
 from robust.proofs.exact.scheduled_loop import GAINS
 from robust.proofs.exact.trajectories import Trajectory
 from robust.proofs.exact.verification import Verification
@@ -278,7 +284,8 @@ def prove_schedule(
         reason = decision.reason
         if found is not None:
             break
-    broken = _broken(claim) if limit or found is None else None
+    break_it = growing_jumps if claim.jumps else slowest_growth
+    broken = break_it(claim) if limit or found is None else None
     provable = claim.speed if found is not None else 0.0
     if limit and not claim.jumps:
         any_rate = found is not None and not used and not sampled
@@ -314,7 +321,7 @@ def _claim(
     level: float | None,
 ) -> ScheduleClaim:
     """Return the claim in theta, without P; refuse what does not fit."""
-    plant = require_lpv("plant", plant)
+    require_kind("plant", plant, LpvModel)
     controller = constant_model("K", K, plant)
     mine, own = controller.points[[0, -1]], plant.points[[0, -1]]
     if not np.array_equal(mine, own) or (controller.over, controller.unit) != (
@@ -361,11 +368,6 @@ def _weight(plant: LpvModel, dt: float) -> Matrices | None:
     return replace(to_matrices(weight), dt=dt)
 
 
-def _broken(claim: ScheduleClaim) -> Trajectory | None:
-    """Return a trajectory on which the loop grows."""
-    return growing_jumps(claim) if claim.jumps else slowest_growth(claim)
-
-
 def _in_units(found: Trajectory, plant: LpvModel) -> BrokenRate:
     middle = (plant.points[0] + plant.points[-1]) / 2
     return BrokenRate(
@@ -395,11 +397,7 @@ def _largest_rate(claim: ScheduleClaim, degree: int, proved: float, broken: floa
 def _certificate(
     claim: ScheduleClaim, found: ScheduleClaim | None, reason: str, outcome: Outcome
 ) -> Certificate:
-    subject = (
-        "stability on every trajectory"
-        if not claim.gain
-        else f"gain {claim.gain} below {claim.level:g} on every trajectory"
-    )
+    subject = describe(claim)
     if found is None:
         return failed_certificate(subject, claim.level, reason, outcome=outcome)
     return Certificate(

@@ -29,6 +29,9 @@ _CLAIMS = (STABILITY, PERFORMANCE, OPERATOR_PERFORMANCE, *ALIASED.values())
 class Matrices:
     """A system as given: A, B, C, D, and its sampling time dt [s], 0 for continuous."""
 
+    #: Axes in front of those of a matrix.
+    LEADING: ClassVar[int] = 0
+
     A: np.ndarray
     B: np.ndarray
     C: np.ndarray
@@ -36,15 +39,14 @@ class Matrices:
     dt: float = 0.0
 
     def __post_init__(self) -> None:
-        n = self.A.shape[0]
-        shapes = {
-            "A": (n, n),
-            "B": (n, self.D.shape[1]),
-            "C": (self.D.shape[0], n),
-            "D": self.D.shape,
-        }
-        for name, shape in shapes.items():
+        n, lead, (p, m) = (
+            self.A.shape[-1],
+            self.A.shape[: self.LEADING],
+            self.D.shape[self.LEADING :],
+        )
+        for name, shape in {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}.items():
             matrix = getattr(self, name)
+            shape = (*lead, *shape)
             if matrix.shape != shape or matrix.dtype != np.float64 or not np.isfinite(matrix).all():
                 raise ValueError(
                     f"{name} must be finite numbers of shape {shape}, got shape {matrix.shape}"
@@ -55,42 +57,16 @@ class Matrices:
     @property
     def order(self) -> int:
         """Number of states."""
-        return int(self.A.shape[0])
+        return int(self.A.shape[-1])
 
 
 @value
-class LpvMatrices:
+class LpvMatrices(Matrices):
     """Coefficients (d + 1, rows, cols) of A, B, C, D, lowest power of theta first; dt [s], 0 for
     continuous.
     """
 
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    D: np.ndarray
-    dt: float = 0.0
-
-    def __post_init__(self) -> None:
-        n, (p, m) = self.A.shape[-1], self.D.shape[1:]
-        shapes = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
-        for name, shape in shapes.items():
-            array = getattr(self, name)
-            if (
-                array.shape != (len(self.A), *shape)
-                or array.dtype != np.float64
-                or not np.isfinite(array).all()
-            ):
-                raise ValueError(
-                    f"{name} must be finite numbers of shape {(len(self.A), *shape)}, got"
-                    f" {array.shape}"
-                )
-        if not (np.isfinite(self.dt) and self.dt >= 0):
-            raise ValueError(f"dt must be a sampling time [s] or 0, got {self.dt}")
-
-    @property
-    def order(self) -> int:
-        """Number of states."""
-        return int(self.A.shape[1])
+    LEADING: ClassVar[int] = 1
 
 
 def to_matrices(system: control.StateSpace) -> Matrices:

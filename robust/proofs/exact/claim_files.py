@@ -105,38 +105,23 @@ def _tuple_from_plain(kinds: tuple[object, ...], given: Json) -> tuple[object, .
     return tuple(_part_from_plain(each, part) for each, part in zip(kinds, given, strict=True))
 
 
-def _system_from_plain(given: JsonObject) -> Matrices:
-    """Return one system from lists of numbers; empty lists have lost their shapes."""
+def _system_from_plain(kind: type[Matrices], given: JsonObject) -> Matrices:
+    """Return a system, or polynomial matrices, from lists of numbers; empty lists have lost their
+    shapes.
+    """
     if set(given) != {*"ABCD", "dt"}:
         raise ValueError(f"a system must have A, B, C, D and dt, got {', '.join(sorted(given))}")
     try:
-        D = np.array(given["D"], dtype=float, ndmin=2)
-        n = len(given["A"])
-        shapes = {"A": (n, n), "B": (n, D.shape[1]), "C": (D.shape[0], n), "D": D.shape}
+        D = np.array(given["D"], dtype=float, ndmin=kind.LEADING + 2)
+        n, (*lead, p, m) = len(given["A"][0] if kind.LEADING else given["A"]), D.shape
+        shapes = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
         parts = {
-            name: np.array(given[name], dtype=float).reshape(shape)
+            name: np.array(given[name], dtype=float).reshape(*lead, *shape)
             for name, shape in shapes.items()
         }
     except ValueError as error:
         raise ValueError(f"a system must have matrices that fit each other, got {error}") from None
-    return Matrices(**parts, dt=float(given["dt"]))
-
-
-def _lpv_from_plain(given: JsonObject) -> LpvMatrices:
-    """Return polynomial matrices from lists of numbers; empty lists have lost their shapes."""
-    if set(given) != {*"ABCD", "dt"}:
-        raise ValueError(f"a system must have A, B, C, D and dt, got {', '.join(sorted(given))}")
-    try:
-        D = np.array(given["D"], dtype=float, ndmin=3)
-        n, (d, p, m) = len(given["A"][0]), D.shape
-        shapes = {"A": (d, n, n), "B": (d, n, m), "C": (d, p, n), "D": D.shape}
-        parts = {
-            name: np.array(given[name], dtype=float).reshape(shape)
-            for name, shape in shapes.items()
-        }
-    except ValueError as error:
-        raise ValueError(f"a system must have matrices that fit each other, got {error}") from None
-    return LpvMatrices(**parts, dt=float(given["dt"]))
+    return kind(**parts, dt=float(given["dt"]))
 
 
 #: Function that makes a part from plain data, by the type of its field. Any other type is made by
@@ -149,8 +134,8 @@ _MAKERS: Mapping[object, Callable[[tuple[object, ...], Json], object]] = {
     dict: lambda kinds, given: {
         str(name): _part_from_plain(kinds[1], part) for name, part in given.items()
     },
-    Matrices: lambda _, given: _system_from_plain(given),
-    LpvMatrices: lambda _, given: _lpv_from_plain(given),
+    Matrices: lambda _, given: _system_from_plain(Matrices, given),
+    LpvMatrices: lambda _, given: _system_from_plain(LpvMatrices, given),
     bool: lambda _, given: given is True,
 }
 

@@ -21,7 +21,9 @@ scaled by powers of two that balance A.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import accumulate
 from math import factorial
+from operator import mul
 
 import numpy as np
 from flint import arb, arb_mat
@@ -75,8 +77,7 @@ def sample_plant(A: np.ndarray, B: np.ndarray, *, dt: float, rate: float) -> _Sa
     both, units = augmented_plant(A, B)
     M = PolynomialMatrix.of(both)
     F, eps = _exponential(M.scaled(dt))
-    F = PolynomialMatrix([_rows(p, n) for p in F.parts])
-    F, rounded = _round(F)
+    F, rounded = _round(PolynomialMatrix.of(np.eye(n, n + m)[None]) * F)
     eps = eps + rounded
     L, R = np.zeros((n, 0)), np.zeros((0, n + m))
     if rate and np.any(both[1:]):
@@ -125,10 +126,6 @@ def sup_bound(polynomial: PolynomialMatrix) -> arb:
     return sum((norm_bound(p) for p in polynomial.parts), arb(0)).upper()
 
 
-def _rows(matrix: arb_mat, n: int) -> arb_mat:
-    return arb_mat(n, matrix.ncols(), [x for row in matrix.tolist()[:n] for x in row])
-
-
 def _round(polynomial: PolynomialMatrix) -> tuple[PolynomialMatrix, arb]:
     """Return the polynomial with coefficients that are doubles, and the bound of the error."""
     rounded = PolynomialMatrix.of(polynomial.to_array())
@@ -175,10 +172,7 @@ def _combine(weights: np.ndarray, parts: Sequence[arb_mat]) -> list[arb_mat]:
 
 def _powers(M: PolynomialMatrix, first: PolynomialMatrix, count: int) -> list[PolynomialMatrix]:
     """Return first, first M, first M^2, ..."""
-    made = [first]
-    for _ in range(count - 1):
-        made.append(made[-1] * M)
-    return made
+    return list(accumulate([M] * (count - 1), mul, initial=first))
 
 
 def _exponential(M: PolynomialMatrix) -> tuple[PolynomialMatrix, arb]:

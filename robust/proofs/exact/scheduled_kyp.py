@@ -22,11 +22,12 @@ from math import comb, prod
 from typing import ClassVar
 
 import numpy as np
-from flint import arb, arb_mat, ctx
+from flint import arb, ctx
+from scipy.linalg import block_diag
 
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import LpvMatrices, Matrices
-from robust.proofs.exact.polynomial_matrices import BITS, PolynomialMatrix, stacked
+from robust.proofs.exact.polynomial_matrices import BITS, PolynomialMatrix
 from robust.proofs.exact.polynomials import Decision, proved, undecided
 from robust.proofs.exact.sampled_motion import sup_bound
 from robust.proofs.exact.scheduled_loop import GAINS, ScheduledLoop, assemble_schedule, constant
@@ -156,7 +157,7 @@ def describe(claim: ScheduleClaim) -> str:
     return (
         "stability on every trajectory"
         if not claim.gain
-        else f"gain {claim.gain} on every trajectory"
+        else f"gain {claim.gain} below {claim.level:g} on every trajectory"
     )
 
 
@@ -191,12 +192,11 @@ def inequalities(loop: ScheduledLoop, claim: ScheduleClaim) -> list[PolynomialMa
     P = PolynomialMatrix.of(claim.P)
     n, m = B.shape
     left, right = scaled_blocks(loop.blocks, claim.scalings, claim.level if claim.gain else None)
-    CD = _beside(C, D)
+    states, inputs = constant(np.eye(n, n + m)), constant(np.eye(m, n + m, n))
+    AB, CD = A * states + B * inputs, C * states + D * inputs
     rest = CD.transpose() * constant(left) * CD - constant(
         np.diag(np.concatenate([np.zeros(n), right]))
     )
-    states, inputs = constant(np.eye(n, n + m)), constant(np.eye(m, n + m, n))
-    AB = A * states + B * inputs
     if not loop.dt:
         half = states.transpose() * P * AB
         rest = rest + half + half.transpose()
@@ -208,7 +208,7 @@ def inequalities(loop: ScheduledLoop, claim: ScheduleClaim) -> list[PolynomialMa
         M = AB.transpose() * later * AB + rest
         if loop.eps:
             enters = T * constant(np.eye(n, loop.plant_states))
-            xi = loop.xi * PolynomialMatrix([_diagonal_blocks(S.parts[0], m)])
+            xi = loop.xi * constant(block_diag(claim.S, np.eye(m)))
             size = sup_bound(enters.transpose() * later * enters)
             a = arb(loop.eps) * (size * sup_bound(xi) ** 2).sqrt() + arb(2) ** -200
             M = (
@@ -238,14 +238,11 @@ def moved_polynomials(P: PolynomialMatrix, s: float) -> list[PolynomialMatrix]:
     """Return polynomials whose convex hull holds P(theta + v) for |v| <= s; for s = inf, P anywhere
     in [-1, 1].
     """
-    d = len(P.parts) - 1
-    around = PolynomialMatrix([P.parts[0]]) if np.isinf(s) else P
-    derivatives = [around]
-    if np.isinf(s):
+    d, derivatives = len(P.parts) - 1, [P]
+    for j in range(1, d + 1):
+        derivatives.append(derivatives[-1].derivative().scaled(arb(1) / j))
+    if np.isinf(s):  # about the middle, and up to the ends
         derivatives = [PolynomialMatrix([part]) for part in P.parts]
-    else:
-        for j in range(1, d + 1):
-            derivatives.append(derivatives[-1].derivative().scaled(arb(1) / j))
     step = arb(1.0 if np.isinf(s) else s)
     made = []
     for i in range(d + 1):
@@ -258,16 +255,3 @@ def moved_polynomials(P: PolynomialMatrix, s: float) -> list[PolynomialMatrix]:
             total = total + derivatives[j].scaled(symmetric / comb(d, j))
         made.append(total)
     return made
-
-
-def _beside(one: PolynomialMatrix, other: PolynomialMatrix) -> PolynomialMatrix:
-    return stacked([one.transpose(), other.transpose()]).transpose()
-
-
-def _diagonal_blocks(S: arb_mat, m: int) -> arb_mat:
-    """Return diag(S, I)."""
-    n = S.nrows()
-    top = [x for row in S.tolist() for x in (*row, *[arb(0)] * m)]
-    return arb_mat(
-        n + m, n + m, top + [arb(int(j == n + i)) for i in range(m) for j in range(n + m)]
-    )

@@ -83,7 +83,7 @@ def _balanced_coordinates(
     """Return S and a scaling d of each block from the loop with theta held in the middle; None if
     it is not stable.
     """
-    parts = [_middle(getattr(loop, name)) for name in "ABCD"]
+    parts = [getattr(loop, name).to_array()[0] for name in "ABCD"]
     A = parts[0]
     poles = np.linalg.eigvals(A)
     if not (np.all(np.abs(poles) < 1) if loop.dt else np.all(poles.real < 0)):
@@ -98,10 +98,6 @@ def _balanced_coordinates(
     frozen = control.StateSpace(*parts, loop.dt or 0, remove_useless_states=False)
     search = ScalingSearch.of(frozen, tuple((*block, "full") for block in blocks), 1.0)
     return np.linalg.inv(search.T), search.balance[: len(loop.blocks)]
-
-
-def _middle(polynomial: PolynomialMatrix) -> np.ndarray:
-    return np.asarray(polynomial.to_array()[0])
 
 
 def _solve(

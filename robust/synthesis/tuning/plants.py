@@ -12,13 +12,7 @@ import control
 import numpy as np
 
 from nlfrf import Bla
-from nlfrf._base.arguments import (
-    as_list,
-    format_hertz,
-    require_integer,
-    require_real_array,
-    short_form,
-)
+from nlfrf._base.arguments import as_list, format_hertz, require_integer, short_form
 from nlfrf._base.values import ArrayField, value
 from robust._base.channels import is_known_on_lines, is_matrix, is_single
 from robust._base.types import AnySystem, SystemField
@@ -38,7 +32,7 @@ from robust.lti.lti import (
 from robust.lti.realisation import multivariable
 from robust.lti.sampling import delay_samples, delayed, sampled
 from robust.models.fit.nominal import frd
-from robust.models.lpv import LpvModel, require_increasing, to_theta
+from robust.models.lpv import LpvModel, require_points, to_theta
 from robust.models.sets.forms import DEFAULT_FORM, ELEMENTS, FORMS, INPUT, plant_numerator
 from robust.models.sets.measured import hold_and_delay_factor, parts_on_lines, warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel, require_record_form
@@ -106,10 +100,10 @@ class Plants:
         )
         lpv, at = self.models if isinstance(self.models, LpvModel) else None, self.at
         at = lpv.points if lpv is not None and at is None else at
-        if at is not None:
-            at = require_real_array("at", at, ndim=1)
-            require_increasing(at)
         models = tuple(as_list(self.models))
+        if at is not None:
+            count = np.size(at) if lpv is not None else len(models)
+            at, _ = require_points(at, count, None, "plant")
         if lpv is not None:
             if not np.array_equal(at[[0, -1]], lpv.points[[0, -1]]):
                 raise ValueError(
@@ -120,10 +114,6 @@ class Plants:
             object.__setattr__(self, "over", lpv.over)
             object.__setattr__(self, "unit", lpv.unit)
         object.__setattr__(self, "at", at)
-        if at is not None and len(models) != at.size:
-            raise ValueError(
-                f"at must have one operating point for each plant, got {at.size} for {len(models)}"
-            )
         if not models:
             raise ValueError("models must hold at least one plant, got an empty list")
         for k, model in enumerate(models):
