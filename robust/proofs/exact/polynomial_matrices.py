@@ -11,12 +11,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 from math import comb
+from typing import TypeVar
 
 import numpy as np
 from flint import arb, arb_mat
 
 BITS = 256  # of the balls: far more than the doubles that they begin with
 _MAX_LEAVES = 200
+Part = TypeVar("Part", arb_mat, "PolynomialMatrix")
 
 
 class PolynomialMatrix:
@@ -49,7 +51,9 @@ class PolynomialMatrix:
     def __sub__(self, other: PolynomialMatrix) -> PolynomialMatrix:
         return self + (-other)
 
-    def __mul__(self, other: PolynomialMatrix) -> PolynomialMatrix:
+    def __mul__(self, other: PolynomialMatrix | arb) -> PolynomialMatrix:
+        if isinstance(other, arb):
+            return PolynomialMatrix([p * other for p in self.parts])
         (rows, _), (_, cols) = self.shape, other.shape
         made = [arb_mat(rows, cols) for _ in range(len(self.parts) + len(other.parts) - 1)]
         for i, p in enumerate(self.parts):
@@ -59,7 +63,7 @@ class PolynomialMatrix:
 
     def scaled(self, factor: arb | float) -> PolynomialMatrix:
         """Return factor times the polynomial."""
-        return PolynomialMatrix([p * arb(factor) for p in self.parts])
+        return self * arb(factor)
 
     def transpose(self) -> PolynomialMatrix:
         """Return the transposed polynomial."""
@@ -90,7 +94,7 @@ class PolynomialMatrix:
             return True
         leaves = _choose_intervals(self.to_array())
         return leaves is not None and all(
-            _is_positive(part) for low, high in leaves for part in _bernstein(self.parts, low, high)
+            _is_positive(part) for low, high in leaves for part in bernstein(self.parts, low, high)
         )
 
 
@@ -151,18 +155,23 @@ def _choose_intervals(coefficients: np.ndarray) -> list[tuple[float, float]] | N
     return leaves
 
 
-def _bernstein(parts: Sequence[arb_mat], low: float, high: float) -> list[arb_mat]:
+def shifted(parts: Sequence[Part], low: arb | float, width: arb | float) -> list[Part]:
+    """Return the coefficients in t of a polynomial of theta = low + width t (Horner)."""
+    made, n = list(parts), len(parts) - 1
+    for i in range(n):
+        for k in range(n - 1, i - 1, -1):
+            made[k] = made[k] + made[k + 1] * arb(low)
+    return [c * arb(width) ** j for j, c in enumerate(made)]
+
+
+def bernstein(parts: Sequence[Part], low: arb | float, high: arb | float) -> list[Part]:
     """Return the Bernstein coefficients on [low, high]."""
     n = len(parts) - 1
-    shifted = list(parts)
-    for i in range(n):  # Horner's shift to theta = low + t
-        for k in range(n - 1, i - 1, -1):
-            shifted[k] = shifted[k] + shifted[k + 1] * arb(low)
-    width = arb(high) - arb(low)
-    column = [c * width**j / arb(comb(n, j)) for j, c in enumerate(shifted)]
-    made = [column[0]]
-    rows = column
-    for _ in range(n):  # b_i = sum_j binom(i, j) column_j, as sums along Pascal's triangle
+    rows = [
+        c * (1 / arb(comb(n, j))) for j, c in enumerate(shifted(parts, low, arb(high) - arb(low)))
+    ]
+    made = rows[:1]
+    for _ in range(n):  # b_i = sum_j binom(i, j) row_j, as sums along Pascal's triangle
         rows = [a + b for a, b in pairwise(rows)]
         made.append(rows[0])
     return made

@@ -17,8 +17,6 @@ The error of a sampled plant is in the margin: |[A B] xi + e|_P^2 <= (1 + a) |[A
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import combinations
-from math import comb, prod
 from typing import ClassVar
 
 import numpy as np
@@ -27,7 +25,7 @@ from scipy.linalg import block_diag
 
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import LpvMatrices, Matrices
-from robust.proofs.exact.polynomial_matrices import BITS, PolynomialMatrix
+from robust.proofs.exact.polynomial_matrices import BITS, PolynomialMatrix, bernstein
 from robust.proofs.exact.polynomials import Decision, proved, undecided
 from robust.proofs.exact.sampled_motion import sup_bound
 from robust.proofs.exact.scheduled_loop import GAINS, ScheduledLoop, assemble_schedule, constant
@@ -238,20 +236,9 @@ def moved_polynomials(P: PolynomialMatrix, s: float) -> list[PolynomialMatrix]:
     """Return polynomials whose convex hull holds P(theta + v) for |v| <= s; for s = inf, P anywhere
     in [-1, 1].
     """
-    d, derivatives = len(P.parts) - 1, [P]
-    for j in range(1, d + 1):
+    if np.isinf(s):
+        return bernstein([PolynomialMatrix([part]) for part in P.parts], -1.0, 1.0)
+    derivatives = [P]
+    for j in range(1, len(P.parts)):
         derivatives.append(derivatives[-1].derivative().scaled(arb(1) / j))
-    if np.isinf(s):  # about the middle, and up to the ends
-        derivatives = [PolynomialMatrix([part]) for part in P.parts]
-    step = arb(1.0 if np.isinf(s) else s)
-    made = []
-    for i in range(d + 1):
-        ends = [-step] * (d - i) + [step] * i
-        total = derivatives[0]
-        for j in range(1, d + 1):
-            symmetric = sum(
-                (prod(chosen, start=arb(1)) for chosen in combinations(ends, j)), arb(0)
-            )
-            total = total + derivatives[j].scaled(symmetric / comb(d, j))
-        made.append(total)
-    return made
+    return bernstein(derivatives, -s, s)

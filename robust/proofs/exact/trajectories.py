@@ -11,13 +11,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
-from math import comb
 
 import numpy as np
 from flint import arb, arb_mat, ctx
 
 from nlfrf._base.values import value
-from robust.proofs.exact.polynomial_matrices import PolynomialMatrix
+from robust.proofs.exact.polynomial_matrices import PolynomialMatrix, shifted
 from robust.proofs.exact.sampled_motion import augmented_plant, norm_bound
 from robust.proofs.exact.scheduled_kyp import ScheduleClaim
 from robust.proofs.exact.scheduled_loop import ScheduledLoop, constant
@@ -150,14 +149,8 @@ def transition(A: PolynomialMatrix, start: float, end: float, step: float) -> ar
     """Return the transition matrix of x' = A(theta) x over a step [s], with theta linear from start
     to end.
     """
-    d, n = len(A.parts) - 1, A.shape[0]
-    slope, T = arb(end) - arb(start), arb(step)
-    parts = []  # of A at theta = start + slope tau, tau in [0, 1], times T
-    for j in range(d + 1):
-        total = A.parts[j] * arb(0)
-        for k in range(j, d + 1):
-            total += A.parts[k] * (arb(comb(k, j)) * arb(start) ** (k - j))
-        parts.append(total * (slope**j * T))
+    n, T = A.shape[0], arb(step)
+    parts = [p * T for p in shifted(A.parts, start, arb(end) - arb(start))]
     sizes = [norm_bound(p) for p in parts]
     whole = sum((size / (j + 1) for j, size in enumerate(sizes)), arb(0)).exp()
     terms, bounds = [constant(np.eye(n)).parts[0]], [arb(1)]
