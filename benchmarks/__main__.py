@@ -54,7 +54,7 @@ COMMANDS = (
     "tuning",
     "attack_tune --designs 60",
     "attack_learning --loops 20",
-    "attack_schedule --loops 6",
+    "attack_schedule --loops 6 --designs 6",
     "level_of_loop --seeds 2",
     "mispaired",
     "records_as_found --records 120",

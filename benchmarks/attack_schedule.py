@@ -6,27 +6,39 @@ short steps while the operating point moves, the perturbation as a number or an 
 trajectories below a proved rate whose period has a spectral radius above one; must be 0. "Refuted":
 trajectories of a refutation that do not grow here.
 
+With --designs random structures with scheduled numbers are tuned for random plants. "Wrong": the
+schedule differs from its blocks by more than 1e-3, or a limit at a point, computed here from the
+schedule, is more than 1e-3 above the stated one; "code": the compiled step differs from the rounded
+schedule while the position moves. All must be 0. The rounded controllers are proved and attacked as
+above.
+
 With --cases a file of machines (matrices as polynomials) is proved at stated rates, and timed.
 
-python -m benchmarks.attack_schedule [--loops 40] [--trajectories 60] [--first 0] [--cases
-machines.json]
+python -m benchmarks.attack_schedule [--loops 40] [--designs 20] [--trajectories 60] [--first 0]
+[--cases machines.json]
 """
 
 from __future__ import annotations
 
 import argparse
+import ctypes
 import json
+import subprocess
+import tempfile
 import time
 import warnings
 from itertools import pairwise
+from pathlib import Path
 
 import control
 import numpy as np
 from scipy.linalg import expm
 
-from robust import prove_schedule
+from robust import prove_schedule, tune
+from robust.io import export_c
 from robust.models import LpvModel
 from robust.scheduling import ScheduleProof
+from robust.tuning import Limit, Notch, Pid, Plants, TunedDesign
 
 _SUBSTEPS = 4  # of a sample, or of a step of a continuous trajectory
 _STEPS = 160  # of a continuous trajectory
@@ -165,6 +177,137 @@ def sampled_loop(
     return np.vstack([*rows, filtered])
 
 
+JOINED = [control.summing_junction(["r", "-y"], "e"), control.summing_junction(["v", "d"], "u")]
+
+
+def random_design(rng: np.random.Generator) -> tuple[TunedDesign, dict]:
+    """A tuned structure with scheduled numbers for a random plant, and the loop of its plant."""
+    loop = random_loop(rng)
+    plant, dt = loop["plant"], loop["K"].dt
+    turn = float(np.abs(plant.at(0.0).poles()).max())
+    gain = turn**2 * 10 ** rng.uniform(-2, -0.7)
+    degrees = {name: int(rng.integers(0, 3)) for name in ("kp", "ki", "kd", "omega")}
+    scheduled = {name: degree for name, degree in degrees.items() if degree}
+    parts = {"ki": gain * turn / 10} if rng.random() < 0.5 else {}
+    parts |= {"kd": gain / turn, "filter_time": 0.3 / turn} if rng.random() < 0.5 else {}
+    parts = {"kp": gain} | parts
+    notch = rng.random() < 0.5
+    blocks = {
+        "K": Pid(
+            **parts,
+            scheduled={name: d for name, d in scheduled.items() if name in parts},
+            reads="e",
+            drives="a" if notch else "v",
+        )
+    }
+    if notch:
+        moves = {name: d for name, d in scheduled.items() if name == "omega"}
+        blocks["notch"] = Notch(omega=turn, scheduled=moves, reads="a", drives="v")
+    design = tune(
+        JOINED,
+        Plants(plant, inputs="u", outputs="y"),
+        blocks,
+        hard=[Limit("d", "u", 2.0)],
+        soft=[Limit("d", "y", 1 / gain)],
+        dt=dt,
+        delay=loop["delay"],
+        n_starts=1,
+        time_cap=20.0,
+    )
+    # slowly: to break a fast schedule of a high degree takes minutes
+    return design, loop | {"rate": 0.01 * turn}
+
+
+def largest_errors(design: TunedDesign, K: LpvModel, loop: dict) -> tuple[float, float]:
+    """Largest error of the response of a schedule at random points, relative; largest excess of a
+    limit over the stated one, with the loop closed here.
+    """
+    dt, delay, off, excess = K.dt, loop["delay"], 0.0, -np.inf
+    turn = float(np.abs(loop["plant"].at(0.0).poles()).max())
+    omega = turn * np.geomspace(1e-2, 30, 3000)
+    points = np.exp(1j * np.minimum(omega * dt, np.pi)) if dt else 1j * omega
+    for p in (*np.random.default_rng(0).uniform(-1, 1, 20), *design.plant.at):
+        blocks = [block.at(float(p)).system(dt) for block in design.blocks.values()]
+        wanted = np.prod([block(points) for block in blocks], axis=0)
+        off = max(off, float(np.abs(K.at(p)(points) / wanted - 1).max()))
+    for one in design.limits:
+        plant = loop["plant"].at(design.plant.at[one.plant])
+        G = (control.sample_system(plant, dt, "zoh") if dt else plant)(points)
+        G = G * (points ** -round(delay / dt) if dt else 1)
+        d_to_u = 1 / (1 + G * K.at(design.plant.at[one.plant])(points))
+        gain = np.abs(d_to_u * (G if one.limit.outputs == ("y",) else 1))
+        excess = max(excess, float((gain * one.limit.factor(omega)).max() / one.ratio - 1))
+    return off, excess
+
+
+def code_error(K: LpvModel, folder: Path) -> float:
+    """Largest difference of the compiled step in float64 from the schedule it stands for, relative,
+    while the position moves and leaves its range.
+    """
+    rounded = export_c(K, folder / "k.h", dtype="float64").K
+    (folder / "k.c").write_text(
+        '#include "k.h"\nvoid run(int n, const double *p, const double *e, double *u)\n'
+        "{ k_state k; k_init(&k); for (int i = 0; i < n; i++) u[i] = k_step(&k, p[i], e[i]); }\n"
+    )
+    flags = ["-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC"]
+    subprocess.run(["cc", *flags, str(folder / "k.c"), "-o", str(folder / "k.so")], check=True)
+    rng = np.random.default_rng(1)
+    e, p = rng.standard_normal(2000), 1.2 * np.sin(np.linspace(0, 60, 2000))
+    u, x, wanted = np.empty(2000), np.zeros(K.order), np.empty(2000)
+    ctypes.CDLL(str(folder / "k.so")).run(
+        e.size, *(array.ctypes.data_as(ctypes.c_void_p) for array in (p, e, u))
+    )
+    for i in range(e.size):
+        law = rounded.at(float(np.clip(p[i], -1, 1)))
+        wanted[i] = (law.C @ x + law.D[:, 0] * e[i])[0]
+        x = law.A @ x + law.B[:, 0] * e[i]
+    return float(np.abs(u - wanted).max() / np.abs(wanted).max())
+
+
+def attack_designs(designs: int, trajectories: int, first: int) -> None:
+    """Attack tuned schedules and their code."""
+    wrong = code = written = proved = grew = tried = unstable = 0
+    worst = np.full(3, -np.inf)
+    for seed in range(first, first + designs):
+        rng = np.random.default_rng(10_000 + seed)
+        design, loop = random_design(rng)
+        if not design.stable:
+            unstable += 1
+            continue
+        K = design.schedule("y", "v")
+        errors = largest_errors(design, K, loop)
+        wrong += max(errors) > 1e-3
+        if K.dt:
+            with tempfile.TemporaryDirectory() as folder:
+                error = code_error(K, Path(folder))
+            written, code = written + 1, code + (error > 1e-9)
+            with tempfile.TemporaryDirectory() as folder:
+                K = export_c(K, Path(folder) / "k.h").K
+            worst[2] = max(worst[2], error)
+        worst[:2] = np.maximum(worst[:2], errors)
+        proof = prove_schedule(
+            loop["plant"], K, rate=loop["rate"], delay=loop["delay"], limit=False
+        )
+        proved += proof.holds
+        for _ in range(trajectories if proof.holds else 0):
+            points, step = random_trajectory(rng, proof, proof.rate)
+            delta = 0.0 if loop["plant"].weight is None else float(rng.integers(-1, 2))
+            tried += 1
+            grew += radius(proof, points, step, delta) > 1 + 1e-9
+        print(
+            f"design {seed}: errors {errors[0]:.1e} {errors[1]:.1e}, degree {len(K.A) - 1}, {proof.outcome}",
+            flush=True,
+        )
+    print(
+        f"designs {designs}, not stabilised {unstable}, wrong {wrong}, written as C {written}, of these"
+        f" code wrong {code}, proved {proved}"
+    )
+    print(f"trajectories below the rate of the proof {tried}, grew {grew}")
+    print(
+        f"largest error of a schedule {worst[0]:.1e}, of a limit {worst[1]:.1e}, of code {worst[2]:.1e}"
+    )
+
+
 def attack(loops: int, trajectories: int, first: int) -> None:
     """Attack random loops."""
     grew = tried = proved = refuted = wrong = 0
@@ -272,6 +415,7 @@ def main() -> None:
     """Run the attack, and the machines of a file."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--loops", type=int, default=40)
+    parser.add_argument("--designs", type=int, default=0)
     parser.add_argument("--trajectories", type=int, default=60)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--cases")
@@ -280,6 +424,7 @@ def main() -> None:
     if given.cases:
         prove_cases(given.cases)
     attack(given.loops, given.trajectories, given.first)
+    attack_designs(given.designs, given.trajectories, given.first)
 
 
 if __name__ == "__main__":

@@ -99,7 +99,8 @@ def tune(
     blocks : dict of str to block
         `robust.tuning.Pid`, `Gain`, `Notch`, `Lead`, `Lag`, `LowPass`, `Biquad` or `StateSpace`, by
         name. Their numbers are the first start. For dt > 0 each block is discretised by the Tustin
-        method.
+        method. A number that is named in `scheduled` is a polynomial of the operating point of the
+        plants.
     hard, soft : list of Limit
         Limits that must be met, and limits whose largest ratio is minimised. A `FrictionLimit` is a
         hard limit.

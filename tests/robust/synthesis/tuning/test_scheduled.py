@@ -2,11 +2,14 @@
 controller between them is one polynomial.
 """
 
+import shutil
+
 import control
 import numpy as np
 import pytest
 
 import robust
+from benchmarks import attack_schedule as harness
 from robust import friction_plant
 from robust.friction import MaxwellSlip
 from robust.models import LpvModel
@@ -163,6 +166,22 @@ def test_frfs_at_operating_points_are_scheduled():
     )
     low, high = design.blocks["K"].kp
     assert low / high == pytest.approx(4.0, rel=2e-3)
+
+
+@pytest.mark.attack(every=2)
+@pytest.mark.parametrize("seed", [10_002, 10_003])
+def test_a_random_structure_is_scheduled_as_it_was_tuned(seed, tmp_path):
+    """The seeded part of benchmarks.attack_schedule: response and limits of the schedule, and the
+    code of a sampled one.
+    """
+    design, loop = harness.random_design(np.random.default_rng(seed))
+    assert design.stable
+    K = design.schedule("y", "v")
+    off, excess = harness.largest_errors(design, K, loop)
+    assert off < 1e-3
+    assert -0.01 < excess < 1e-3
+    if K.dt and shutil.which("cc"):
+        assert harness.code_error(K, tmp_path) < 1e-9
 
 
 # ---- Refusals.
