@@ -1,5 +1,6 @@
 """Proof and verification in exact arithmetic: claims over the rationals, positivity, Taylor models.
 
+alias_discs    the distance of a set of an inverse form from instability, as a sum of discs
 aliases        claims on continuous plants under a sampled controller
 bands          inequalities between transfer matrices in a band of frequencies
 channel_files  claims on loops with several channels, in files

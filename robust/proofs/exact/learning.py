@@ -83,7 +83,7 @@ def _decide(claim: LearningClaim, deadline: float) -> Decision:
     if loop.plant.dt:
         terms = sampled_terms(axis, found)
     else:
-        aliases, terms = aliased_terms(loop, "learning", axis=axis, found=found)
+        aliases, terms, _ = aliased_terms(loop, "learning", axis=axis, found=found)
 
     def holds(low: float, high: float) -> bool:
         X = claim.largest_ratio(low)

@@ -40,10 +40,7 @@ _MAX_BITS = 4096
 
 def squared_magnitude(p: Polynomial) -> Polynomial:
     """Return |p(j x)|^2 as a polynomial in y = x^2."""
-    kind = type(p)
-    mirrored = kind([c if k % 2 == 0 else -c for k, c in enumerate(p.coeffs())])
-    both = (p * mirrored).coeffs()
-    return kind([c if k % 2 == 0 else -c for k, c in enumerate(both[::2])])
+    return _alternate(type(p)((p * _alternate(p)).coeffs()[::2]))
 
 
 def hurwitz_with_delay(den: fmpq_poly, num: fmpq_poly, *, degree: int, delay: fmpq) -> Decision:
@@ -268,16 +265,25 @@ class Squares:
     W: SquaredPart | None = None
 
 
+def product_with_conjugate(p: arb_poly, q: arb_poly) -> tuple[arb_poly, arb_poly]:
+    """Return `even` and `odd` of p(j x) q(j x)* = even + j x odd, polynomials in y = x^2."""
+    both = (p * _alternate(q)).coeffs()
+    even, odd = (_alternate(arb_poly(part)) for part in (both[::2], both[1::2]))
+    return even, odd
+
+
+def _alternate(p: Polynomial) -> Polynomial:
+    """Return p(-s)."""
+    return type(p)([c if k % 2 == 0 else -c for k, c in enumerate(p.coeffs())])
+
+
 def squared_magnitudes(axis: Axis) -> Squares:
     """Return the squared magnitudes of the parts of a loop."""
     G_num, G_den, K_num, K_den = (
         arb_poly(p) for p in (axis.G.num, axis.G.den, axis.K.num, axis.K.den)
     )
     N, D = G_num * K_num, G_den * K_den
-    both = (N * arb_poly([c if k % 2 == 0 else -c for k, c in enumerate(D.coeffs())])).coeffs()
-
-    def signed(coefficients: list[arb]) -> arb_poly:
-        return arb_poly([c if k % 2 == 0 else -c for k, c in enumerate(coefficients)])
+    even, odd = product_with_conjugate(N, D)
 
     def of_weight(part: Quotient) -> SquaredPart:
         return (
@@ -289,8 +295,8 @@ def squared_magnitudes(axis: Axis) -> Squares:
     return Squares(
         G=(squared_magnitude(G_num), squared_magnitude(G_den), axis.G.degree),
         K=(squared_magnitude(K_num), squared_magnitude(K_den), axis.K.degree),
-        even=signed(both[::2]),
-        odd=signed(both[1::2]),
+        even=even,
+        odd=odd,
         closed=squared_magnitude(N + D),
         w=of_weight(axis.w),
         P=None if axis.P is None else of_weight(axis.P),

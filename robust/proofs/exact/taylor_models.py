@@ -244,9 +244,9 @@ def sampled_terms(axis: Axis, found: Squares, samples: int = 0) -> Callable[[arb
     w_known = found.w if axis.w_timed else w_in_sine
     P_known = found.P if axis.P_timed else P_in_sine
     n = found.G[2] + found.K[2]
-    even = _polynomial_in_sine(found.even, n)
-    whole = _polynomial_in_sine(found.closed, n)
-    odd = _polynomial_in_sine(found.odd, max(n - 1, 0))
+    even = polynomial_in_sine(found.even, n)
+    whole = polynomial_in_sine(found.closed, n)
+    odd = polynomial_in_sine(found.odd, max(n - 1, 0))
 
     def terms(middle: arb, half: arb) -> Terms:
         omega = linear_model(middle, half)
@@ -278,10 +278,10 @@ def _quotient_at(part: SquaredPart, argument: TaylorModel) -> tuple[TaylorModel,
 def _part_in_sine(part: SquaredPart) -> SquaredPart:
     """Return a part as polynomials in u = sin^2(omega dt/2); its own variable is y = u/(1 - u)."""
     num, den, degree = part
-    return _polynomial_in_sine(num, degree), _polynomial_in_sine(den, degree), degree
+    return polynomial_in_sine(num, degree), polynomial_in_sine(den, degree), degree
 
 
-def _polynomial_in_sine(p: arb_poly, degree: int) -> arb_poly:
+def polynomial_in_sine(p: arb_poly, degree: int) -> arb_poly:
     """Return (1 - u)^degree p(u/(1 - u)), a polynomial in u."""
     kind = type(p)
     shifted = p(kind([-1, 1]))

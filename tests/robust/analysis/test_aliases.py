@@ -12,11 +12,21 @@ import pytest
 from robust import UncertaintyModel, check, ncfsyn, sampled, uncertainty_of_plants
 from robust.analysis.aliases import rs_breakdown
 from robust.analysis.loop import assemble_loop
+from robust.analysis.loop_proofs import stability_claim
 from robust.lti.lti import response
+from robust.proofs.exact.claim import ALIASED, PERFORMANCE, STABILITY
+from robust.proofs.exact.loops import verify_loop
 from tests.support.printed import unwrapped
 from tests.support.random_families import above_nyquist, sampled_operators
 from tests.support.random_loops import closed_loop_poles, hold_and_delay, tf_response
-from tests.support.sampled_sets import alias_terms, period_map, worst_member, worst_period_map
+from tests.support.sampled_sets import (
+    alias_terms,
+    largest_factor,
+    period_map,
+    smallest_distance,
+    worst_member,
+    worst_period_map,
+)
 
 LINES, RADIUS = np.array([1.0, 2.0]), np.array([1e-12, 1e-12])
 
@@ -296,3 +306,39 @@ def test_an_inverse_weight_that_stays_near_one_far_above_nyquist_is_bounded_as_c
         control.tf([1], [1, 1]), w, "inverse-multiplicative", at, 0.1 * at, perturbation="LTI"
     )
     assert check(model, control.ss([], [], [], [[0.02]], 0.1)).verdict == "robust"
+
+
+@pytest.mark.parametrize("form", ["inverse-multiplicative", "inverse-additive"])
+@pytest.mark.parametrize(("k", "delay"), [(14.0, 0.0), (6.0, 0.03), (6.0, 0.1)])
+def test_an_inverse_set_is_proved_up_to_its_limit_and_never_above(form, k, delay):
+    """The limit of 1/(s + 1) under a gain at 10 Hz by brute force; the aliases take a large part of
+    it.
+    """
+    G, K, T = control.ss(control.tf([1], [1, 1])), gain(k, 0.1), 0.1
+    omega = np.linspace(1e-3, np.pi / T, 4000)
+    L = k * tf_response(hold_and_delay(G, T, delay), omega)
+    S = 1 / (1 + L)
+    limit = largest_factor(tf_response, G, gain(1.0), form, T, delay, omega, S, k * S)
+    for share, proved in ((0.99, True), (0.997, True), (1.003, False)):
+        model = the_set(G, gain(share * limit), form)
+        claim = stability_claim(model, K, w_P=None, delay=delay)
+        cap = 20.0 if proved else 1.0
+        found = verify_loop(replace(claim, claims=(ALIASED[STABILITY],)), time_cap=cap)
+        assert found.verified == proved
+
+
+def test_performance_of_an_inverse_set_is_proved_up_to_its_limit_and_never_above():
+    """The largest |w_P S_p| by brute force."""
+    G, K, T = control.ss(control.tf([1], [1, 1])), gain(6.0, 0.1), 0.1
+    omega = np.linspace(1e-3, np.pi / T, 2000)
+    S = 1 / (1 + 6 * tf_response(hold_and_delay(G, T, 0.03), omega))
+    for form, size in (("inverse-multiplicative", 0.3), ("inverse-additive", 2.0)):
+        _, hG, F = alias_terms(tf_response, G, gain(size), form, T, 0.03, omega, 300)
+        worst = np.max(np.abs(S) / smallest_distance(1.0, 6 * S, hG, F))
+        for share, proved in ((0.99, True), (1.01, False)):
+            claim = stability_claim(
+                the_set(G, gain(size), form), K, w_P=gain(share / worst), delay=0.03
+            )
+            cap = 20.0 if proved else 1.0
+            found = verify_loop(replace(claim, claims=(ALIASED[PERFORMANCE],)), time_cap=cap)
+            assert found.verified == proved
