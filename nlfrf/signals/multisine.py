@@ -182,8 +182,8 @@ class Multisine:
 
     @property
     def spectrum(self) -> np.ndarray:
-        """(M, F) or (n_u, M, F) complex ndarray: amplitude and phase on the excited lines, after
-        mixing.
+        """(M, F) or (n_u, M, F) complex ndarray: amplitude and phase of the signals `u` on the
+        excited lines.
         """
         logical = self.amplitude[..., np.newaxis, :] * np.exp(1j * self.phase)
         return logical if self.mixing is None else np.tensordot(self.mixing, logical, 1)
