@@ -363,6 +363,15 @@ def design(
         float | None,
         typer.Option(help="Time constant of the derivative filter [s]; default: chosen (pid)."),
     ] = None,
+    fixed: Annotated[
+        Path | None,
+        typer.Option(
+            help=(
+                "Known factor of the controller: the [[filters]] of a .toml file, such as a notch,"
+                " or a controller file (pid)."
+            )
+        ),
+    ] = None,
     plant_integrators: Annotated[
         int | None, typer.Option(help="Integrators of the plant; default: read from the FRF (pid).")
     ] = None,
@@ -388,6 +397,7 @@ def design(
     for option, given in (
         ("positive", positive_gains),
         ("filter-time", filter_time),
+        ("fixed", fixed),
         ("peak-t", peak_t),
         ("plant-integrators", plant_integrators),
     ):
@@ -396,6 +406,7 @@ def design(
                 f"--{option} must be given with --method pid only, got it with {method}"
             )
     result: robust.Design
+    factor_text = ""
     if method == "pid":
         plant = (
             models.load_model(model)
@@ -403,6 +414,10 @@ def design(
             else from_options.load_blas([model])
         )
         omega_c = from_options.crossover_limits(plant, bandwidth, crossover_within)
+        F = None
+        if fixed is not None:
+            F, kept = from_options.load_fixed_factor(fixed)
+            factor_text = f"\nfixed, behind it: {kept}"
         with spinner("designing"):
             result = robust.design_frf(
                 plant,
@@ -414,6 +429,7 @@ def design(
                 dt=sample_time,
                 delay=delay,
                 filter_time=filter_time,
+                fixed=1 if F is None else F,
                 plant_integrators=plant_integrators,
             )
         words = f"{result.limits_in_words}; {result.reason}"
@@ -430,17 +446,18 @@ def design(
         words += from_options.describe_bandwidth(
             plant, result.K, bandwidth, method, delay=delay, within=crossover_within
         )
-    if unusual := pid.reason_for_unusual_gains(result.K):
+    free = result.K if result.K_free is None else result.K_free
+    if unusual := pid.reason_for_unusual_gains(free):
         warnings.warn(unusual, robust.DesignWarning, stacklevel=2)
     unit = str(getattr(measured.origin_of(plant), "unit", ""))
     robust.save(result.K, out, delay=delay, unit=unit)
     kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
     say = printer(json)
     undecided = result.stability is Stability.UNDECIDED
-    gains = pid.format_gains(result.K, unit, plc=not undecided)
-    say(f"controller of order {result.K.nstates}, {kind}: {words}{gains}")
+    gains = pid.format_gains(free, unit, plc=not undecided)
+    say(f"controller of order {result.K.nstates}, {kind}: {words}{gains}{factor_text}")
     if method == "pid":
-        advice = "" if structure == "I" else pid.advice_on_structure(result.K, plant.omega)
+        advice = "" if structure == "I" else pid.advice_on_structure(free, plant.omega)
         tried = _describe_limit_checks(plant, model, between=result.met and not result.n_lines)
         following = (
             _describe_proof(plant, model, out, bandwidth)

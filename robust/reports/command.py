@@ -212,6 +212,24 @@ def format_gains_of(path: Path, K: control.StateSpace, unit: str) -> str:
     return format_gains(settings.pid.system(settings.dt), unit) + filters
 
 
+def load_fixed_factor(path: Path) -> tuple[control.StateSpace, str]:
+    """Return a factor of a controller that a design keeps, and its description: the filters of a
+    PID in a TOML file, or a whole controller.
+    """
+    if path.suffix.lower() != ".toml":
+        return load_stored_controller(path), f"the controller of {path}"
+    settings = load_pid(path)
+    if not settings.filters:
+        raise ValueError(
+            f"fixed must have [[filters]], got {path} without: its PID is designed anew, and only"
+            " filters are kept"
+        )
+    F = settings.filters[0].system(settings.dt)
+    for one in settings.filters[1:]:
+        F = F * one.system(settings.dt)
+    return F, f"{', '.join(map(str, settings.filters))}, of {path}"
+
+
 def load_loops(
     paths: Sequence[Path], given: float | None, unit: str = ""
 ) -> list[tuple[control.StateSpace, float]]:

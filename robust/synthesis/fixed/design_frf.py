@@ -110,8 +110,8 @@ def design_frf(
         Keep the controller itself stable, except for its integrators.
     positive : bool
         Keep Kp, Ki and Kd of a PID (or of a part of a PID) positive, because a PLC accepts no
-        negative time Ti = Kp/Ki or Td = Kd/Kp. If no filter time is given, the best of six values
-        is used.
+        negative time Ti = Kp/Ki or Td = Kd/Kp. These are the gains without the factor `fixed`. If
+        no filter time is given, the best of six values is used.
     start : control system, optional
         A stabilising controller of this structure, as start of the search. By default differential
         evolution searches a start over gain, poles and zeros.

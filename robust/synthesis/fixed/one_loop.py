@@ -129,8 +129,6 @@ def design_loop(
         raise ValueError(
             f"positive must be used with {', '.join(PID_PARTS)}, got it with {shape.name!r}"
         )
-    if positive_gains and not is_constant(basis.fixed):
-        raise ValueError("positive must be left out with a fixed factor: the product is not a PID")
     if positive_gains and shape.free:
         return _best_filter(plant, structure, basis=basis, options=options)
 
@@ -225,7 +223,7 @@ def _best_filter(
     found: list[tuple[tuple[bool, float], Design]] = []
     refused: ValueError | None = None
     freely = design_loop(plant, structure, {**options, "positive": False})
-    if _has_positive_gains(freely.K, basis.dt):
+    if _has_positive_gains(freely.K if freely.K_free is None else freely.K_free, basis.dt):
         return freely
     omega = np.array([1e-3 * basis.omega_mid])
 
@@ -537,6 +535,10 @@ def _evaluate_design(
     description.
     """
     K = task.basis.controller(theta)
+    one = control.StateSpace([], [], [], [[1.0]], task.basis.dt)
+    K_free = (
+        None if is_constant(task.basis.fixed) else replace(task.basis, fixed=one).controller(theta)
+    )
     state, trouble = loops_stable(K, task.family, task.n_unstable)
     good = state is Stability.STABLE
     k = response(K, task.at.omega)
@@ -549,6 +551,7 @@ def _evaluate_design(
     if not good:
         return Design(
             K=K,
+            K_free=K_free,
             gamma=gamma,
             met=False,
             reason=f"not found: {trouble}",
@@ -570,6 +573,7 @@ def _evaluate_design(
     crossovers, peak_S, peak_T = _describe_loop(task, K)
     return Design(
         K=K,
+        K_free=K_free,
         gamma=gamma,
         met=not failed and state is Stability.STABLE,
         reason=reason,

@@ -198,7 +198,7 @@ def _measured_lines(
     if dt and omega[-1] * dt >= np.pi:
         raise ValueError(
             f"dt must put the Nyquist frequency above the highest line, {format_hertz(omega[-1])},"
-            f" got {dt:g} s, whose Nyquist frequency is {0.5 / dt:g} Hz: give a dt below"
+            f" got {dt:g} s, whose Nyquist frequency is {0.5 / dt:g} Hz: give less than"
             f" {np.pi / omega[-1]:.3g} s, or design for a continuous model of these lines (robust"
             " model)"
         )

@@ -77,6 +77,9 @@ class Design(Unpacked):
     n_lines : int
         0 if no mode between two lines can violate the demands. Otherwise the number of lines;
         demands or gamma then hold on these lines only.
+    K_free : control.StateSpace or None
+        From `design_frf` for one loop with a factor `fixed` that is not a constant: K without it,
+        such as the PID in front of a notch. None elsewhere.
     history : tuple of float
         gamma after every iteration, or the worst demand as long as one was not met.
 
@@ -105,6 +108,7 @@ class Design(Unpacked):
     peak_T: float = float("nan")
     stability: Stability | None = None
     n_lines: int = 0
+    K_free: control.StateSpace | None = None
     history: tuple[float, ...] = ()
     certificate: Certificate | None = None
     CL: control.StateSpace | None = None

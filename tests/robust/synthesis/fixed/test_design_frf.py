@@ -380,7 +380,7 @@ def test_pid_from_one_record():
         (
             lambda: design_frf(frf(BOOK, OMEGA), "PI", M_S=2, dt=1.0),
             "dt must put the Nyquist frequency above the highest line, .* Nyquist frequency is 0.5"
-            " Hz: give a dt below 0.0.* s, or design for a continuous model of these lines",
+            " Hz: give less than 0.0.* s, or design for a continuous model of these lines",
         ),
         (
             lambda: design_frf(sampled(control.ss(BOOK), 0.1), "PI", M_S=2, dt=0.2),

@@ -10,6 +10,7 @@ import pytest
 
 import robust
 from robust.io.pid import PidGains, advice_on_structure
+from robust.lti.lti import response
 from tests.support.printed import unwrapped
 
 PLANT = control.tf([60.0**2], [1, 36.0, 60.0**2])  # with a delay as long as a third of its period
@@ -88,10 +89,6 @@ def test_gains_that_are_positive_of_themselves_are_not_touched():
     [
         ({"structure": "lead"}, "positive must be used with P, I, PI, PD, PID, got it with 'lead'"),
         ({"structure": 2}, "positive must be used with"),
-        (
-            {"structure": "PI", "fixed": control.tf([1], [0.01, 1])},
-            "positive must be left out with a fixed factor",
-        ),
         (
             {
                 "structure": "PID",
@@ -216,3 +213,39 @@ def test_a_design_without_a_weight_has_no_gamma_to_print():
     )
     missed = robust.design_frf(PLANT, "PI", M_S=0.9, dt=5e-3, delay=0.02)
     assert str(missed).splitlines()[0] == "controller of order 1, sampled at 200 Hz: LIMITS NOT MET"
+
+
+def test_gains_in_front_of_a_fixed_factor_are_positive():
+    """A fixed notch was refused; the gains are those of the PID in front of it."""
+    plant = control.tf([1], [1 / 6000, 1 / 20 + 1 / 300, 1])
+    notch = robust.shaping.notch(250.0, depth=0.3, width=0.4, dt=5e-4)
+    design = robust.design_frf(plant, "PI", positive=True, M_S=1.6, dt=5e-4, fixed=notch)
+    assert design.met
+    assert np.all(gains_of(design.K_free)[:2] > 0)
+    omega = np.array([10.0, 240.0, 1000.0])
+    product = response(design.K_free, omega) * response(notch, omega)
+    np.testing.assert_allclose(response(design.K, omega), product, rtol=1e-9)
+
+
+def test_the_command_keeps_the_filters_of_a_file(command_on_light_mode, tmp_path):
+    notch = '[[filters]]\nnotch = "9.5 Hz"\nbandwidth = "4 Hz"\ndepth = 0.3\n'
+    head = 'sample_time = "2 ms"\nKp = 1\n'
+    (tmp_path / "pid.toml").write_text(f"{head}{notch}", encoding="utf-8")
+    (tmp_path / "plain.toml").write_text(head, encoding="utf-8")
+    line = "robust design m.json --method pid --structure PI --peak 1.8 --sample-time 0.002"
+    code, out, _ = command_on_light_mode(f"{line} --positive --fixed pid.toml -o K.json")
+    assert code == 0
+    assert "fixed, behind it: notch" in out
+    assert re.search(r"PID parallel, Kp \+ Ki/s: Kp = [\d.]+", out)
+    K = robust.load(tmp_path / "K.json")
+    assert abs(response(K, np.array([2 * np.pi * 9.5])))[0] < 0.5 * min(
+        abs(response(K, 2 * np.pi * np.array([5.0, 20.0])))
+    )
+    code, _, err = command_on_light_mode(f"{line} --fixed plain.toml -o K.json")
+    assert code == 2
+    assert "fixed must have [[filters]], got plain.toml without" in err
+    code, _, err = command_on_light_mode(
+        "robust design m.json --bandwidth 3 --fixed pid.toml -o K.json"
+    )
+    assert code == 2
+    assert "--fixed must be given with --method pid" in err
