@@ -23,7 +23,7 @@ from robust.analysis.text import (
     explain_exact,
     proof_sentences,
 )
-from robust.lti.grids import extend_grid
+from robust.lti.grids import extend_grid, refine_peaks
 
 
 def judge_exact(loop: Loop, effort: Effort) -> Findings:
@@ -47,7 +47,12 @@ def judge_exact(loop: Loop, effort: Effort) -> Findings:
     at_peak = (
         np.nan
         if loop.w_P is None
-        else loop.peak(lambda at: loop.curves(at).rp, curves.omega, loop.band).omega
+        else refine_peaks(
+            lambda at: loop.curves(at).rp[None],
+            curves.omega,
+            values=curves.rp[None],
+            band=loop.band,
+        )[0].omega
     )
     places = np.array(
         [margins.omega_rs, margins.omega_rp, margins.omega_disk, margins.omega_S_worst, at_peak]

@@ -24,7 +24,7 @@ from functools import lru_cache, partial, reduce
 from itertools import pairwise
 from math import ceil
 
-from flint import arb, arb_poly, fmpq
+from flint import arb, arb_poly, ctx, fmpq
 
 from nlfrf._base.values import value
 from robust.proofs.exact.alias_discs import AliasDiscs
@@ -65,6 +65,8 @@ _FAR = 30.0
 _TIGHT = 1.05
 _DEEPEST = 40
 _REFINEMENT_FACTOR = 4  # a bound up to this value may fall below one with a closer look
+# of the digits for the sums over aliases: sums of magnitudes, each relative to its interval
+_SHARE_OF_DIGITS = 0.4
 _LOOSE_RADIUS = 0.05  # relative radius of a ball above which a Taylor model is worth its price
 
 
@@ -140,6 +142,7 @@ def product_of_systems(one: Quotient, other: Quotient) -> Quotient:
 class _Sums:
     """Upper bounds of the sums over all aliases k != 0 on an interval (see `AliasBounds`).
 
+    GG, GF, discs, F_max : read in inverse forms only; infinite in the others.
     discs : sum |h G F|/(1 - |F|^2), the radii without |K S|; beyond the single aliases the
     distance of the centres from h G is added.
     """
@@ -265,6 +268,8 @@ class AliasBounds:
         F, G, FF, GG, GF = rest.F * sine, rest.G * sine, rest.FF, rest.GG * sine**2, rest.GF * sine
         discs = GF
         F_max = rest.F_max
+        if not self.inverse:
+            GG = GF = discs = F_max = arb.pos_inf()
         for k in range(1, self.n + 1):
             for near, far in (
                 (k * self.step - high, k * self.step - low),
@@ -273,8 +278,12 @@ class AliasBounds:
                 near, far = near.lower(), far.upper()
                 f, g = self.F.upper(near, far), self.G.upper(near, far)
                 hold = (2 * sine / (near * self.dt)).abs_upper()
-                F, G, FF, GG = F + hold * f, G + hold * g, FF + f * f, GG + (hold * g) ** 2
-                share = hold * g * _over_one_minus(f) if g != 0 else arb(0)
+                hG = hold * g
+                F, G, FF = F + hold * f, G + hG, FF + f * f
+                if not self.inverse:
+                    continue
+                GG = GG + hG * hG
+                share = hG * _over_one_minus(f) if g != 0 else arb(0)
                 GF, discs = GF + share, discs + share / (1 + f)
                 F_max = _larger(F_max, f)
         return _Sums(
@@ -558,7 +567,9 @@ def prove_with_aliases(
     @lru_cache(maxsize=4096)  # some 15 kB each
     def known(low: float, high: float) -> tuple[Terms, _Sizes, _Sums]:
         a, b = arb(low), arb(high)
-        others, t = aliases.sums(a, b), terms((a + b) / 2, (b - a) / 2)
+        with ctx.workprec(int(ctx.prec * _SHARE_OF_DIGITS)):
+            others = aliases.sums(a, b)
+        t = terms((a + b) / 2, (b - a) / 2)
         return t, _bound_sizes(aliases, t, low=a, high=b, others=others), others
 
     def holds(name: str, low: float, high: float) -> bool:
