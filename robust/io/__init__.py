@@ -1,15 +1,9 @@
 """Files: models, controllers, certificates, gains of controllers, MATLAB.
 
-<<<<<<< HEAD
 biquads       second-order sections of a discrete controller
 rounded       a sampled controller in the arithmetic of its target, with bounds on the rounding
+rounded_schedule  the same for a schedule, whose coefficients are polynomials
 target_code   a sampled controller as a C header or a function block in structured text
-=======
-biquads       second-order sections of a discrete controller, as it runs on its target
-rounded       a sampled controller in the arithmetic of its target, with bounds of the rounding
-rounded_schedule  a schedule likewise, with coefficients that are polynomials
-target_code   the same as a C header or a function block in structured text
->>>>>>> 55f6fc2d (A schedule is written as C and structured text in the realisation that is proved)
 python_script a model as a script for python-control
 certificates  proofs in files, to be repeated by others
 frd           an FRF of python-control as a `Bla`

@@ -43,9 +43,12 @@ from robust.models.fit.nominal import (
     with_delays,
 )
 from robust.models.fit.weights import larger_of_neighbours
+from robust.models.sets.family import DIAGONAL, is_plant
 from robust.models.sets.forms import ADDITIVE, AUTO, DEFAULT_FORM, ELEMENTS, FORMS, RECORD_FORMS
 from robust.models.sets.joint import attach_records
 from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.orders import scan_orders
+from robust.models.sets.plants import uncertainty_of_plants
 from robust.models.sets.radius import (
     Extrapolation,
     RadiusSpec,
@@ -66,8 +69,8 @@ from robust.models.sets.records import Origin
 
 @keep_warnings
 def uncertainty(
-    bla: Bla | Sequence[Bla],
-    nominal: NominalFit | AnySystem | float,
+    bla: Bla | Sequence[Bla] | Sequence[AnySystem],
+    nominal: NominalFit | AnySystem | float | None = None,
     *,
     form: str | None = None,
     order: int | None = None,
@@ -80,6 +83,8 @@ def uncertainty(
     perturbation: str = "statistical",
     W1: Weight | None = None,
     W2: Weight | None = None,
+    weights: str = DIAGONAL,
+    omega_B: float | None = None,
 ) -> UncertaintyModel:
     """Make an uncertainty set around a nominal model from a measured BLA and its bound.
 
@@ -91,18 +96,18 @@ def uncertainty(
     large, because the fit averages a part of the variance.
 
     Use this after `nlfrf.identify` and `fit_nominal`, before any design. Controllers are designed
-    and checked for the set that it returns. Use `uncertainty_of_plants` for a set that has to
-    contain given plants, and `UncertaintyModel.from_radius` for a radius of your own.
+    and checked for the set that it returns. A list of plants that the set has to contain is passed
+    to `uncertainty_of_plants`. For a radius of your own use `UncertaintyModel.from_radius`.
 
     Parameters
     ----------
-    bla : nlfrf.Bla or list of them
+    bla : nlfrf.Bla or list of them, or list of plants
         The measurement, with one or several channels. A list of measurements at several levels or
         offsets or on several days gives one set, with the largest radius of all.
         `nlfrf.bla_from_frf` and `robust.io.bla_from_frd` make a Bla from an FRF of another program.
     nominal : NominalFit, control system or control.FrequencyResponseData
         Nominal model, continuous or discrete. With an FRF as nominal the set is known on its lines
-        only.
+        only. For several channels it may be left out: the default is the fit of `scan_orders`.
     form : str, optional
         "multiplicative" (default), "additive", "inverse-multiplicative", "inverse-additive" or
         "coprime". For several channels: "elements" (default), "additive" or "input"; or "auto",
@@ -134,6 +139,8 @@ def uncertainty(
     W1, W2 : control.StateSpace, TransferFunction or float, optional
         Shaping functions of the plant, W2 G W1, for the coprime form, as in `ncfsyn`. By default
         constants that give W2 G W1 a gain of one in the middle of the band.
+    weights, omega_B
+        Options of `uncertainty_of_plants`, for a list of plants with several channels only.
 
     Returns
     -------
@@ -158,8 +165,30 @@ def uncertainty(
     >>> model.form, model.perturbation, bool(np.all(model.radius < 0.35))
     ('multiplicative', 'statistical', True)
     """
+    if isinstance(bla, list | tuple) and bla and all(map(is_plant, bla)):
+        if simultaneous or systematic is not None or W1 is not None or W2 is not None:
+            raise ValueError(
+                "simultaneous, systematic, W1 and W2 must be left out with plants: they belong to a"
+                " measured Bla"
+            )
+        return uncertainty_of_plants(
+            bla,
+            nominal,
+            form=form,
+            weights=weights,
+            omega_B=omega_B,
+            order=order,
+            below=below,
+            above=above,
+            perturbation=perturbation,
+        )
+    if weights != DIAGONAL or omega_B is not None:
+        raise ValueError("weights and omega_B must be left out with a measured Bla")
     recorded = _require_records(bla)
     single = recorded[0].is_single
+    if nominal is None and single:
+        raise ValueError("nominal must be given for one channel: see fit_nominal, got none")
+    nominal = scan_orders(recorded).fit if nominal is None else nominal
     if form is None:
         form = DEFAULT_FORM if single else ELEMENTS
     require_choice("form", form, tuple(FORMS) if single else (*RECORD_FORMS, AUTO))

@@ -18,6 +18,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import TypeGuard
 
 import control
 import numpy as np
@@ -287,7 +288,7 @@ def is_full(weights: str) -> bool:
 def require_plants(plants: object) -> list[AnySystem]:
     """Return the plants, FRFs or systems, as a list: all with one channel, or all with several."""
     many = list(plants) if isinstance(plants, list | tuple) else []
-    other = next((one for one in many if not _is_plant(one)), None)
+    other = next((one for one in many if not is_plant(one)), None)
     if not many or other is not None:
         raise ValueError(
             "plants must be a list of systems or FRFs, got"
@@ -301,9 +302,10 @@ def require_plants(plants: object) -> list[AnySystem]:
     return many
 
 
-def _is_plant(part: object) -> bool:
+def is_plant(given: object) -> TypeGuard[AnySystem]:
+    """Return whether a value is a system or an FRF of python-control."""
     return isinstance(
-        part, control.FrequencyResponseData | control.StateSpace | control.TransferFunction
+        given, control.FrequencyResponseData | control.StateSpace | control.TransferFunction
     )
 
 

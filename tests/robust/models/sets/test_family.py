@@ -320,3 +320,14 @@ def test_a_set_with_full_weights_comes_back_from_its_file(tmp_path):
     np.testing.assert_array_equal(back.left[0].A, model.left[0].A)
     assert all(back.contains(plant) for plant in family(2))
     assert robust.check(back, 0.5 * np.eye(2)).verdict == "robust"
+
+
+def test_a_list_of_plants_may_be_given_to_uncertainty():
+    """It is passed on with all its options; options of a measured BLA are refused, and vice versa."""
+    by_list = robust.uncertainty(family(3), G, form="output", weights="full", order=1)
+    direct = robust.uncertainty_of_plants(family(3), G, form="output", weights="full", order=1)
+    assert np.array_equal(by_list.radius, direct.radius)
+    with pytest.raises(ValueError, match="must be left out with plants"):
+        robust.uncertainty(family(3), G, simultaneous=True)
+    with pytest.raises(ValueError, match="bla must be an nlfrf.Bla or a list of them"):
+        robust.uncertainty([*family(3), 1.0], G)
