@@ -329,5 +329,5 @@ def test_a_list_of_plants_may_be_given_to_uncertainty():
     assert np.array_equal(by_list.radius, direct.radius)
     with pytest.raises(ValueError, match="must be left out with plants"):
         robust.uncertainty(family(3), G, simultaneous=True)
-    with pytest.raises(ValueError, match="bla must be an nlfrf.Bla or a list of them"):
+    with pytest.raises(ValueError, match="bla must be an nlfrf"):
         robust.uncertainty([*family(3), 1.0], G)
