@@ -220,7 +220,9 @@ def _hash_value(digest: Hash, value: object) -> None:
                 " detected"
             )
         case _:
-            raise TypeError(f"no fingerprint of {type(value).__name__}")
+            raise TypeError(
+                f"resume cannot detect changes in a {type(value).__name__}: leave it out"
+            )
     digest.update(b";")
 
 

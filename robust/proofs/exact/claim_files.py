@@ -61,7 +61,7 @@ def from_plain(kind: type[T], given: object) -> T:
         return kind(**{name: _part_from_plain(hints[name], part) for name, part in given.items()})
     except (TypeError, KeyError, IndexError, AttributeError) as error:
         raise ValueError(
-            f"claim must hold matrices and words as it was written, got {error}"
+            f"claim must hold its entries in the form in which it was saved, got {error}"
         ) from None
 
 

@@ -254,6 +254,6 @@ class FrictionChannel:
         if best[1] is None:
             raise ValueError(
                 "hard must contain a friction limit that can be computed, got a loop in which"
-                " the friction port does not move"
+                " the point where the friction acts does not move"
             )
         return best[1]

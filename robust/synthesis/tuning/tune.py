@@ -218,8 +218,8 @@ def _require_points(plant: Plants, controller: Controller, limits: Limits) -> No
             )
     if controller.scheduled and any(isinstance(limit, FrictionLimit) for limit, _ in limits):
         raise ValueError(
-            "hard must hold no friction limit for scheduled blocks, whose proof is for one"
-            " controller, got one"
+            "hard must hold no friction limit for scheduled blocks, because friction is proved for"
+            " one fixed controller, got a friction limit"
         )
 
 
