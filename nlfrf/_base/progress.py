@@ -30,7 +30,8 @@ def progress_bar(label: str = "") -> _ProgressBar:
     -------
     callable
         Call it with the number of finished steps and their total. It shows nothing if standard
-        error is a file. For `robust.tune`, which has a time limit, give its method `timed`.
+        error is a file. `robust.tune` has a time limit instead of a number of steps; give it
+        ``progress_bar(label).timed``.
 
     Raises
     ------

@@ -568,8 +568,8 @@ def load_record(
     n_discard : int
         Number of periods to leave out at the start.
     resample : bool
-        Interpolate rows with unequal time steps to equal ones, and cut the periods where the input
-        itself repeats; see `record_from_samples`.
+        Interpolate to equal time steps, and find the start of each period from the repetition of
+        the input; see `record_from_samples`.
     design : Multisine or path, optional
         Design that was played, or the file that ``nlfrf design`` wrote; see `record_from_samples`.
     hold : str, optional

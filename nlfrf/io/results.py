@@ -213,8 +213,9 @@ def load(path: str | os.PathLike[str]) -> Any:
     Parameters
     ----------
     path : path
-        File that `save` wrote; for a signal to play the ``.npz`` file of its design; or a ``.toml``
-        file with a PID and its notches, as for `robust check`.
+        File that `save` wrote, or a ``.toml`` file with a PID and its notches, as for `robust
+        check`. For a multisine saved as ``.csv``, ``.mat`` or ``.wav``, or for set points saved as
+        ``.csv``, give the ``.npz`` file that `save` wrote with it.
 
     Returns
     -------

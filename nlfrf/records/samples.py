@@ -105,10 +105,10 @@ def record_from_samples(
     n_discard : int
         Number of periods to leave out at the start, because of the transient.
     resample : bool
-        Cut the periods where the input itself repeats, and interpolate between samples. Use this
-        for a period that is not a whole number of samples, for a drifting clock, and for lost or
-        repeated samples. The sampling frequency of the record is then n_samples over the length of
-        the period that was found.
+        Find the start of each period from the repetition of the input, and interpolate between
+        samples. Use this for a period that is not a whole number of samples, for a drifting clock,
+        and for lost or repeated samples. The sampling frequency of the record is then n_samples
+        divided by the length of a period.
     design : Multisine, optional
         Design that was played. Its lines and its period are used, and its signal is the reference.
         Noise on the measured inputs and distortion by the actuators then cause no error. A

@@ -240,8 +240,8 @@ def multisine(
         - "special-odd": lines 8k+1 and 8k+3. The distortion on detection lines is lower than on
           excited lines, by at most 4.8 dB; `identify` corrects this.
         - "random-odd": three of every four odd lines, at random. No correction is needed.
-        - "odd-odd": lines 4k+1. Around a resonance the detection lines show too little distortion,
-          without a limit.
+        - "odd-odd": lines 4k+1. Around a resonance the distortion on detection lines is lower than on
+          excited lines, by a factor without an upper limit.
         - "odd": all odd lines, and "full": all lines. There are no odd detection lines.
         - "custom": the given `lines`.
     fs : float

@@ -366,7 +366,7 @@ def predict_level(
     Use this before you trust a design for a machine with friction or another nonlinearity. Outside
     the measured levels the machine has another best linear approximation, so neither the prediction
     nor a verdict on the set holds there. The prediction is computed from the linear loop. In a
-    sampled loop its bound over the set does not include the aliases of the set.
+    sampled loop the largest rms over the set leaves out the aliases of the perturbation.
 
     Parameters
     ----------

@@ -1,8 +1,9 @@
 """Prove robust stability and robust performance of a loop at every frequency, in exact arithmetic.
 
 This module writes the claims as polynomial inequalities in omega, which `robust.proofs.exact`
-decides. For sets of class "operator" it also searches one scaling for all frequencies. The claim
-with this scaling is proved, so the search itself needs no proof.
+decides. For sets of class "operator" (any causal perturbation, nonlinear or time-varying ones
+included) it also searches one scaling for all frequencies. The claim with this scaling is proved,
+so the search itself needs no proof.
 """
 
 from __future__ import annotations

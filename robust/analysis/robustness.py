@@ -238,19 +238,19 @@ def check_structure(
     certify : bool
         Prove the result at all frequencies. Without a proof the best verdict is "not certified".
     gap : float, optional
-        For real parameters: relative distance between the proved margin (`margins.rs`) and a
-        destabilising size (`margins.broken`) at which the subdivision of their box ends (see
-        `parameter_margin`). Default: 5 %, and only if the verdict is not decided before.
+        Subdivide the box of real parameters (see `parameter_margin`) until the proved margin
+        (`margins.rs`) and a destabilising size (`margins.broken`) differ by this relative amount.
+        By default it is 5 %, and the box is subdivided only if the verdict is still open.
     solver : str, optional
-        Solver of cvxpy for the proof by P and a scaling: "CLARABEL" or "SCS". Default: one after
-        the other.
+        Solver of cvxpy that searches one scaling for all frequencies: "CLARABEL" or "SCS". Default:
+        one after the other.
 
     Returns
     -------
     RobustnessReport
         Verdict, margins and proofs. An unstable loop is a result, not an error. If one block is of
-        class "operator", only a proof with the same scalings at every frequency is accepted (Shamma
-        1994).
+        class "operator" (any causal operator, as in `UncertaintyModel`), only a proof with the same
+        scalings at every frequency is accepted (Shamma 1994).
 
     Raises
     ------

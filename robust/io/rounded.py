@@ -92,8 +92,9 @@ class RoundedController:
         for a scheduled controller.
     rounding : float
         Bound on the error of u by rounding in all operations, divided by the largest |e|. It is the
-        sum of the l1 norms from each operation to u. Infinite if another pole than these lies on or
-        outside the unit circle; nan for a scheduled controller.
+        sum of the l1 norms from each operation to u. The poles that `gain` leaves out are left out
+        here, too. Infinite if any other pole lies on or outside the unit circle; nan for a
+        scheduled controller.
     facts : tuple of str
         These numbers with their conditions, as text.
     theta : (middle, scale) or None

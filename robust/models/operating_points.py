@@ -59,9 +59,9 @@ def interpolate(
     covers the local bounds at all points around the interpolated model, so that it contains the
     interpolation error at these points.
 
-    The error between the points is tested by leaving out each inner point in turn. `held_out` is
-    the largest error at a left-out point of the model from the other points, divided by the weight.
-    It should be below one.
+    The error between the points is tested by leaving out each inner point in turn. A model is made
+    from the other points, and its error at the left-out point is divided by the weight. `held_out`
+    is the largest of these numbers. It should be below one.
 
     Parameters
     ----------

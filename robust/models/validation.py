@@ -245,7 +245,8 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
 
     References
     ----------
-    Score test on whitened residuals, with a covariance given the sizes of the lines.
+    Score test on the difference of the two FRFs, divided by its standard deviation. The covariance
+    of the score is conditional on the magnitudes of this quotient on the lines.
 
     Examples
     --------

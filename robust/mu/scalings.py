@@ -85,9 +85,9 @@ def upper(N: np.ndarray, blocks: Blocks) -> MuBound:
     Returns
     -------
     MuBound
-        `value` is the largest singular value of D_L N D_R^-1 with the scaling that was found. With
-        real blocks it is the root of the largest eigenvalue of N^H X_L N + j (G N - N^H G^H)
-        relative to X_R, plus rounding. Any scaling gives an upper bound. For up to three full
+        `value` is the largest singular value of M = D_L N D_R^-1 with the scaling that was found.
+        With real blocks it is the root of the largest eigenvalue of M^H M + j (G M - M^H G^H),
+        with a bound on rounding added. Any scaling gives an upper bound. For up to three full
         blocks `value` is mu itself.
 
     Raises

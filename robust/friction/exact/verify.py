@@ -1,8 +1,9 @@
 """Verification that the storage function of a claim decreases with every friction of its class.
 
-Between two nodes the storage function z'P(t)z is a cubic in t. The inequality [P' + A'P + PA + Q,
-PB + N; ., R] < 0 is then a convex combination of its four Bernstein coefficients. Changes of
-coordinates are exact, so they change no sign.
+The time between two jumps of the loop is cut into intervals. On each interval the storage function
+is z'P(t)z, with the state z and a cubic P(t). The matrix of the inequality [P' + A'P + PA + Q, PB +
+N; ., R] < 0 is then a convex combination of its four Bernstein coefficients, so it is enough that
+they are negative definite. Changes of coordinates are computed exactly, so they keep definiteness.
 """
 
 from __future__ import annotations

@@ -91,9 +91,9 @@ def uncertainty(
     On each line (frequency) a disc around the nominal contains the FRF of a new realisation (random
     draw of the phases of the excitation) with the stated confidence. Its radius is the misfit of
     the nominal + sqrt(F_p (variance of G + variance of one realisation + variance of the even
-    distortion)), with the F quantile F_p. The misfit is the residual of the line minus the
-    variance, because the residual contains scatter. For a fitted nominal the radius is slightly too
-    large, because the fit averages a part of the variance.
+    distortion)), with the F quantile F_p. The squared misfit is |measured FRF - nominal|^2 minus
+    the variance, because the measured FRF contains scatter. For a fitted nominal the radius is
+    slightly too large, because the fit averages a part of the variance.
 
     Use this after `nlfrf.identify` and `fit_nominal`, before any design. Controllers are designed
     and checked for the set that it returns. A list of plants that the set has to contain is passed

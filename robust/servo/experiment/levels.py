@@ -84,8 +84,8 @@ class AxisLevels:
         design. A current is converted to a force, unless its unit cannot be converted.
     set_point_rms : (L,) ndarray
         Rms to design for at each level, in the unit of force of the design. A multisine with this
-        rms and with the spectrum of the design moves the axis as far as the level did. The value is
-        below `force_rms` if the loop changed the spectrum of the force.
+        rms and with the spectrum of the design moves the axis as far as the pre-test did at this
+        level. The value is below `force_rms` if the loop changed the spectrum of the force.
     stiffness : (L,) ndarray
         Equivalent stiffness at each level from the lowest lines [N/m], [Nm/rad] or in the units of
         the record.

@@ -2,8 +2,9 @@
 
     u = transfer * multisine,  y = G * u;   transfer = C_port / (1 + G C),  C_force = 1
 
-C is the drive from position to force. G is the plant from force set point to position, with hold,
-delay and lag.
+C is the drive from position to force. C_port is the drive from the port (a set point to which the
+multisine is added) to the force set point, with the position held at zero. G is the plant from
+force set point to position, with hold, delay and lag.
 """
 
 from __future__ import annotations

@@ -81,8 +81,8 @@ def design_frf(
     omega_c : float or (low, high), optional
         Smallest crossover frequency allowed [rad/s]. With one number the crossover may be far above
         it. With two numbers, the second is the largest crossover allowed: |L| <= 1 at all
-        frequencies above it. If the structure has a resonance, |L| <= 1 is required at this
-        frequency only.
+        frequencies above it. If the structure has a resonance, |L| may exceed one there; the limit
+        then holds at the second number only.
     gain : (omega, least), optional
         Smallest |L| allowed at a frequency omega [rad/s], for tracking and disturbance rejection.
     aim : str
