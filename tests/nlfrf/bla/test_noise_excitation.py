@@ -81,7 +81,7 @@ def test_chirps_and_bursts_are_no_noise():
     burst = rng.standard_normal(t.size) * (np.arange(t.size) // 3000 % 2)
     for u in (chirp, burst):
         with pytest.warns(
-            DataWarning, match=r"u must be stationary noise .* scatters \d+\.\d times as much"
+            DataWarning, match=r"u must be stationary noise .* varies \d+\.\d times as much"
         ):
             identify_noise(u, resonance(u), **NOISE)
 

@@ -37,13 +37,13 @@ ROWS = {
     "the velocity as y": "test_the_velocity_in_place_of_the_position",
     "wrong sign of the force": "test_a_wrong_sign",
     "wrong sign of the position": "test_a_wrong_sign_of_the_position",
-    "a wrong unit factor of 5 or more": "test_a_wrong_unit_factor",
+    "a wrong unit, by a factor of 5 or more": "test_a_wrong_unit_factor",
     "another file, or another period": "test_a_wrong_period_or_another_file",
     "a wrong sampling frequency": "test_a_wrong_clock",
-    "a decimated trace": "test_a_decimated_trace",
+    "a trace sampled more slowly than the drive": "test_a_decimated_trace",
     "lost rows, by the time column": "test_lost_rows",
     "a trace that is too short": "test_a_trace_that_ends_too_early",
-    "a trace that begins somewhere else": "test_a_trace_that_begins_somewhere_else",
+    "a trace that begins at another time": "test_a_trace_that_begins_somewhere_else",
     "current at its limit": "test_a_saturated_current",
     "a drive with another velocity feedforward": (
         "test_a_drive_without_the_feedforward_of_the_design_is_named"
@@ -51,8 +51,8 @@ ROWS = {
     "a level at which friction changes the loop": (
         "test_a_level_so_low_that_friction_changes_the_loop"
     ),
-    "an axis that turns back": "test_an_axis_that_turns_back_in_motion",
-    "backlash in front of a load with friction": (
+    "an axis that moves backwards within a period": "test_an_axis_that_turns_back_in_motion",
+    "backlash between motor and a load with friction": (
         "test_play_in_front_of_a_load_with_friction_is_seen"
     ),
 }

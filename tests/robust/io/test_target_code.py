@@ -407,7 +407,7 @@ def test_rounding_that_changes_much_is_warned_of():
         (
             control.tf([1], [1, -2, 1], DT),
             {"limit": 1.0},
-            "limit must be left out for a controller with 2 integrators",
+            "limit must be left out .* got 2 integrators",
         ),
         (robust.shaping.pid(1.0, dt=DT), {"limit": 0.0}, "limit must be positive, got 0"),
         (

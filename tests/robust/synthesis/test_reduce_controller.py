@@ -191,7 +191,7 @@ def test_the_plant_alone_that_mixsyn_took(dt):
     assert found.report.proofs.robust_performance
     assert_words_of_a_plant(found.report)
     assert_words_of_a_plant(found.before)
-    with pytest.raises(ValueError, match="K must have a proof to keep"):
+    with pytest.raises(ValueError, match="K must have a proved property that can be kept"):
         reduce_controller(-K, G, w_P)
 
 
@@ -249,7 +249,7 @@ def test_a_statistical_set_and_a_sampled_controller():
     [
         (
             lambda: reduce_controller(control.tf([100], [1, 1, 0]), model()),
-            "K must have a proof to keep",
+            "K must have a proved property that can be kept",
         ),
         (
             lambda: reduce_controller(control.tf([1], [1, 1]), model(), order=1),

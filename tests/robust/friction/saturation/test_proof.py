@@ -209,7 +209,7 @@ def test_friction_at_a_port_that_the_actuator_cannot_hold():
         (
             Passive(),
             {},
-            "saturation must be left out, there is no proof with it for passive friction",
+            "saturation must be left out for passive friction",
         ),
     ],
 )

@@ -235,7 +235,7 @@ def test_refuses_too_few_lines_and_no_bla():
     with pytest.raises(ValueError, match=r"bla must be an nlfrf\.Bla"):
         fit_nominal([], n_poles=2)
     assert isinstance(make_bla(resonance, F_LINES, f0=0.25), Bla)
-    with pytest.raises(ValueError, match="std must be given where G is zero on a line"):
+    with pytest.raises(ValueError, match="std must be given for an FRF that is zero on a line"):
         fit_nominal(control.FrequencyResponseData([1.0, 0.0, 1.0], [1.0, 2.0, 3.0]), n_poles=1)
 
 

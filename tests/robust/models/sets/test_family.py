@@ -266,7 +266,7 @@ def test_a_pole_that_crosses_asks_for_an_inverse_form():
         (
             family(),
             {"form": "elements", "weights": "full"},
-            'weights must be "diagonal" for elements',
+            'weights must be "diagonal" for the form elements',
         ),
         (family(), {"omega_B": -1.0}, "omega_B must be positive"),
         ([G, G], {}, "got none that differs"),

@@ -207,7 +207,7 @@ def test_around_an_frf_the_holds_of_two_records_are_held_together():
     assert abs(validate(model, second).delay) < 5e-5
     assert validate(model, second).p_value > 0.01
     with pytest.raises(
-        ValueError, match="bla must have lines of the FRF on which the model is based"
+        ValueError, match="bla must have lines of the FRF that is the nominal of the model"
     ):
         validate(model, record(3, f=np.arange(10, 400) * 0.3))
 

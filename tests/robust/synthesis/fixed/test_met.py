@@ -148,5 +148,5 @@ def test_a_gain_that_rises_at_the_end_is_warned_of():
     G = control.tf([1], [1, 1]) * control.tf([900], [1, 0.6, 900])
     omega = np.geomspace(0.05, 25, 200)
     bla = nlfrf.bla_from_frf(omega / (2 * np.pi), G(1j * omega), std=0.01 * np.abs(G(1j * omega)))
-    with pytest.warns(DesignWarning, match=r"\|G\| rises over the last lines, up to 3\.979 Hz"):
+    with pytest.warns(DesignWarning, match=r"\|G\| rises towards the last line, 3\.979 Hz"):
         design_frf(bla, "PI", M_S=2)

@@ -56,7 +56,10 @@ def test_poles_that_are_given_are_kept_and_free_ones_are_chosen():
         ({"n_zeros": 2, "n_integrators": 1}, "n_zeros must be at most"),
         ({"n_zeros": 0, "poles": (1.0,)}, "poles must be stable"),
         ({"n_zeros": 0, "poles": (-1 + 2j,)}, "conjugate pairs"),
-        ({"n_zeros": 0, "poles": (-1.0,), "n_poles": 2}, "n_poles must be that of the poles given"),
+        (
+            {"n_zeros": 0, "poles": (-1.0,), "n_poles": 2},
+            "n_poles must be the number of the given poles",
+        ),
         ({"n_zeros": -1}, "n_zeros must be"),
         ({"n_zeros": 0, "n_integrators": 30}, "at most 12"),
     ],

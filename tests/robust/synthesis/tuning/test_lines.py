@@ -97,7 +97,8 @@ def test_a_bla_is_tuned_at_worst_over_its_discs():
 
 def test_a_start_that_does_not_stabilise_is_refused():
     with pytest.raises(
-        ValueError, match=r"must start with gains that stabilise an FRF.*design_frf"
+        ValueError,
+        match=r"must start with gains that stabilise every plant that is an FRF.*design_frf",
     ):
         robust.tune(
             [ERROR, FORCE],

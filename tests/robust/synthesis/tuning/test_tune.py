@@ -249,11 +249,11 @@ GAIN_ONE = control.ss([], [], [], [[1.0]], inputs="q", outputs="q")
         ("which no output drives", {"blocks": {"K": tuning.Gain(K=1.0, reads="q9", drives="u")}}),
         ("which no input reads", {"blocks": {"K": tuning.Gain(K=1.0, reads="e", drives="q9")}}),
         (
-            "that no block moves",
+            "independent of all blocks",
             {"soft": [tuning.Limit("d", "y_i", 1.0)], "system": [ERROR, FORCE, INTEGRATOR]},
         ),
         (
-            "that no block moves",
+            "independent of all blocks",
             {"soft": [tuning.Limit("d", "y_i", 1.0)], "system": [ERROR, FORCE, UNSTABLE]},
         ),
         ("algebraic loop", {"system": [ERROR, FORCE, GAIN_ONE]}),
