@@ -192,7 +192,7 @@ class LevelState(enum.Enum):
     Fields
     ------
     INSIDE, BELOW, ABOVE : among the measured levels, below all, above all.
-    UNKNOWN : no level was measured, or the records do not contain it.
+    UNKNOWN : no level was measured, or the records do not contain the rms of this signal.
 
     References
     ----------

@@ -17,8 +17,8 @@ because the row of left factors and the column of right factors are contractions
 is covered by diagonal weights like a measured covariance. Aliases near the band are summed one by
 one; the others are bounded as in `aliases`.
 
-The weights of the sampled set are fitted to these radii on a grid and then raised by `_COVERED`, so
-that `certify_aliases` can prove that they cover every alias at all frequencies
+The weights of the sampled set are fitted to these radii on a grid and then raised by a small
+factor, so that `certify_aliases` can prove that they cover every alias at all frequencies
 (`robust.proofs.exact.folded_sets`).
 """
 

@@ -69,8 +69,9 @@ class WorstCase:
         is continuous, also if K is sampled. For several channels it is the worst plant found, whose
         gain may be lower than the bound; it is sampled if K is sampled.
     delta : complex, or (drives, reads) complex ndarray
-        The perturbation of this plant at omega_worst. Its modulus (largest singular value) is below
-        one if a perturbation below one destabilises the loop.
+        The perturbation of this plant at omega_worst; for several channels a matrix with one row
+        for each output and one column for each input of Delta. Its modulus (largest singular value)
+        is below one if a perturbation below one destabilises the loop.
     achieved : float
         |S_p| (or |w_P S_p|, or its largest singular value) of the loop with `plant` at omega_worst,
         recomputed.

@@ -1,15 +1,16 @@
 """Two consequences of |f| <= Fs: a state from which the motion diverges, and the farthest that the
 loop can hunt.
 
-An unstable part of a sliding loop grows by lambda a sample, w' Phi J = lambda w'. |f| <= Fs
-reduces it at most by the value of a support function; beyond that value the motion diverges with
-every such friction. A stable loop keeps the position within Fs times the integral of the absolute
-kernel from friction to position.
+An unstable part of a sliding loop grows by lambda a sample: w' Phi J = lambda w', with the jump J
+at the sample and the transition matrix Phi until the next one. |f| <= Fs reduces it at most by the
+value of a support function; beyond that value the motion diverges with every such friction. A
+stable loop keeps the position within Fs times the integral of the absolute impulse response g from
+friction to position.
 
 Every integral is bounded from above: over a piece of length h, int |g| <= sqrt(h int g^2) (Cauchy
 and Schwarz), and a matrix exponential gives the quadratic form int g^2 exactly, however often g
-changes its sign. The rest of a series is bounded by a Lyapunov function. Cutting into pieces only
-makes the bound tight.
+changes its sign. The tail of the impulse response is bounded by a Lyapunov function. Cutting into
+pieces only makes the bound tight.
 """
 
 from __future__ import annotations

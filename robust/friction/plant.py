@@ -129,9 +129,9 @@ def friction_plant(
     damping : float
         Viscous damping [Ns/m].
     port : bool, optional
-        True if the friction acts at another place than the force, or at several places. The inputs
-        of the model are then (force, force at each friction port), and its outputs (measured
-        position, displacement at each friction port).
+        True if the friction acts at another place than the force, or at several places. Each such
+        place is a *friction port*. The inputs of the model are then (force, force at each friction
+        port), and its outputs (measured position, displacement at each friction port).
     position_unit : str
         "m", or "rad" for a rotary machine, with kg m^2, Nm/rad and Nm s/rad.
 

@@ -1,8 +1,8 @@
 """A schedule as statements in the arithmetic of its target: the state space that is proved, with
 coefficients that are polynomials of theta, by Horner's rule in every step.
 
-Sections of second order would be other states: frozen they are the same controller, but not while
-theta moves. With F = A - I in the rows of slow states,
+Second-order sections have other states. They are the same controller while theta is constant, but
+not while theta moves. With F = A - I in the rows of slow states,
 
     s_j := s_j + (F_jk s_k + ... + B_j e)
 

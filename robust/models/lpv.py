@@ -107,7 +107,7 @@ class LpvModel(LpvMatrices):
         weight: Weight | None = None,
         form: str = DEFAULT_FORM,
     ) -> LpvModel:
-        """Return the model through systems given at operating points; of lower degree, the closest.
+        """Return the model that interpolates the systems at given operating points.
 
         Parameters
         ----------
@@ -118,7 +118,8 @@ class LpvModel(LpvMatrices):
         at : (N,) array_like
             Operating points, increasing.
         degree : int, optional
-            Degree of the polynomials, at most N - 1, which is the default.
+            Degree of the polynomials, at most N - 1, which is the default. With a lower degree they
+            are a least-squares fit to the matrices of the systems.
         over, unit : str
             Name and unit of the operating point.
         weight : control.StateSpace or number, optional

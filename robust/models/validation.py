@@ -67,7 +67,7 @@ class Validation:
         is uniformly distributed for an unchanged machine, if the distortion is white over the
         lines. 1 for the record of the model itself, nan for fewer than eight lines.
     omega_outside : (n_outside,) ndarray
-        Frequencies of these lines [rad/s].
+        Frequencies of the lines that `n_outside` counts [rad/s].
     n_lines : int
         Number of lines of the record inside the band of the model. Two records with different lines
         are compared on fewer lines, to which `n_expected` refers.
@@ -80,9 +80,9 @@ class Validation:
     delay : float
         Estimated change of the delay [s].
     level, p_level : float
-        Rms of the difference that remains after this change, divided by the scatter expected from
-        both records; and its p-value, the probability of at least this ratio for an unchanged
-        machine.
+        Rms of the difference that the change of gain, delay and frequency does not explain, divided
+        by the scatter expected from both records; and its p-value, the probability of at least this
+        ratio for an unchanged machine.
     entries_outside : (n_y, n_u) int ndarray or None
         `n_outside` of each entry, for several channels; `n_expected` refers to each entry.
     p_values : (n_y, n_u) ndarray or None
@@ -219,8 +219,8 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
 
     The second record is compared line by line with the record behind the model. If their lines
     differ, the lines of the record with fewer lines are used, and the other record is interpolated.
-    Of a model from several levels, the most similar record is used. A model without a record is
-    compared as if it were exact.
+    If the model is from several levels, its record that is most similar to the second record is
+    used. A model without a record is compared as if it were exact.
 
     The p-values are valid if the distortion is white over the lines, as with friction. A static
     cubic nonlinearity shifts all lines of one realisation together, which looks like a small change

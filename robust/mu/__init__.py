@@ -2,10 +2,10 @@
 
 blocks         the structure: the blocks, and the scalings that commute with them
 both_bounds    both bounds of mu or of a worst gain in one call, for systems too
-certification  a level of mu proved at every frequency
+certification  the proof that mu is below a level at every frequency
 crossings      the smallest perturbation found that moves a pole to the stability boundary
 gain           the worst gain over a set: its bound, and a perturbation that attains it
-intervals      the proof of a level with a scaling for each interval of the frequency
+intervals      the same proof with a scaling for each frequency interval
 parameters     margins and bounds for real parameters
 pieces         the frequency ranges on which a scaling proves a level
 perturbations  lower bounds: a perturbation that makes the loop singular, verified

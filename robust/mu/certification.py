@@ -58,7 +58,7 @@ def certify(
         performance block, the performance gain is then also below the level.
     solver : str, optional
         "CLARABEL" or "SCS", the solver of cvxpy that searches one scaling for all frequencies. By
-        default a scaling without a solver is tried first, then CLARABEL, then SCS.
+        default a scaling that needs no solver is tried first, then CLARABEL, then SCS.
 
     Returns
     -------

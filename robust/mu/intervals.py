@@ -1,4 +1,5 @@
-"""A level of mu proved interval by interval: scalings, P and Q for the generalised KYP lemma.
+"""Search for a proof, interval by interval, that mu is below a level: scalings, P and Q for the
+generalised KYP lemma.
 
 An interval of x, omega or tan(omega dt / 2), is mapped to [-1, 1] by v = (alpha x + beta)/(gamma x
 + delta), and one scaling is used on it. The proof needs a Q > 0 with

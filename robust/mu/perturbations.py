@@ -7,8 +7,8 @@ it as far as the eigenvalue grows. With complex blocks only this is ascent on th
 with the fixed points of the power iteration of Packard, Fan & Doyle 1988. Real blocks may end
 between their limits, where the power iteration does not converge (Young & Doyle 1990; Seiler,
 Packard & Balas 2010). If all blocks are real numbers, the determinant is affine in each of them.
-The smallest perturbation then usually has all but one at their limits, and these are solved for
-exactly.
+The smallest perturbation then usually has all numbers but one at their limits. Perturbations of
+this kind are computed exactly, from the roots of a polynomial.
 """
 
 from __future__ import annotations

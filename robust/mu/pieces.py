@@ -6,10 +6,10 @@ one if
 
     X_R - N~ X_L N + K N + N~ K~ > 0.
 
-A scaling of x_0 is complex. Along the axis its real part is constant, and its imaginary part is
-multiplied by 2 x x_0/(x_0^2 + x^2), which is one at x_0 and smaller elsewhere. So X stays positive,
-and everything is a real system in s: `robust.proofs.exact.bands` decides where the inequality
-holds, without a grid.
+A scaling that was found at x_0 is complex. Along the axis its real part is constant, and its
+imaginary part is multiplied by 2 x x_0/(x_0^2 + x^2), which is one at x_0 and smaller elsewhere. So
+X stays positive, and everything is a real system in s: `robust.proofs.exact.bands` decides where
+the inequality holds, without a grid.
 """
 
 from __future__ import annotations

@@ -239,8 +239,8 @@ def prove_schedule(
         Degree of P(p). By default 1 and 2 are tried for a sampled K, 0 to 3 for a continuous K, and
         0 and 1 for jumps.
     limit : bool
-        Whether to search for the largest provable rate (to 20 percent), and for a trajectory on
-        which the state of the loop grows.
+        Whether to search for the largest provable rate (within 20 %), and for a trajectory on which
+        the state of the loop grows.
 
     Returns
     -------

@@ -614,7 +614,7 @@ class Notch(Filter):
         )
 
     def polynomials(self, numbers: Numbers) -> Coefficients:
-        """Return the coefficients of numerator and denominator in p."""
+        """Return the coefficients of numerator and denominator in p = s/omega."""
         depth, width = numbers["depth"], numbers["width"]
         return [1.0, depth * width, 1.0], [1.0, width, 1.0]
 
@@ -664,7 +664,7 @@ class Lead(Filter):
         return float(number)
 
     def polynomials(self, numbers: Numbers) -> Coefficients:
-        """Return the coefficients of numerator and denominator in p."""
+        """Return the coefficients of numerator and denominator in p = s/omega."""
         sine = np.sin(numbers["phase"])
         r = np.sqrt((1 + sine) / (1 - sine))
         return [r, 1.0], [1.0, r]
@@ -718,7 +718,7 @@ class Lag(Filter):
         return ["omega", "gain"] if np.all(np.isfinite(self.gain)) else ["omega"]
 
     def polynomials(self, numbers: Numbers) -> Coefficients:
-        """Return the coefficients of numerator and denominator in p."""
+        """Return the coefficients of numerator and denominator in p = s/omega."""
         return [1.0, 1.0], [1.0, 1 / numbers.get("gain", np.inf)]
 
 
@@ -776,7 +776,7 @@ class LowPass(Filter):
         return ["omega", "zeta"][: self.order]
 
     def polynomials(self, numbers: Numbers) -> Coefficients:
-        """Return the coefficients of numerator and denominator in p."""
+        """Return the coefficients of numerator and denominator in p = s/omega."""
         if self.order == 1:
             return [0.0, 1.0], [1.0, 1.0]
         return [0.0, 0.0, 1.0], [1.0, 2 * numbers["zeta"], 1.0]
@@ -838,7 +838,7 @@ class Biquad(Filter):
         )
 
     def polynomials(self, numbers: Numbers) -> Coefficients:
-        """Return the coefficients of numerator and denominator in p."""
+        """Return the coefficients of numerator and denominator in p = s/omega."""
         ratio = numbers["omega"] / numbers["numerator_omega"]
         return [ratio**2, 2 * numbers["numerator_zeta"] * ratio, 1.0], [
             1.0,

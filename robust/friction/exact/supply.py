@@ -1,5 +1,5 @@
-"""A sliding loop over the rationals, its rest under 1 N, and the supply of a class of friction in
-it.
+"""The loop of a sliding machine over the rationals, its equilibrium under a friction force of 1 N,
+and the supply rate of a class of friction.
 """
 
 from __future__ import annotations

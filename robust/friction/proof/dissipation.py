@@ -1,8 +1,8 @@
 """The dissipation inequality of a Maxwell-slip friction, in states that come to rest where the
 machine does.
 
-The reference filter fh_1 follows the friction f. With d = f - fh_1 as input, xi_e the rest under f
-= 1, and states
+The friction f is filtered by fh_j' = a_j (f - fh_j). With d = f - fh_1 as input, xi the state of
+the loop (`robust.friction.loop`), xi_e its equilibrium under f = 1, and states
 
     z = (y, e_j),   y = xi - fh_1 xi_e,   e_j = fh_j - fh_1 (j >= 2)
     y' = F y + (B - a_1 xi_e) d,   e_j' = -a_j e_j + (a_j - a_1) d,   jump: J on y
@@ -12,8 +12,10 @@ the class guarantees  d/dt [sum S_i - s (fh_1 x - fh_1^2 x_e/2)] <= Supply(z, d)
     Supply = mu_0 (d v - a_1 d y_x) + sum_j mu_j [d v - (1 - 1/rho) a_1 d y_x - e_j v/rho -
     (a_j/(rho K0)) (d - e_j)^2]
 
-and s = mu_0 + (1 - 1/rho) sum_j mu_j. These states remove the line of rests, on which no inequality
-can be strict.
+and s = mu_0 + (1 - 1/rho) sum_j mu_j. x and v are displacement and velocity at the port, x_e and
+y_x the displacements that belong to xi_e and y. S_i is the storage function of element i, rho the
+stiction, and mu the weights of `multipliers`. In these states all equilibria of the loop are zero;
+in xi they form a line, on which no inequality can be strict.
 
 With friction at several ports p everything is summed over them: y = xi - sum_p fh_p xi_p, and with
 X_pq the displacement at port p at rest under f_q = 1 the middle term is sum_p s_p fh_p y_p + 1/2

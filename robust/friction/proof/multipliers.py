@@ -5,9 +5,10 @@ filter a_j,
 
     int (f - fh_j/rho) v - fh_j'^2/(rho a_j K0) dt >= -S(0),    fh_j' = a_j (f - fh_j).
 
-A row is this integrand in the loop, v = mobility f, at one frequency. If a sum of rows with weights
-mu_j >= 0 is negative at every frequency, it contradicts any motion that continues. Nothing here is
-a proof.
+S(0) is the initial value of the storage function, rho the stiction and K0 the presliding stiffness.
+A row of the linear program is this integrand in the loop, v = mobility f, at one frequency. If a
+sum of rows with weights mu_j >= 0 is negative at every frequency, it contradicts any motion that
+continues. Nothing here is a proof.
 """
 
 from __future__ import annotations

@@ -1,16 +1,16 @@
 """Bound on the final distance from rest of a loop with stiction, from the class without stiction.
 
 Elements with constant sliders (stiction rho = 1) have a force g under the same motion. It differs
-from the force of a friction of the class by the rest r of at most (1 - 1/rho) Fs/2. With the force
-g alone the loop contracts: with the states z of `dissipation` (rho = 1),
+from the force of a friction of the class by a remainder r of at most (1 - 1/rho) Fs/2. With the
+force g alone the loop contracts: with the states z of `dissipation` (rho = 1),
 
     d/dt V + 2 lambda V <= r^2,      V = z'P(t) z + sum_j mu_j sum_i (g_i - gh_ij)^2/(2 k_i),
 
-so that V <= (rest)^2/(2 lambda) eventually, and the position lies in the ellipsoid of that V. P(t),
-the weights and the bound come from one semidefinite program for each rate lambda; the derivation is
-T7 of the page on the theory. With friction at several ports r^2 becomes sum_p w_p (r_p/R_p)^2, with
-sum_p w_p = 1 and R_p the largest rest at port p. The solver only proposes: `verify_friction` judges
-its numbers over the rationals.
+so that V <= (largest r)^2/(2 lambda) eventually, and the position lies in the ellipsoid of that V.
+P(t), the weights and the bound come from one semidefinite program for each rate lambda; the
+derivation is T7 of the page on the theory. With friction at several ports r^2 becomes sum_p w_p
+(r_p/R_p)^2, with sum_p w_p = 1 and R_p the largest remainder at port p. The solver only proposes:
+`verify_friction` judges its numbers over the rationals.
 """
 
 from __future__ import annotations

@@ -94,7 +94,7 @@ _SAME_LEVEL = 1.3
 
 
 class Gap(enum.Enum):
-    """Kind of question that measurements at these levels can leave open.
+    """Kind of question that records at several levels can leave open: what they do not determine.
 
     References
     ----------
@@ -622,8 +622,8 @@ def identify_friction(
     masses : int
         1, or 2 for a motor and a load.
     sliding : SlidingFit, optional
-        Motor and load from `identify_sliding`, as start of the search. If they are given, lines on
-        which a large part of the force comes from the encoder step, as around the antiresonance,
+        Motor and load from `identify_sliding`, as start of the search. If given, lines on which
+        much of the force is due to the quantisation by the encoder, as around the antiresonance,
         are left out. Otherwise all lines have equal weight.
 
     Returns
@@ -641,8 +641,8 @@ def identify_friction(
     ----------
     J. G. MacKinnon, H. White, *Some heteroskedasticity-consistent covariance matrix estimators*, J.
     Econometrics 29, 1985 (jackknife); J. D. Angrist, J.-S. Pischke, *Mostly Harmless Econometrics*,
-    2009, section 8.1 (the larger of both); F. Al-Bender, V. Lampaert, J. Swevers, IEEE Trans.
-    Automatic Control 50, 2005 (elements).
+    2009, section 8.1 (use of the larger of two standard errors); F. Al-Bender, V. Lampaert, J.
+    Swevers, IEEE Trans. Automatic Control 50, 2005 (elements).
 
     Examples
     --------

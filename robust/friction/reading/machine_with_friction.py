@@ -35,11 +35,11 @@ def machine_with_friction(
 
     **BLAs** are evaluated level by level: 1/G = k - m w^2 + j c w + a j w/(j w + b) is fitted over
     all lines. The last term is an element that slips. The plant has no damping. Its stiffness is
-    the lowest k that the highest level allows within three standard deviations, minus the possible
-    further decrease of k if the force is doubled once more. K0 is the sum of two parts. The first
-    part is `margin` times the difference between the stiffness at rest, extrapolated from the
-    lowest levels, and k of the highest level. The second part is the amount by which the stiffness
-    of the plant is below that k.
+    the lowest k that the highest level allows within three standard deviations, minus the decrease
+    of k that a force twice as large could still cause. K0 is the sum of two parts. The first part
+    is `margin` times the difference between the stiffness at rest, extrapolated from the lowest
+    levels, and k of the highest level. The second part is the amount by which the stiffness of the
+    plant is below that k.
 
     A flexible machine, or BLAs with a delay, need a `nominal`. Fit the nominal at the lowest level,
     where the friction is a spring, or at the highest level, where the friction has no stiffness.

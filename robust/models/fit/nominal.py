@@ -512,8 +512,8 @@ class NominalFit:
     n_parameters : int
         Number of free real parameters.
     class_std : (F,) ndarray, or (n_y, n_u, F)
-        Estimated standard deviation of the model error on each line, which the weights of the fit
-        contain. Zero if the variance of the FRF explains the residual.
+        Estimated standard deviation of the model error on each line. The fit weights each line by
+        1/(std^2 + class_std^2). Zero if the variance of the FRF explains the residual.
     unlikelihood : float
         Negative log likelihood of the fit including the model error, up to a constant that depends
         on the variance of the FRF only.

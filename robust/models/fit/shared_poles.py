@@ -9,7 +9,7 @@ error of the class of models is added to it as in `robust.models.fit.class_error
 machine share its poles, and a mode has one shape: residues have rank one, and n poles make n
 states, not n n_u. The start is vector fitting with poles shared by all entries and residues cut to
 their rank. Then follows Levenberg-Marquardt on p, C and B, with least-norm steps, because C_r/a and
-a B_r are the same model (Gustavsen & Semlyen 1999; PS 9).
+a B_r are the same model (Gustavsen & Semlyen 1999; Pintelon & Schoukens, 2nd ed., 9).
 """
 
 from __future__ import annotations

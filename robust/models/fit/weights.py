@@ -60,7 +60,7 @@ def performance_weight(
     A : float
         |S| allowed at zero frequency, below M_S.
     order : int
-        Slope of the demand: n decades per decade.
+        The n of the formula: 1/|w_P| rises by n decades per decade below omega_B.
 
     Returns
     -------
@@ -115,7 +115,7 @@ def control_weight(
     A : float
         Largest |K S| at high frequency, below M_u.
     order : int
-        Slope of the roll-off: n decades per decade.
+        The n of the formula: 1/|w_u| falls by n decades per decade around omega_bc.
 
     Returns
     -------

@@ -127,8 +127,10 @@ def uncertainty(
         Add the variance of the even distortion, because the signals in closed loop are not odd
         multisines.
     systematic : float, optional
-        Systematic part of the radius, in decibels above the odd distortion level (8 in the paper);
-        None for no such part. For one channel, or for the form "elements".
+        Systematic part of the radius (difference between the BLA and the FRF of the machine without
+        its nonlinearity), in decibels above the odd distortion level: 8 for a static cubic, more
+        for friction near a resonance. None for no such part. For one channel, or for the form
+        "elements".
     below, above : "flat" or float
         Assumption about the radius below and above the measured band. "flat": it is constant. A
         number: it rises away from the band by this many dB per decade over two decades, and is

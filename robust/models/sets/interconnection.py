@@ -178,8 +178,8 @@ class UncertainSystem:
         )
 
     def perturbation_by_name(self, delta: np.ndarray) -> dict[str, float]:
-        """Return the number of each real block, and the norm of each other block, of a
-        perturbation.
+        """Return by name the value of each real block of a perturbation, and the norm of each other
+        block.
         """
         parts, r, c = {}, 0, 0
         for name, block in self.blocks.items():

@@ -6,8 +6,8 @@ nominal or the plant. So a Delta of gain gamma exists if and only if
 
     [gamma^2 X X*  E; E*  Y* Y] >= 0,
 
-This is decided for exact polynomials (`robust.proofs.exact.bands`), also at zeros and poles on the
-axis, at zero and at infinity. For coprime factors X = w [1 G] and Y = [1; G_p].
+The inequality is decided with exact polynomials (`robust.proofs.exact.bands`), also at zeros and
+poles on the axis, at zero and at infinity. For coprime factors X = w [1 G] and Y = [1; G_p].
 """
 
 from __future__ import annotations

@@ -159,8 +159,8 @@ class UncertaintyModel:
         Rows of `left` come before rows of `right`. Default, for weights of your own: |weight|.
     confidence : float
         Probability that the set contains, on one line, the FRF of another realisation (random draw
-        of the phases of the excitation); nan if no probability is claimed. For several channels it
-        refers to another set of experiments.
+        of the phases of the excitation); nan if no probability is claimed. For several channels
+        another realisation is another set of experiments.
     perturbation : str
         "LTI": Delta is any stable linear time-invariant system of gain at most one. "statistical":
         the discs contain measured FRFs with the stated confidence. "operator": Delta is any causal
@@ -189,10 +189,11 @@ class UncertaintyModel:
         Summary of each record: lines, FRF and scatter, which `validate` uses, and the level (rms of
         input and output), which `predict_level` uses.
     left, right : tuple of control.StateSpace
-        Stable weights W_l and W_r for several channels: one weight for each channel, or one square
-        matrix each. For a matrix the rows of `radius` are the gains of the rows of W_l or of the
-        columns of W_r. For the form "elements" `right` contains the n_y n_u weights, column by
-        column of G, and `left` is empty.
+        Stable weights W_l at the output and W_r at the input of Delta (G + W_l Delta W_r, for
+        example), for several channels: one weight for each channel, or one square matrix each. For
+        a matrix the rows of `radius` are the gains of the rows of W_l or of the columns of W_r. For
+        the form "elements" `right` contains the n_y n_u weights, column by column of G, and `left`
+        is empty.
     inputs, outputs : tuple of str
         Names of the channels.
     alternative_form : UncertaintyModel, optional
@@ -338,7 +339,8 @@ class UncertaintyModel:
         Raises
         ------
         ValueError
-            Arrays that do not fit each other, a form that depends on units, an order too low.
+            Arrays that do not fit each other, the coprime form (which depends on units), or an
+            order that is too low.
 
         References
         ----------

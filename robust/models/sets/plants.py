@@ -49,8 +49,9 @@ def uncertainty_of_plants(
         several channels "elements", "additive", "input", "output", "inverse-additive",
         "inverse-input" or "inverse-output"; the default is the first form of `choose_form`.
     weights : str
-        "diagonal": one weight for each channel. "full", for several channels: W_l and W_r are
-        matrices, and the set is smaller if the deviations have a common direction.
+        "diagonal": one weight for each channel. "full", for several channels: the weights W_l and
+        W_r on both sides of Delta are matrices. The set is then smaller if the deviations have a
+        common direction.
     omega_B : float, optional
         Bandwidth [rad/s] of the loop for which the form is chosen, for several channels. Default:
         the middle of the band of the plants.
@@ -75,9 +76,10 @@ def uncertainty_of_plants(
 
     Notes
     -----
-    For several channels the set minimises tr W_l W_l* + tr W_r* W_r at each frequency, before
-    weights are fitted. So scale inputs and outputs first (SP 1.4). If full weights of this order do
-    not cover the plants, the weights are diagonal, with a warning.
+    For several channels the smallest W_l and W_r are computed at each frequency, by minimising tr
+    W_l W_l* + tr W_r* W_r; weights are then fitted above them. The result depends on the units, so
+    scale inputs and outputs first (SP 1.4). If full weights of this order do not cover the plants,
+    the weights are diagonal, with a warning.
 
     References
     ----------

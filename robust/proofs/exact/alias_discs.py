@@ -1,4 +1,4 @@
-"""The distance of an inverse set under a sampled controller from instability, as a sum of discs.
+"""Stability of a set of an inverse form under a sampled controller, with one disc for each alias.
 
 In an inverse form each alias fills a disc, and those with k != 0 add up to one disc. With
 
@@ -9,10 +9,11 @@ the least |1 + K G_p|/|1 + K G_d| of the set is (docs/guide/aliases.md)
 
     (|1 + E|^2 - |F_0|^2 |1 + E - v|^2)/(|1 + E - |F_0|^2 (1 + E - v)| + |F_0 v|) - R.
 
-The set is stable if it is positive, and |w_P S_p| < 1 if it exceeds |w_P S|. Multiplied by D + N,
-the numbers 1 + E and 1 + E - v become D + N + a z with a = N_K D_G and z a sum over aliases. Taylor
-polynomials enclose the real and the imaginary part of z, so that the aliases keep their phases; R
-has no phase, and only the aliases beyond the single ones are bounded by their magnitudes.
+The set is stable if it is positive, and |w_P S_p| < 1 if it exceeds |w_P S|. Multiplied by the
+closed-loop polynomial D + N, the numbers 1 + E and 1 + E - v become D + N + a z with a = N_K D_G
+and z a sum over aliases. Taylor polynomials enclose the real and the imaginary part of z, so that
+the aliases keep their phases; R has no phase, and the aliases that are not summed one by one are
+bounded by their magnitudes.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""A level of the structured singular value at every frequency, proved interval by interval
-(generalised KYP lemma).
+"""Proof that the structured singular value is below a level, interval by interval of the frequency
+axis (generalised KYP lemma).
 
 The axis of x, omega [rad/s] or tan(omega dt / 2), is cut into closed intervals [a, b] from zero to
 infinity. With states g, f = j x g, outputs y and inputs u, an interval is proved by Hermitian P and

@@ -6,8 +6,9 @@ nu t:
     x(T) = F(theta_k) xi + L w + e,    |w| <= |R xi|,  |e| <= eps |xi|
 
 F is the exponential of M T as a Taylor series with scaling and squaring, cut in the Chebyshev basis
-(Lanczos): what is cut off is in eps. The motion is M(theta(t)) - M(theta_k) = b Q(t) c + a rest for
-eps, |Q(t)| <= nu kappa t. With p = (T/t) Q c xi, and zeta_0 = c exp(M t) xi:
+(Lanczos): what is cut off is in eps. The motion is M(theta(t)) - M(theta_k) = b Q(t) c plus a
+remainder that is added to eps, |Q(t)| <= nu kappa t. With p = (T/t) Q c xi, and zeta_0 = c exp(M t)
+xi:
 
     |p| <= f |zeta_0| in L2,   f = nu kappa T/(1 - g),   g = nu kappa T |c| |b| exp(a T) T/sqrt(12)
     R'R + delta_R^2 >= f^2 int exp(M't) c'c exp(M t) dt

@@ -1,5 +1,5 @@
-"""A level of the structured singular value at every frequency, from one matrix P and one scaling
-for all of them.
+"""Proof that the structured singular value is below a level at every frequency, by one matrix P and
+one scaling for all frequencies.
 
 With X_L > 0 and X_R > 0 that commute with the perturbation (Delta X_L = X_R Delta), G skew on the
 repeated real blocks, and P > 0, the inequality

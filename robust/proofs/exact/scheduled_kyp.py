@@ -1,14 +1,15 @@
-r"""The claim of a schedule: V = x'P(theta)x falls on every trajectory of theta and for every
-perturbation.
+r"""The claim of a scheduled loop: V = x'P(theta)x decreases on every trajectory of theta and for
+every perturbation.
 
     continuous   [A'P + PA +- nu P', PB; B'P, 0] + [C D]' X_L [C D] - diag(0, X_R) < 0
     discrete     [A B]' P+ [A B] - diag(P, 0)    + [C D]' X_L [C D] - diag(0, X_R) < 0
 
-at every theta in [-1, 1], with P > 0 and X > 0, and X_R = gamma^2 X_L on the gain (Wu, Yang,
-Packard & Becker 1996; with jumps Daafouz & Bernussou 2001). The first is affine in theta', the
-second in P+ = P(theta + v), |v| <= s = nu T, which lies in the convex hull of the Bernstein
-coefficients of P(theta + v) in v. A perturbation is causal with an L2 gain of at most one: from
-rest the supply of each block is not negative at any time, nor is V.
+at every theta in [-1, 1], with P > 0 and X > 0, and X_R = gamma^2 X_L on the performance channel
+with the gain gamma. nu is the largest |theta'| and T the sampling time (Wu, Yang, Packard & Becker
+1996; with jumps Daafouz & Bernussou 2001). The first is affine in theta', the second in P+ =
+P(theta + v), |v| <= s = nu T, which lies in the convex hull of the Bernstein coefficients of
+P(theta + v) in v. A perturbation is causal with an L2 gain of at most one: from rest the supply of
+each block is not negative at any time, nor is V.
 
 The error of a sampled plant is in the margin: |[A B] xi + e|_P^2 <= (1 + a) |[A B] xi|_P^2 + (1 +
 1/a) |e|_P^2.

@@ -1,5 +1,5 @@
-"""The loop u = -K(theta) y of a plant that goes with theta: polynomials, with every channel pulled
-out.
+"""The loop u = -K(theta) y of a plant that depends on theta, in polynomials of theta, with every
+perturbation as an external block.
 
 plant       x' = A x + B v, y = C x; continuous under a sampled controller: one sample of it (`sampled_motion`)
 set         v = u + w or y = C x + w, with w = Delta W u or Delta W y, as the form says; |Delta| <= 1

@@ -2,9 +2,9 @@
 period, in balls.
 
 theta is linear between vertices, or held from one to the next. For linear motion x' = A(theta(t)) x
-is solved by a power series in time. The remainder is bounded by the remainder of the scalar
-equation with norms. A period with matrix Phi grows if |trace Phi^k| > n for some k, because then
-its spectral radius is above one.
+is solved by a power series in time. The remainder is bounded by that of the scalar equation whose
+coefficients are the norms of those of A. A period with matrix Phi grows if |trace Phi^k| > n for
+some k, because then its spectral radius is above one.
 """
 
 from __future__ import annotations

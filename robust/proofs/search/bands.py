@@ -1,4 +1,4 @@
-"""The largest gain of a system in a band of frequencies, bounded from both sides by one exact
+"""The largest gain of a system in a band of frequencies, bounded from both sides in exact
 arithmetic.
 
 A level is tried. If the gain exceeds the level, exact arithmetic gives the frequency intervals in

@@ -51,10 +51,10 @@ def design_experiment(
 
     Use this to identify an axis whose loop stays closed. The input of the identification is the
     force set point, which is an output of the controller. The spectrum to play is therefore the
-    wanted force spectrum divided by the transfer function from the port to the force. This transfer
-    function is either computed from the gains and a rough plant, or measured with a first multisine
-    of low level at the same port. The computed transfer function contains no friction: if the axis
-    sticks, design again from the first record.
+    wanted force spectrum divided by the transfer function from the port (the set point to which the
+    multisine is added) to the force. This transfer function is either computed from the gains and a
+    rough plant, or measured with a first multisine of low level at the same port. The computed
+    transfer function contains no friction: if the axis sticks, design again from the first record.
 
     Parameters
     ----------

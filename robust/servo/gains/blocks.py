@@ -1,8 +1,9 @@
 """Exact conversion between the gains of a drive and blocks of `robust.tune`.
 
 The integral of the velocity loop adds the previous error, while a block is discretised by the
-Tustin method. Both are equal with other gains: kp (1 + Ts/tn z^-1/(1 - z^-1)) = kp_b + ki Ts/2 (z +
-1)/(z - 1) with ki = kp/tn and kp_b = kp - ki Ts/2. A filter is a block without conversion.
+Tustin method. Both give the same controller if the gains are converted: kp (1 + Ts/tn z^-1/(1 -
+z^-1)) = kp_b + ki Ts/2 (z + 1)/(z - 1) with ki = kp/tn and kp_b = kp - ki Ts/2. A filter is a block
+without conversion.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """A controller as the gains of a drive: the P-PI cascade that equals a given PID.
 
-With q = z^-1, p = 1 - q and a = Ts/tn, a cascade with differences behind a low-pass of pole b is
+With q = z^-1, p = 1 - q and a = Ts/tn, a cascade that computes the velocity by differences, with a
+low-pass with pole b and further filters F, is
 
     K = F kp (p + a q)/p ((1 - b) p/(Ts (1 - b q)) + kv) = F (n0 + n1 p + n2 p^2)/(p (1 - b q)),
 

@@ -1,15 +1,16 @@
 """One convex step of the fixed-structure design: second-order cones, line by line.
 
-The unknowns are the parameters, in coordinates eta in which the columns of Y and of c X over P_c
-are orthonormal, and
-|Y| and |X| if a demand adds the two. A modulus on the small side of a demand is a cone. One on the large side is
-replaced by a lower bound from the previous iterate:
+The unknowns are the parameters of K = X/Y; and |Y| and |X|, if a demand contains the sum of both.
+The parameters are in coordinates eta in which the columns of Y/|P_c| and |c| X/|P_c| are
+orthonormal, with the centre c of the disc of plants and P_c = Y + c X of the previous iterate. A
+modulus on the small side of a demand is a cone. One on the large side is replaced by a lower bound
+from the previous iterate:
 
     |R| >= Re(R R_c*)/|R_c|     for hard demands
     |R|^2 >= 2 Re(R R_c*) - |R_c|^2     for the level that is minimised: a^2 <= level |R|^2 is a rotated cone
 
-Both are exact at the previous iterate, so it stays feasible and no step is a step back (Karimi &
-Kammer, Automatica 85 (2017), eq. 22 to 26).
+Both are exact at the previous iterate, so the previous iterate stays feasible, and no step makes
+the result worse (Karimi & Kammer, Automatica 85 (2017), eq. 22 to 26).
 """
 
 from __future__ import annotations

@@ -128,7 +128,8 @@ def design_frf(
         Machine and class of friction with which the loop must be proved to come to rest. The gain
         is lowered until the proof holds, and all demands are checked again.
     n_iterations : int
-        Largest number of convex optimisation steps from each start, for each choice of lines.
+        Largest number of convex optimisation steps from each start. If the result is worse or
+        misses a demand between the lines, lines are added and the steps are repeated.
     progress : callable, optional
         Function that is called with (iteration, worst demand or gamma) after every step.
 

@@ -128,7 +128,7 @@ class Design(Unpacked):
 
     @property
     def limits_in_words(self) -> str:
-        """Describe if the limits are met."""
+        """Describe whether the limits are met."""
         if self.stability is Stability.UNDECIDED:
             return "STABILITY NOT DECIDED"
         return (

@@ -264,9 +264,9 @@ class TunedDesign:
         """Return `controller` as an `LpvModel`, for `prove_schedule` and `export_c`.
 
         The numbers of the blocks are polynomials of the operating point. The matrices of a filter
-        whose frequency moves are not, and are interpolated through d + 1 nodes. The degree d is
-        `degree`, or the smallest one for which the relative error of the response is below 1e-4
-        everywhere. Prove and implement the returned controller.
+        with a scheduled frequency are not polynomials; they are interpolated by polynomials through
+        d + 1 nodes. Their degree d is `degree`, or the smallest one for which the relative error of
+        the response is below 1e-4 everywhere. Prove and implement the returned controller.
 
         Raises
         ------

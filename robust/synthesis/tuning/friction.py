@@ -69,8 +69,8 @@ class FrictionLimit:
     Raises
     ------
     ValueError
-        A value that is not a machine, a class other than MaxwellSlip, or a margin outside its
-        range.
+        A value that is not a machine, a class other than MaxwellSlip, or a margin that is not in
+        [0, 1).
 
     References
     ----------
