@@ -31,7 +31,7 @@ class Effort:
 
 @value
 class ReportCurves:
-    """Curves of a loop on a grid; for several channels bounds of mu only.
+    """Curves of a loop on a frequency grid; for several channels only bounds of mu.
 
     Fields
     ------
@@ -39,11 +39,11 @@ class ReportCurves:
         Frequencies [rad/s].
     rs, np_, rp : (W,) ndarray
         Robust stability (below 1), nominal performance |w_P S|, robust performance |w_P| max |S_p|.
-        nan if the nominal loop is unstable, without a set, or without w_P. By mu: rs and rp are
-        upper bounds of mu, np_ is nan.
+        nan if the nominal loop is unstable, if there is no set, or if there is no w_P. If the loop
+        is judged by mu, rs and rp are upper bounds of mu, and np_ is nan.
     S, T : (W,) complex ndarray or None
-        Sensitivity and complementary sensitivity of the nominal loop; for one channel only, as all
-        fields below.
+        Sensitivity and complementary sensitivity of the nominal loop. These fields and all fields
+        below are for one channel only.
     G, K : (W,) complex ndarray or None
         Responses of plant and controller, hold and delay included.
     radius : (W,) ndarray or None
@@ -51,7 +51,7 @@ class ReportCurves:
     w_P : (W,) ndarray or None
         |w_P|, if there is a demand.
     shaping : (W,) complex ndarray or None
-        Scaling of the plant, if the form depends on its units.
+        Scaling of the plant, for the coprime form, which depends on the units of the plant.
 
     References
     ----------
@@ -85,33 +85,33 @@ class ReportCurves:
 
 @value
 class Margins:
-    """Margins of a loop, each with the frequency [rad/s] that limits it; nan for a margin that does
-    not exist.
+    """Margins of a loop, each with the frequency [rad/s] at which it is smallest; nan for a margin
+    that does not exist.
 
     Fields
     ------
     rs, rp : float
-        Largest factor on the uncertainty for which the loop is robustly stable (rs), or meets rp <=
-        1 (rp, 0 if
-        |w_P S| >= 1 for the nominal plant); nan for an unstable loop. By mu: the factor up to which the upper bound
-        stays at one (rp: factor on the perturbations and the performance together), or the factor
-        that was proved on the parts of the box of real parameters.
+        Largest factor on the uncertainty for which the loop is robustly stable (rs), or meets the
+        demand rp <= 1 (rp; 0 if |w_P S| >= 1 for the nominal plant). nan for an unstable loop. If
+        the loop is judged by mu: the factor up to which the upper bound of mu stays below one (for
+        rp a factor on the perturbations and the performance together), or the factor that was
+        proved on the parts of the box of real parameters.
     broken : float
-        By mu: factor at which the perturbation that was found makes the loop singular; inf if none
-        was found.
+        If the loop is judged by mu: factor on the uncertainty at which a perturbation was found
+        that makes the loop singular; inf if none was found.
     worst : dict or None
-        By mu: that perturbation for each block, scaled to broken = 1: a number in [-1, 1] for a
-        real block, the size for a complex block.
+        If the loop is judged by mu: the perturbation behind `broken`, divided by `broken`. For each
+        block by name: a number in [-1, 1] for a real block, the gain for a complex block.
     disk : float
         Symmetric disk margin alpha = 1/max |S - 1/2|, for one channel.
     S_worst : float
-        Largest |S| over the set; for several channels a bound of its largest singular value. inf if
-        a plant of the set is unstable, nan without a set.
+        Largest |S| over the set; for several channels an upper bound of the largest singular value
+        of S. inf if the loop with a plant of the set is unstable, nan without a set.
     S_worst_lines : int
-        For several channels: 0 if that bound is proved at all frequencies, else the number of
+        For several channels: 0 if `S_worst` is proved at all frequencies, else the number of
         frequencies checked.
     omega_rs, omega_rp, omega_disk, omega_S_worst : float
-        Limiting frequencies [rad/s].
+        Frequencies at which rs, rp, disk and S_worst are attained [rad/s].
 
     References
     ----------
@@ -148,7 +148,7 @@ class Margins:
 
     @property
     def disk_phase(self) -> float:
-        """Phase [rad] that the loop may gain or lose, by the disk margin."""
+        """Phase [rad] by which the loop may be shifted in either direction inside the disk margin."""
         return 2 * float(np.arctan(self.disk / 2))
 
 
@@ -166,12 +166,13 @@ class Proofs:
     Fields
     ------
     certificates : tuple of Certificate
-        Stability first, then performance if there is a demand and stability holds. The last one for
-        a sampled set with several channels proves that it contains the continuous set.
+        Proof of stability; then of performance, if there is a demand and stability holds. For a
+        sampled set with several channels, the last certificate proves that this set contains the
+        continuous set.
     robustly_stable, robust_performance : bool
         True only if proved for the whole set, whatever the class of the set.
     violated : bool
-        True if a plant of the set is unstable in the loop.
+        True if the loop with a plant of the set is unstable.
 
     Examples
     --------
@@ -199,7 +200,7 @@ class Given:
     delay : float
         Computation delay [s] in addition to the delay of the model.
     band : (2,) ndarray or None
-        First and last measured frequency [rad/s]; the radius is assumed outside.
+        First and last measured frequency [rad/s]; outside, the radius is an assumption.
     unit : str
         Unit of the plant, y over u; empty if unknown.
 

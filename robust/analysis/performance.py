@@ -386,12 +386,13 @@ class StepResponse:
     rise_time : float
         Time from 10 to 90 % of `final` [s].
     settling_time : float
-        Time after which y stays within 2 % of `final` [s]; nan if it does not within the horizon.
+        Time after which y stays within 2 % of `final` [s]; nan if this is not reached in the
+        simulated time.
     reference : int
-        For several outputs: the output whose reference steps, from 0.
+        For several outputs: the output whose reference steps, counted from 0.
     worst : StepResponse or None
-        For a set: the response with its plant of largest |S|; None if a plant of the set makes the
-        loop unstable.
+        For a set: the response with the plant of the set that has the largest |S|; None if a plant
+        of the set makes the loop unstable.
 
     References
     ----------

@@ -38,8 +38,8 @@ class FrictionPlant:
     description : str
         Text for people.
     delay : float
-        Delay from the command to the force, or from the position to its sample [s]. Every loop with
-        this plant has it.
+        Delay from the command to the force, or from the position to its sample [s]. It is part of
+        every loop with this plant.
     position_unit : str
         "m", or "rad" for a machine that turns, with Nm for N.
     port_names : tuple of str

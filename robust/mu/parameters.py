@@ -23,23 +23,25 @@ class ParameterMargin:
     Fields
     ------
     proved : float
-        Factor up to which it is stable for every parameter of the box and every perturbation; 0 if
-        nothing is proved.
+        Factor up to which the loop is proved to be stable for every parameter of the box and every
+        perturbation; 0 if nothing is proved.
     broken : float
-        Factor at which a perturbation that was found makes it unstable; inf if none was found.
+        Factor at which a perturbation was found that makes the loop unstable; inf if none was
+        found.
     worst : (r,) ndarray
-        Parameters at `broken`, of size up to one as in `boxes`, block by block; nan for a complex
-        block.
+        Parameters at `broken`, block by block, each divided by its size, so that it is in [-1, 1];
+        nan for a complex block.
     omega : float
-        Frequency of the pole that crosses [rad/s].
+        Frequency at which the pole crosses the stability boundary [rad/s].
     boxes : (L, r, 2) ndarray
-        Ends of the boxes into which the whole box is cut at `proved`, of size up to one.
+        Ends of the boxes into which the whole box is cut, in parameters that are in [-1, 1] at the
+        factor `proved`.
     certificates : tuple of Certificate
         Proof for each of these boxes, at all frequencies.
     met : bool
         True if `broken` is within the gap above `proved`.
     reason : str
-        Reason why not; empty if it is.
+        Reason why `met` is False; otherwise empty.
 
     References
     ----------

@@ -40,7 +40,8 @@ _ROUNDING = 1e-9
 
 @value
 class _ReferenceFilter:
-    """A prefilter or a feedforward filter, with the errors of the loop against its reference model.
+    """A prefilter or a feedforward filter, with the error of the loop relative to its reference
+    model.
 
     Fields
     ------
@@ -55,8 +56,9 @@ class _ReferenceFilter:
     omega : (W,) ndarray
         Frequencies [rad/s].
     error, error_worst : (W,) ndarray
-        |T_ref - y/r| of the nominal loop, and the largest over the set; inf where rs reaches one. For several channels
-        the largest singular value, and an upper bound of it.
+        |T_ref - T_yr| of the nominal loop, with T_yr from r to y; and the largest value over the
+        set, which is inf where rs reaches one. For several channels the largest singular value, and
+        an upper bound of it over the set.
     error_without : (W,) ndarray or None
         For a feedforward filter: the largest error over the set with F = 0.
     n_lines : int

@@ -137,8 +137,8 @@ class MaxwellSlip(FrictionClass):
     def decide(
         self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()
     ) -> FrictionProof:
-        """Return "proved" if a decreasing storage function is found, else a position bound if one
-        is.
+        """Return "proved" if a decreasing storage function is found, else a bound on the final
+        position if there is one.
         """
         found = certified_verdict(undecided, task, partial(self.certify, others=others))
         if found.verdict is FrictionVerdict.NOT_DECIDED and np.isfinite(task.forces).all():
@@ -180,7 +180,7 @@ class MaxwellSlip(FrictionClass):
     def settle(
         self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()
     ) -> FrictionProof:
-        """Return a bound on the position, proved over the rationals, or else `error_bound`."""
+        """Return a bound on the final position, proved over the rationals, or else `error_bound`."""
         loop, forces, error_bound = task.loop, task.forces, undecided.error_bound
         classes, any_friction = (self, *others), settled_by_bound(undecided)
         if any(one.bristle_time for one in classes) or not loop.growth() < 0:

@@ -74,7 +74,7 @@ class FrictionCertificate(NamedTuple):
 class FrictionClass(ABC):
     """A class of friction laws: all laws within its limits.
 
-    Friction is the force without its viscous part.
+    Here friction is the friction force without its viscous part.
 
     Fields
     ------
@@ -112,14 +112,14 @@ class FrictionClass(ABC):
     ) -> FrictionProof:
         """Return the proof, if one is found, of a loop that no stuck element makes unstable.
 
-        others : the classes at the other ports.
+        others : the classes at the other friction ports.
         """
 
     def certify(
         self, loop: FrictionLoop, reference: float, others: Sequence[Self] = ()
     ) -> FrictionCertificate:
-        """Prove that the energy of the loop falls. reference : rate [rad/s]; others : classes at
-        the other ports.
+        """Prove that the storage function of the loop decreases. reference : rate [rad/s]; others :
+        classes at the other ports.
         """
         raise NotImplementedError
 

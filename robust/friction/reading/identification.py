@@ -149,7 +149,7 @@ class LevelBalance:
     force, motion : float
         Rms of the force [N] and of the position [m] on the lines.
     stiffness, damping : float
-        Spring [N/m] and damper [Ns/m] that fit the measured friction force best: the measured force
+        Spring [N/m] and damper [Ns/m] that fit the friction force best, which is the measured force
         minus the force of the machine without friction.
     stiffness_fit, damping_fit : float
         Spring [N/m] and damper [Ns/m] that fit the force of the identified friction elements best.

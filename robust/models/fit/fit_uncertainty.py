@@ -26,9 +26,10 @@ class FitUncertainty:
     Fields
     ------
     poles, zeros : (n,) complex ndarray
-        In the plane of the model: [rad/s], or z.
+        In the s plane [rad/s] for a continuous model, in the z plane for a discrete one.
     cov_poles, cov_zeros : (n, 2, 2) ndarray
-        Covariance of real and imaginary part of each; a real one has no imaginary part.
+        Covariance of the real and the imaginary part of each root; for a real root the imaginary
+        part has no variance.
     static_gain, std_static_gain : float
         Gain at zero frequency [unit of G], infinite for a pole at zero, and its relative standard
         deviation.

@@ -582,7 +582,9 @@ class NominalFit:
 
     @property
     def criterion(self) -> float:
-        """Bayesian information criterion: negative log likelihood + n_parameters ln(2 lines)/2."""
+        """Bayesian information criterion: negative log likelihood + n_parameters ln(2 n_lines)/2,
+        with n_lines lines.
+        """
         return float(self.unlikelihood + self.n_parameters / 2 * np.log(2 * self.response.size))
 
     def describe_class_error(self) -> str:
@@ -714,7 +716,7 @@ def fit_nominal(
     References
     ----------
     Pintelon & Schoukens, 2nd ed., 9; Gustavsen & Semlyen 1999 (starting values); Goodwin, Gevers &
-    Ninness 1992 (error of the class); de Callafon & Van den Hof 1995 (models for a loop).
+    Ninness 1992 (error of a model class); de Callafon & Van den Hof 1995 (models for a loop).
 
     Examples
     --------

@@ -458,20 +458,20 @@ _DB = 20 / np.log(10)
 
 @value
 class _WeightFit:
-    """A weight over a radius.
+    """A weight that covers a radius, and its excess.
 
     Fields
     ------
     W : control.StateSpace
         Stable, minimum phase, biproper.
     min_ratio : float
-        Smallest |W| over the required magnitude, on the lines, on a ten times finer grid, at zero
-        and infinity; at least one.
+        Smallest |W|/radius on the lines, on a ten times finer grid, at zero and infinity; at least
+        one.
     max_excess_db, mean_excess_db : float
-        Largest |W| over the radius on the lines [dB], and its mean weighted by importance.
+        Largest |W|/radius on the lines [dB], and its mean, weighted by importance.
     exact : bool
-        True if the radius is itself a weight of this order and was recovered; |W| is then also the
-        radius between the lines. Otherwise the larger of the two neighbours is the radius between
+        True if the radius is itself a weight of this order and was recovered; The radius between
+        the lines is then |W|. Otherwise it is taken as the larger radius of the two neighbouring
         lines.
 
     References

@@ -111,8 +111,9 @@ def uncertainty(
     form : str, optional
         "multiplicative" (default), "additive", "inverse-multiplicative", "inverse-additive" or
         "coprime". For several channels: "elements" (default), "additive" or "input"; or "auto",
-        which makes the sets "elements" and "additive" with radii that are up to 10 % larger. Choose
-        the form before you see a verdict, because trying several forms is a multiple test.
+        which makes the sets "elements" and "additive", each at the confidence (1 + p)/2 for a
+        `confidence` p. `check` may then use the better of the two; the radii are up to 10 % larger.
+        Choose the form before you see a verdict, because trying several forms is a multiple test.
     order : int, optional
         Order of each weight. By default it is raised, up to 12, as long as one more state lowers
         the mean of |weight|/radius by 0.1 dB.

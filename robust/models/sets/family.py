@@ -153,12 +153,12 @@ class _FormRanking:
         Bandwidth of the loop for the comparison [rad/s].
     forms : tuple of str
     measures : (n,) ndarray
-        Largest sigma(W_r X W_l) over frequency, X being the T or S of the form; below one the loop
-        is robust.
+        Largest sigma(W_r X W_l) over frequency for each form. X is the transfer matrix seen by
+        Delta in the loop. Below one, the loop is robustly stable.
     omega : (n,) ndarray
-        Frequency of this maximum [rad/s].
+        Frequency of the maximum for each form [rad/s].
     refused : tuple of str
-        Reasons why the other forms have no set.
+        Reasons why no set of the other forms contains the plants.
 
     References
     ----------

@@ -77,16 +77,16 @@ _CROSSOVER_TEXT = (
 
 @value
 class OrderScan:
-    """Fits of growing order, the loops that their sets allow, and the recommended one.
+    """Fits of increasing order, the loops that their sets allow, and the recommended fit.
 
     Fields
     ------
     fits : (n,) tuple of NominalFit
         One for each order; two if a delay was tried too.
     sizes : (n,) tuple of SetSizes
-        The size of the set about each fit, and the loop that it allows.
+        The size of the set around each fit, and the loop that this set allows.
     omega_c : float
-        Requested crossover [rad/s]; nan for none.
+        Requested crossover [rad/s]; nan if none was requested.
 
     References
     ----------
@@ -118,7 +118,7 @@ class OrderScan:
 
     @property
     def expected_cost(self) -> np.ndarray:
-        """Return (n,) expected weighted sum of squares for scatter alone."""
+        """Return (n,) expected weighted sum of squares, from the scatter alone."""
         return np.array([fit.expected_cost for fit in self.fits])
 
     @property
@@ -147,16 +147,17 @@ class OrderScan:
     def chosen(self) -> int:
         """Return the index of the recommended fit.
 
-        With a crossover: the fewest poles among the fits whose |T_c| times radius is below one half
-        on every line, or within 10 % of that of the best. Fits with roots that the data do not
-        support are left out if another one allows a robust loop, with |T_c| times radius below one.
+        With a crossover: the fit with the fewest poles for which |T_c| times the relative radius is
+        below one half on every line, or within 10 % of the value of the best fit. Fits with roots
+        that the data do not support are left out if another fit allows a robust loop, with |T_c|
+        times the radius below one.
 
-        Without a crossover: the smallest criterion among the fits that scatter explains and whose
-        roots the data support; if there is none, among those that it explains without cancelled
-        poles and far zeros, then among those that it explains. If scatter explains none: the fewest
-        poles among those with a reach within 10 % of the highest and at most 100 times the least
-        cost. Lines on which scatter alone limits the reach do not count, because no order improves
-        them.
+        Without a crossover: the fit with the smallest criterion among the fits whose residual the
+        scatter explains and whose roots the data support. If there is none, the roots are only
+        required to be without cancelled poles and far zeros, and then not at all. If the scatter
+        explains no residual: the fit with the fewest poles among those with a `reach` within 10 %
+        of the highest and with at most 100 times the least cost. Lines on which scatter alone
+        limits the reach do not count, because no order improves them.
         """
         if np.isnan(self.omega_c):
             reach = np.array([size.reach_by_misfit for size in self.sizes])
@@ -186,7 +187,7 @@ class OrderScan:
 
     @property
     def best(self) -> int:
-        """Return the recommended number of poles, those of `fit`."""
+        """Return the recommended number of poles."""
         return int(self.n_poles[self.chosen])
 
     def __str__(self) -> str:

@@ -29,8 +29,8 @@ def uncertainty_of_plants(
     """Make an uncertainty set around a nominal model that contains each plant of a list.
 
     The set contains FRFs on their lines, and systems at all frequencies, zero and infinity
-    included. The latter is proved by exact polynomials (`UncertaintyModel.contains`). The set has
-    no confidence.
+    included. For systems this is proved with exact polynomials (`UncertaintyModel.contains`). No
+    probability is stated for the set.
 
     Use this for models at several operating points, or for FRFs with unknown scatter. For a
     measured BLA use `uncertainty`, whose set contains the next measurement with a stated

@@ -22,15 +22,15 @@ _MAX_DOF = 1e6  # stands for infinity, which a file cannot hold
 
 @value
 class RecordSummary:
-    """The FRF of one record and its likely scatter, for any number of channels; lines come first in
-    every array.
+    """The FRF of one record and its likely scatter, for any number of channels. The first axis of
+    every array is over the lines.
 
     Fields
     ------
     omega : (F,) ndarray
         Lines [rad/s].
     G : (F,) or (F, n_y, n_u) complex ndarray
-        The FRF, behind the hold of the model where that has one.
+        The FRF, which includes the hold of the model if the model has one.
     variance : (F,) ndarray, or (F, n_y, n_y) complex ndarray
         Variance of G around the BLA. For several channels the covariance C over outputs: an error
         of G is C^1/2 Z gamma^1/2 with Z white.
@@ -42,17 +42,18 @@ class RecordSummary:
         Variance of the FRF of one realisation around the BLA by distortion, without noise; for one
         channel.
     confirmed : float
-        Median ratio of the variance to the one behind `Bla.bound`; below one if G is less rough
-        than the level predicts. For one channel.
+        Median ratio of `variance` to the variance behind `Bla.bound`. It is below one if G scatters
+        less between neighbouring lines than the distortion level predicts. For one channel.
     rms_u, rms_y : float
         Rms of the input and of the output on the excited lines [unit of u, unit of y]: the level at
-        which G holds. nan if it is not known, as for several channels.
+        which G holds. nan if the level is unknown, as for several channels.
 
     Notes
     -----
-    For one channel the level is averaged over thirteen lines. If G is less rough than the level
-    predicts, its roughness is used: a bound takes the larger of two estimates of a level, which is
-    too large for a prediction.
+    For one channel the distortion level is averaged over thirteen lines. If G scatters less between
+    neighbouring lines than this level predicts, the variance is taken from the scatter between
+    lines. A bound uses the larger of two estimates of the level, which is too large for a
+    prediction.
 
     Examples
     --------

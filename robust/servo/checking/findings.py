@@ -142,20 +142,20 @@ class DriveCheck:
     Fields
     ------
     settings : Drive
-        The gains, for a position in m or rad. Delay and lag are those of the trace if it refutes
-        the given ones.
+        The gains, for a position in m or rad. Delay and lag are those of the trace if the trace
+        refutes the given values.
     unit : str
         Unit of the force set point: "N", "Nm", or "A" without a torque constant.
     traces : tuple of Trace
         Force, motion and band of each trace.
     base : str
-        Name of the trace from which the set is made.
+        Name of the trace from which the uncertainty set is made.
     report : RobustnessReport
         Margins, set, verdict and proof.
     step : StepResponse or None
         A step of the position set point; None if the nominal loop is unstable.
     friction : DriveFriction
-        The friction read from the traces, and the verdicts with it.
+        The friction identified from the traces, and the verdicts with this friction.
     actual : bool
         True if the input of the traces is the actual current, which does not show delay and lag.
     doubts : tuple of Doubt
@@ -185,8 +185,8 @@ class DriveCheck:
 
     @property
     def proved(self) -> bool:
-        """True if the drive itself is proved: stable with the whole set, at rest with every
-        friction of the class.
+        """True if both are proved: the loop is stable with the whole set, and the axis comes to
+        rest with every friction of the class.
         """
         return (
             self.report.proofs.robustly_stable
@@ -198,7 +198,7 @@ class DriveCheck:
     def verdict(self) -> DriveVerdict:
         """Verdict on linear loop and friction.
 
-        Friction that was not judged, or hunts in simulation, has not passed.
+        The friction has not passed if it was not judged, or if the axis hunts in the simulation.
         """
         if self.linear_passed and not self.friction.proofs and not self.friction.hunts:
             bounded = np.isfinite(self.friction.within)
@@ -216,7 +216,7 @@ class DriveCheck:
 
     @property
     def findings(self) -> tuple[str, ...]:
-        """Meaning of the verdict for the axis, then reasons and conditions, one sentence each."""
+        """Meaning of the verdict for the axis, then its reasons and conditions, one sentence each."""
         largest = (
             f"max |S| is {self.report.margins.S_worst:.3g}, at most {self.report.peak:g} is allowed"
         )
@@ -273,7 +273,7 @@ class DriveCheck:
         return {question: answer for question, answer in answers.items() if answer}
 
     def to_values(self) -> JsonObject:
-        """Return all fields in terms of JSON, in SI units, with a summary in `linear` and
+        """Return all fields as values for JSON, in SI units, with a summary in `linear` and
         `friction`.
 
         friction.outcome : the proved result: "rests", "settles" (within `within` [m]), "refuted" or

@@ -47,10 +47,11 @@ _CANCELS = 1e-6
 
 @value
 class _DriveReading:
-    """A controller read as gains of a drive, with the largest error over frequency relative to K.
+    """Gains of a drive that equal a controller K, with the largest error over frequency relative to
+    K.
 
-    If there are two solutions, `settings` has the slower position loop; in `alternative`, the same
-    controller exactly, `kv` and 1/`tn` have changed places.
+    If there are two solutions, `settings` has the slower position loop. `alternative` is exactly
+    the same controller, with the zeros of position loop and velocity loop exchanged.
 
     >>> from nlfrf.rig import Drive
     >>> from robust.servo import cascade

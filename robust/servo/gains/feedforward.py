@@ -44,13 +44,14 @@ Interval: TypeAlias = "float | tuple[float, float] | np.ndarray"
 
 @value
 class _FeedforwardGains:
-    """Feedforward of mass, friction and jerk, each with its interval (2,); the gains use the middle
-    of each.
+    """Feedforward gains for mass, friction and jerk. Each parameter is an interval (2,), whose
+    middle the gains use.
 
-    Units: [kg] or [kg m^2], [Ns/m], [N], [N] at standstill, [m/s], or those with rad and Nm.
-    Without a Stribeck effect `stiction` is `coulomb`, and `stribeck_velocity` is nan. `lead` is the
-    time T [s] by which the force follows its set point. With `settings` the gains have the units of
-    the drive, else they are forces.
+    `mass` [kg], `viscous` [Ns/m], `coulomb` [N], `stiction` [N] (friction at standstill) and
+    `stribeck_velocity` [m/s]; for a rotary axis in rad and Nm. Without a Stribeck effect `stiction`
+    is `coulomb`, and `stribeck_velocity` is nan. `lead` is the time T [s] by which the force
+    follows its set point. With `settings` the gains have the units of the drive, otherwise they
+    give a force.
 
     >>> found = feedforward(mass=(11.5, 12.5), viscous=20.0, coulomb=(14.0, 16.0))
     >>> float(found.force(0.1, 2.0)), float(found.error(0.1, 2.0))
@@ -103,17 +104,18 @@ class _FeedforwardGains:
 
     @property
     def relative_error(self) -> float:
-        """q: largest error of the dry friction over the largest stiction; 0 without friction.
+        """q: largest error of the dry friction, divided by the largest stiction; 0 without
+        friction.
 
-        While the axis slides in the direction of its set point the friction that is left is
-        `Bounded(q * Fs)`.
+        While the axis slides in the direction of its set point the friction that is not compensated
+        belongs to the class `Bounded(q * Fs)`.
         """
         return self.friction_error / self.stiction[1] if self.stiction[1] else 0.0
 
     @property
     def drive_gains(self) -> tuple[tuple[str, float, str], ...]:
-        """(what it multiplies, gain, unit) of each part, in the units of the drive, or as forces
-        without one.
+        """(signal that is multiplied, gain, unit) of each part, in the units of the drive; without
+        a drive each part is a force.
         """
         base, force, scale = "m", "N", 1.0
         if self.settings is not None:

@@ -67,7 +67,7 @@ def design_frf(
         For several channels, with as many inputs as outputs, the controller is diagonal: input k
         controls output k. The loops are designed one after the other, with the earlier loops
         closed. Each loop is then checked with all others closed, and designed again if it misses a
-        demand. At last the whole loop is checked. Any of the next arguments may be a list with one
+        demand. Finally the whole loop is checked. Any of the next arguments may be a list with one
         entry for each loop.
     structure : str, int or ControllerStructure
         "P", "I", "PI", "PD", "PID", "lead", "lead-lag" (real zeros and poles); "order-n" or n for a

@@ -59,17 +59,17 @@ class LimitValue:
     limit : Limit or FrictionLimit
     hard : bool
     plant : int
-        Number of the plant, from 0.
+        Index of the plant, counted from 0.
     ratio : float
-        Largest gain times weight over bound: met up to one.
+        Largest gain times weight, divided by the bound; the limit is met up to one.
     omega : float
-        Frequency of this maximum [rad/s]; inf at infinite frequency.
+        Frequency of the largest ratio [rad/s]; inf at infinite frequency.
     n_lines : int
-        Number of frequencies; 0 for a norm: no frequency has a larger ratio, by the Hamiltonian
-        test to 1e-7.
+        Number of frequencies checked. 0 for a norm: by the Hamiltonian test, the ratio is larger at
+        no frequency, to 1e-7.
     omegas, curve, before : (W,) ndarray
-        Ratio over frequency [rad/s], and that with the given blocks; nan if those leave it
-        unstable.
+        Frequencies [rad/s], ratio at these frequencies, and ratio with the given blocks before
+        tuning; nan if the loop with the given blocks is unstable.
 
     References
     ----------
@@ -170,6 +170,7 @@ class TunedDesign:
     system : tuple of control.StateSpace
         The fixed parts.
     plant : Plants
+        The plants for which the blocks were tuned.
     dt, delay : float
         Sampling time and computation delay [s].
 
