@@ -26,7 +26,7 @@ def controller_sections(K: LinearSystem) -> np.ndarray | tuple[np.ndarray, ...]:
 
     Returns
     -------
-    (n, 6) ndarray, or a tuple of them, one a loop, for several channels
+    (n, 6) ndarray, or for several channels a tuple of them, one for each loop
         One row b0 b1 b2 1 a1 a2 for each section: y[k] = b0 u[k] + b1 u[k-1] + b2 u[k-2] - a1
         y[k-1] - a2 y[k-2]. The output of each section is the input of the next one.
 

@@ -213,7 +213,7 @@ def pid_gains(
 
     Returns
     -------
-    PidGains, or a tuple of them, one a loop, for several channels
+    PidGains, or for several channels a tuple of them, one for each loop
         A gain is returned as zero if it is below about 1e-14 of the terms to which it is added (for
         Kp: Ki dt/2, Kd/Tf and Kd/dt), because rounding in K has already destroyed it.
 

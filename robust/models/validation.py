@@ -60,7 +60,7 @@ class Validation:
         confidence of the model (95 % without a model). For several channels the whole matrix of a
         line is compared.
     n_expected : float
-        Expected number of such lines if the machine has not changed.
+        Expected value of `n_outside` if the machine has not changed.
     p_value : float
         p-value of the test for a change of gain, delay and frequency together (one change for all
         entries): probability that two records of an unchanged machine differ at least as much. It

@@ -90,7 +90,7 @@ def parameter_margin(
     """Find the largest box of real parameters for which the loop is proved to be stable.
 
     The result is sharp within a relative gap: a box that is larger by `gap` contains an unstable
-    loop. If no unstable loop was found there, the field `met` of the result is False.
+    loop. If no unstable loop was found in the larger box, the field `met` of the result is False.
 
     Use this for physical parameters with tolerances, for which complex perturbations would be too
     conservative.

@@ -20,8 +20,8 @@ class Fact:
     name : str
         Name of the quantity.
     value : str, float or Peak
-        A text, a number, or a number with the frequency at which it stands. Neither an empty text
-        nor nan is shown.
+        A text, a number, or a number with the frequency at which it is attained. Neither an empty
+        text nor nan is shown.
     unit : str
         Unit of the number.
     meaning : str

@@ -125,7 +125,7 @@ def prefilter(
     -------
     ReferenceFilter
         The prefilter F and the bound. F is reduced to the fewest states that change T F by less
-        than 0.01. At zero frequency T F = T_ref, if T has an inverse there.
+        than 0.01. At zero frequency T F = T_ref, if T has an inverse at zero frequency.
 
     Raises
     ------

@@ -36,8 +36,8 @@ class Actuator:
 
 @value
 class FrictionClaim:
-    """The claim that u = -K y around p' = A p + B (u, -f) comes to rest or settles with a friction
-    class; its numbers.
+    """The claim that u = -K y around p' = A p + B (u, -f) comes to rest or settles with a class of
+    friction, with all numbers of the claim.
 
     Fields
     ------

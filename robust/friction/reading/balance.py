@@ -71,7 +71,7 @@ class Motion:
     x, v : (M, n) ndarray
         One period of the motion [m], [m/s].
     fs : float
-        Its sampling frequency [Hz].
+        Sampling frequency of x and v [Hz].
     lines : (W,) int ndarray
         Numbers of the lines.
     centred : bool

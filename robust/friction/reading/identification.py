@@ -209,8 +209,8 @@ class FrictionFit(NumbersRead):
         Smallest detectable break-away displacement [m]. K0 does not contain elements that break
         away below it.
     seen_to : float
-        Largest displacement [m] from the middle of the motion. An element that still sticks there
-        counts as a spring to ground.
+        Largest displacement [m] from the middle of the motion. An element that still sticks at this
+        displacement counts as a spring to ground.
     levels : tuple of LevelBalance
         Force balance of each level, the highest level first.
     questions : tuple of OpenQuestion

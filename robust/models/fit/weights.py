@@ -164,7 +164,8 @@ def makeweight(
     dc, high : float
         |W| at zero frequency, and at infinity (sampled: at the Nyquist frequency).
     crossover : float or (float, float)
-        Frequency [rad/s] at which |W| is one; or omega [rad/s] and |W| there, between dc and high.
+        Frequency [rad/s] at which |W| is one; or omega [rad/s] and |W| at omega, between dc and
+        high.
     order : int
         Order of the weight; a higher order is steeper between dc and high.
     dt : float
@@ -470,7 +471,7 @@ class _WeightFit:
     max_excess_db, mean_excess_db : float
         Largest |W|/radius on the lines [dB], and its mean, weighted by importance.
     exact : bool
-        True if the radius is itself a weight of this order and was recovered; The radius between
+        True if the radius is itself a weight of this order and was recovered. The radius between
         the lines is then |W|. Otherwise it is taken as the larger radius of the two neighbouring
         lines.
 

@@ -82,7 +82,7 @@ class OrderScan:
     Fields
     ------
     fits : (n,) tuple of NominalFit
-        One for each order; two if a delay was tried too.
+        One for each order, or two if a delay was tried, too.
     sizes : (n,) tuple of SetSizes
         The size of the set around each fit, and the loop that this set allows.
     omega_c : float

@@ -101,7 +101,7 @@ class LoopClaim:
         w/sqrt(1 - |w|^2), G and K those of the shaped loop.
     perturbation : str
         Class of the perturbations. For claims on every alias, "operator" has another condition than
-        "LTI" and "statistical". For other claims it is a word without effect.
+        "LTI" and "statistical". For other claims the class has no effect.
     delay : float
         Delay [s] in addition to that of the plant. A continuous plant under a sampled controller is
         held (zero order) and delayed exactly. A delay within 1e-9 of a whole number of samples is

@@ -57,7 +57,7 @@ class _SampledMotion:
     eps : float
         |e| <= eps |xi|.
     units : (n + m,) ndarray
-        xi is units times that of this value, powers of two.
+        Powers of two: the xi of the plant is `units` times the xi of this value.
     """
 
     F: PolynomialMatrix

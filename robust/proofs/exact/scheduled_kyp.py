@@ -35,8 +35,8 @@ from robust.proofs.exact.verification import Verification, summarise_claims
 
 @value
 class ScheduleClaim:
-    """A claim on a loop whose plant and controller go with theta in [-1, 1], and the matrices that
-    prove it.
+    """A claim on a loop whose plant and controller depend on theta in [-1, 1], and the matrices
+    that prove it.
 
     Fields
     ------

@@ -21,8 +21,8 @@ GAINS = ("S", "GS")
 
 @value(copy=False)
 class ScheduledLoop:
-    """x' (or x+) = A x + B w, z = C x + D w, with blocks w_k = Delta_k z_k of gain one, and the
-    gain last.
+    """x' (or x+) = A x + B w, z = C x + D w, with blocks w_k = Delta_k z_k of gain one. The last
+    block is the performance channel.
 
     Fields
     ------

@@ -85,7 +85,7 @@ def friction_cures(
     - reset time times 1.5;
     - no integral action, as with a large dead band or a leaky integrator;
     - a friction compensation that leaves at most 30 % of the friction. Nothing else is assumed
-      about the rest of the friction. A compensation computed from the set point acts only while the
+      about the remaining friction. A compensation computed from the set point acts only while the
       set point moves.
 
     Parameters

@@ -80,20 +80,21 @@ class DriveFriction:
     assumed : MachineWithFriction or None
         Machine and class of the proof.
     proofs : tuple of FrictionProof
-        The verdicts, the weakest first: for the mass as read without viscous friction, and if that
-        is proved, for the ends of both intervals.
+        The verdicts, the weakest first. The first proof is for the identified mass without viscous
+        friction. If it succeeds, it is repeated at the ends of the intervals of mass and viscous
+        friction.
     cures : tuple of FrictionCure
         Changes of the drive that improve a verdict that is not proved.
     bounded : FrictionProof or None
         Bound of the error with any friction up to the force `largest`, if no class of friction was
-        read.
+        identified.
     bounded_machine : str
-        Machine of this bound: the nominal model (not its set), or the machine as read in motion.
+        Machine of this bound: the nominal model (not its set), or the machine identified in motion.
     note : str
-        Reason why friction was not read, or nothing was proved.
+        Reason why no friction was identified, or why nothing was proved.
     largest : float, tuple of float or None
-        Largest friction force [N] or [Nm] of the bounds, given or the upper end of its interval;
-        for motor and load one each.
+        Largest friction force [N] or [Nm] that the bounds assume: the given force, or the upper end
+        of the identified interval; for motor and load one each.
     added_delay : float
         Largest additional delay [s] for which the proof was repeated with success, in steps of
         `_ADDED_STEP` periods; nan if the loop is not proved.
@@ -103,11 +104,11 @@ class DriveFriction:
         True if the velocity loop has an integral part. The axis can then rest only at its set
         point.
     force : FrictionForce or None
-        Friction for any friction law, from traces in motion and at rest.
+        Friction force without a friction law, from traces in motion and at rest.
     simulated : SimulatedRest or None
-        Simulation of the axis as read.
+        Simulation of the identified axis.
     unsimulated : str
-        Reason why it was not simulated.
+        Reason why the axis was not simulated.
     """
 
     fit: FrictionFit | None = None

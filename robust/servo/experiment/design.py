@@ -60,7 +60,7 @@ def design_experiment(
     ----------
     source : ServoAxis, Record, or pair of ServoAxis and Bla
         One of three: a drive with its gains and a rough machine, whose friction is used for
-        `peak_force` only; such a drive with a `Bla` from force set point to position, which
+        `peak_force` only; a drive of this kind with a `Bla` from force set point to position, which
         replaces the FRF of the rough machine; or a record at the same port with its reference r, as
         `load_trace` returns it.
     ms : Multisine

@@ -190,7 +190,7 @@ def crossover_weight(G: LinearSystem, omega_c: float) -> control.StateSpace:
     plant.
 
     If |G| is constant around omega_c, W1 = k / s, so that |G W1| falls by 20 dB per decade at the
-    crossover. If |G| already falls there, W1 = k (s + omega_c/5) / s.
+    crossover. If |G| already falls around omega_c, W1 = k (s + omega_c/5) / s.
 
     Parameters
     ----------
