@@ -1,8 +1,8 @@
 """Search for a proof, interval by interval, that mu is below a level: scalings, P and Q for the
 generalised KYP lemma.
 
-An interval of x, omega or tan(omega dt / 2), is mapped to [-1, 1] by v = (alpha x + beta)/(gamma x
-+ delta), and one scaling is used on it. The proof needs a Q > 0 with
+An interval of x, which is omega or tan(omega dt / 2), is mapped to [-1, 1] by v = (alpha x +
+beta)/(gamma x + delta), and one scaling is used on it. The proof needs a Q > 0 with
 
     X_R - N* X_L N + K N + N* K* - (1 - v^2) g* Q g > 0      at every real v, g the states,
 

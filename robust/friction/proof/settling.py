@@ -6,11 +6,12 @@ force g alone the loop contracts: with the states z of `dissipation` (rho = 1),
 
     d/dt V + 2 lambda V <= r^2,      V = z'P(t) z + sum_j mu_j sum_i (g_i - gh_ij)^2/(2 k_i),
 
-so that V <= (largest r)^2/(2 lambda) eventually, and the position lies in the ellipsoid of that V.
-P(t), the weights and the bound come from one semidefinite program for each rate lambda; the
-derivation is T7 of the page on the theory. With friction at several ports r^2 becomes sum_p w_p
-(r_p/R_p)^2, with sum_p w_p = 1 and R_p the largest remainder at port p. The solver only proposes:
-`verify_friction` judges its numbers over the rationals.
+with the force g_i of element i and its filtered values gh_ij. So V <= (largest r)^2/(2 lambda)
+eventually, and the position lies in the ellipsoid of that V. P(t), the weights and the bound come
+from one semidefinite program for each rate lambda; the derivation is T7 of the page on the theory.
+With friction at several ports r^2 becomes sum_p w_p (r_p/R_p)^2, with sum_p w_p = 1 and R_p the
+largest remainder at port p. The solver only proposes: `verify_friction` judges its numbers over the
+rationals.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Claims on a set of continuous plants under a sampled controller, with every alias.
 
-With S = 1/(1 + K G_d), h_k the hold at alias omega_k = omega + 2 pi k/T, F = G w or w by the form,
-sums over k != 0,
+With S = 1/(1 + K G_d), h_k the hold at alias omega_k = omega + 2 pi k/T, F = G w or w depending on
+the form, and sums over k != 0,
 
     LTI, mult. and additive       |h_0 F K S| + |K S| sum |h_k F_k| < 1
     operator, mult. and additive  |F K S|^2 + |K S|^2 sum |F_k|^2 < 1
@@ -9,11 +9,11 @@ sums over k != 0,
                                     + (|K S| + |F K S|) sum |h_k G_k| |F_k|/(1 - |F_k|) < 1
     operator, inverse             |[a, b; c, d]| < 1, the blocks of the frequency itself and of all others
 
-(docs/guide/aliases.md derives them). The third is sufficient: where it fails, the distance of
-`robust.proofs.exact.alias_discs` decides. On an interval each quotient is a maximum over a minimum
-of two Taylor models. Aliases beyond the first are taken in blocks, the last ones by their power
-law. The interval is cut until the sum of upper bounds stays below one. An upper bound of one or
-more disproves nothing: the result is then undecided.
+(docs/guide/aliases.md derives them). The third condition is only sufficient: where it fails, the
+condition of `robust.proofs.exact.alias_discs` decides. On an interval each quotient is a maximum
+over a minimum of two Taylor models. Aliases beyond the first are taken in blocks, the last ones by
+their power law. The interval is cut until the sum of upper bounds stays below one. An upper bound
+of one or more disproves nothing: the result is then undecided.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@ perturbation as an external block.
 
 plant       x' = A x + B v, y = C x; continuous under a sampled controller: one sample of it (`sampled_motion`)
 set         v = u + w or y = C x + w, with w = Delta W u or Delta W y, as the form says; |Delta| <= 1
-motion      of theta within a sample: one more block
+motion      the motion of theta within a sample is one more block
 performance "S": from n in y = ... + n to y; "GS": from d in v = u + d to y
 """
 
