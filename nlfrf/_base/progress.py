@@ -19,7 +19,7 @@ _ERASE_LINE = "\r\x1b[2K"
 def progress_bar(label: str = "") -> _ProgressBar:
     """Return a progress bar to give to functions that have an argument `progress`.
 
-    It is shown below the cell in a notebook, and on standard error in a terminal.
+    The bar is shown below the cell in a notebook, and on standard error in a terminal.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def progress_bar(label: str = "") -> _ProgressBar:
     Returns
     -------
     callable
-        Call it with the number of finished steps and their total. It shows nothing if standard
+        Call it with the number of finished steps and their total. The bar is not shown if standard
         error is a file. `robust.tune` has a time limit instead of a number of steps; give it
         ``progress_bar(label).timed``.
 

@@ -141,8 +141,9 @@ class Bla(Channels):
 
     `identify` returns it. Every variance is E|.|^2 of a complex error, one number per excited line.
     For one input and one output the fields are (F,) arrays. For several channels G is a matrix on
-    each line. Its covariance is Cov(vec G) = conj(gamma) kron cov; vec stacks the columns, and
-    `cov` contains both factors.
+    each line. The covariance of its entries is Cov(vec G) = conj(gamma) kron C, where vec stacks
+    the columns of G. The field `cov` contains gamma (n_u, n_u) and the covariances C (n_y, n_y) of
+    the outputs.
 
     Fields
     ------
@@ -171,12 +172,12 @@ class Bla(Channels):
     cov : Covariances
         Covariances due to noise and due to distortion, and the covariance that the bound uses.
     typical : float
-        Distortion power expected for random phases, over that of the measured realisations. An
-        input with low peaks excites less distortion; the ratio is computed for a cubic nonlinearity
-        and lies between 1 and 3. It is squared, as a fifth power needs it, in two cases. The first
-        is a realisation with lower peaks than 19 in 20 have. The second is a record with fewer than
-        27 lines; the result then lies between 0.6 and 6. For several inputs it is the mean over the
-        inputs.
+        Distortion power expected for random phases, divided by that expected for the phases of the
+        record. An input with low peaks excites less distortion. The ratio is computed for a cubic
+        nonlinearity and lies between 1 and 3. Its square, which fits a fifth power, is used in two
+        cases: if the peaks are lower than those of 19 in 20 realisations, and if the record has
+        fewer than 27 lines. With fewer than 27 lines the number lies between 0.6 and 6. For several
+        inputs it is the mean over the inputs.
     coherence : (F,) ndarray
         Fraction of the output power that is linear in the input, for noise excitation
         (`identify_noise`). nan for periodic records.
@@ -317,14 +318,15 @@ class Bla(Channels):
         """(F,) or (n_y, n_u, F) variance in the bound: |G - G_BLA|^2 / var_bound ~ F(2, 2 dof).
 
         A statistical model estimates it from lines without excitation, from the scatter of G
-        between lines, and from the scatter over realisations (docs/guide/distortion.md). The F
-        distribution has the 95 % and 99.9 % quantiles of that model.
+        between lines, and from the scatter over realisations (docs/guide/distortion.md). This
+        variance and `dof` are chosen so that the F distribution has the 95 % and 99.9 % quantiles
+        of that model.
         """
         return self.entries(self.cov.bound)
 
     def entries(self, cov: np.ndarray) -> np.ndarray:
-        """Return (F,) or (n_y, n_u, F) variances of the entries of G, from a covariance (n_y, n_y,
-        F).
+        """Return (F,) or (n_y, n_u, F) variances of the entries of G, from a covariance of the
+        outputs (n_y, n_y, F).
         """
         every = np.einsum("jjk->jk", cov).real[:, None] * np.einsum("iik->ik", self.cov.gamma).real
         return np.asarray(every[0, 0] if self.is_single else every)
@@ -350,8 +352,9 @@ class Bla(Channels):
         return np.asarray(self.var_total < 2 * noise)
 
     def covariance_of(self, of: str) -> np.ndarray:
-        """Return the (n_y, n_y, F) covariance of one experiment that `bound` uses for its argument
-        `of`.
+        """Return the (n_y, n_y, F) covariance of the outputs in one experiment, as `bound` uses it.
+
+        `of` is "bla" or "realization", as in `bound`.
         """
         require_choice("of", of, ("bla", "realization"))
         if of == "bla":
@@ -403,9 +406,10 @@ class Bla(Channels):
         """Return `left` and `right` of the set {G + left Delta right, sigma_max(Delta) <= 1}, which
         contains the true matrix.
 
-        C is the covariance of one experiment, and gamma the field of `cov`. The error dG of G has
-        this property: the largest singular value of C^-1/2 dG gamma^-1/2 has a known distribution
-        (Roy's largest root). Below, x_p is the quantile of its square at probability `confidence`.
+        C is the covariance that `covariance_of` returns, gamma the field `cov.gamma`, and dG the
+        error of G. The largest singular value of C^-1/2 dG gamma^-1/2 has a known distribution
+        (Roy's largest root). Below, x_p is the quantile of the square of this singular value at
+        probability `confidence`.
 
         Parameters
         ----------
@@ -455,9 +459,10 @@ class Bla(Channels):
     def distorted_share(self) -> np.ndarray:
         """Return the (F,) or (n_y, F) fraction of `var_bound` that is due to distortion.
 
-        Where noise dominates, total minus noise is negative on every second line. So the difference
-        is averaged over nine lines, and increased by an allowance for its scatter. A single line
-        with a larger fraction keeps its own value.
+        The fraction comes from the total variance minus the noise variance. Where noise dominates,
+        this difference is negative on about half of the lines. So it is averaged over nine lines,
+        and increased by an allowance for its scatter. A single line with a larger fraction keeps
+        its own value.
         """
         noise = diagonal(np.nan_to_num(self.cov.noise))
         if not noise.any():

@@ -22,8 +22,8 @@ def singular_values(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the singular values of a measured matrix, largest first, with their bounds.
 
-    Use this to see whether the record determines the weakest direction of a plant. If it does not,
-    the lower bound of the smallest singular value is zero.
+    Use this to see whether the record determines the gain of the plant in its weakest direction. If
+    it does not, the lower bound of the smallest singular value is zero.
 
     Parameters
     ----------

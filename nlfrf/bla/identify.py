@@ -84,8 +84,9 @@ def identify(
     ----------
     record : Record, or a list of them
         Inputs and outputs. One realisation of the random phases is enough for one input. n_u inputs
-        need n_u experiments. Two periods are needed to separate noise from distortion. A list holds
-        one record per output of the same experiment; the analysis of the input is then done once.
+        need n_u experiments, or one experiment in which each line excites one input only
+        ("zippered"). Two periods are needed to separate noise from distortion. A list holds one
+        record per output of the same experiment; the analysis of the input is then done once.
     transient : str
         "none": the record is in steady state. "discard": the first period is left out. "local": the
         spectrum of the transient is fitted between the lines and subtracted. "auto": "none" if the

@@ -107,10 +107,11 @@ def load_trace(
     `identify`.
 
     The experiment is an `nlfrf.signals.AxisExperiment`: a multisine added to a set point, while the
-    axis is at rest or moves at constant velocity (base motion). Each direction of a base motion
-    gives a record. So does each amplitude of a ramp, which raises the amplitude in steps. The base
-    motion and the remaining trend are subtracted from the position. Periods in which velocity or
-    amplitude changes are left out. The reference of the records is the played multisine.
+    axis is at rest or moves at constant velocity (base motion). There is one record for each
+    direction of a base motion. A ramp is an experiment at rest that raises the amplitude in steps;
+    it gives one record for each amplitude. The base motion and the remaining trend are subtracted
+    from the position. Periods in which velocity or amplitude changes are left out. The reference of
+    the records is the played multisine.
 
     Parameters
     ----------

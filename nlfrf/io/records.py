@@ -576,7 +576,7 @@ def load_record(
         Input between its samples, "zoh" or "band-limited"; see `Record`. By default that of the
         file or of the design.
     start, stop : float, or a list of them, optional
-        Begin and end of the part to use, in seconds after the first row of the file. With lists
+        Start and end of the part to use, in seconds after the first row of the file. With lists
         each part is a realisation.
 
     Returns

@@ -38,8 +38,8 @@ def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> A
     """Draw the magnitude of the best linear approximation (BLA) with its bound and its standard
     deviations.
 
-    Amplitudes on the detection lines (lines without excitation) are drawn over |U|, in the unit of
-    G.
+    Output amplitudes on the detection lines (lines without excitation) are divided by |U|, so that
+    they have the unit of G.
 
     Parameters
     ----------
@@ -231,7 +231,11 @@ def plot_levels(bla: Bla, *, ax: Axes | None = None) -> Axes:
     """Draw the output spectrum on excited and on detection lines (not excited), with the noise
     level.
 
-    Arguments as in `plot_bla`.
+    Parameters
+    ----------
+    bla : Bla
+    ax : matplotlib Axes, optional
+        Axes to draw on; by default a new figure.
     """
     _require_single(bla)
     ax = axes_or_new(ax)
@@ -268,7 +272,12 @@ def plot_levels(bla: Bla, *, ax: Axes | None = None) -> Axes:
 def plot_opinion(opinion: SecondOpinion, *, ax: Axes | None = None) -> Axes:
     """Draw the two estimates of the distortion by `nlfrf.second_opinion`, as standard deviations.
 
-    Arguments as in `plot_bla`.
+    Parameters
+    ----------
+    opinion : SecondOpinion
+        Result of that function.
+    ax : matplotlib Axes, optional
+        Axes to draw on; by default a new figure.
     """
     require_kind("opinion", opinion, SecondOpinion)
     ax = axes_or_new(ax)

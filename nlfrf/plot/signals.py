@@ -46,7 +46,11 @@ def plot_excitation(ms: Multisine, *, ax: Axes | None = None) -> Axes:
     """Draw one period of the first realisation (draw of the random phases) over time, for every
     input.
 
-    Arguments as in `plot_bla`.
+    Parameters
+    ----------
+    ms : Multisine
+    ax : matplotlib Axes, optional
+        Axes to draw on; by default a new figure.
     """
     require_kind("ms", ms, Multisine)
     ax = axes_or_new(ax)
@@ -70,7 +74,11 @@ def plot_spectrum(ms: Multisine, *, ax: Axes | None = None) -> Axes:
     """Draw the first excited lines of a multisine, and the detection lines (not excited) between
     them.
 
-    Arguments as in `plot_bla`.
+    Parameters
+    ----------
+    ms : Multisine
+    ax : matplotlib Axes, optional
+        Axes to draw on; by default a new figure.
     """
     require_kind("ms", ms, Multisine)
     ax = axes_or_new(ax)
@@ -231,7 +239,11 @@ def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -
 def plot_input(record: Record, *, ax: Axes | None = None) -> Axes:
     """Draw the input spectrum on excited and on detection lines (not excited).
 
-    Arguments as in `plot_bla`.
+    Parameters
+    ----------
+    record : Record
+    ax : matplotlib Axes, optional
+        Axes to draw on; by default a new figure.
     """
     require_kind("record", record, Record)
     ax, grid = axes_or_new(ax), record.lines

@@ -100,8 +100,8 @@ class Record(Channels):
     """Whole periods of the inputs and outputs of an experiment, for any number of channels.
 
     Give the record to `identify`. Call `Record` if your arrays are already cut into periods.
-    Otherwise use `load_record` for a file, or `record_from_samples` for samples, which also search
-    for faults.
+    Otherwise use `load_record` for a file, or `record_from_samples` for samples. Both also search
+    the signals for faults.
 
     Parameters
     ----------

@@ -123,7 +123,7 @@ def record_from_samples(
     Returns
     -------
     Record
-        Record with the whole periods that every stream contains after the discarded ones.
+        Record with all periods that are whole in every stream, without the first `n_discard`.
 
     Raises
     ------

@@ -85,8 +85,8 @@ class AxisExperiment:
     port : str
         Set point to which the drive adds the multisine: "position", "velocity" or "force".
     force_response, position_response : (F,) ndarray
-        Expected response of the force set point and of the position to the port: complex amplitude
-        per unit, on each line.
+        Expected FRFs from the multisine at the port to the force set point and to the position, on
+        each line.
     gains : (S,) ndarray
         Factor by which the multisine is multiplied in each segment.
     velocities : (S,) ndarray

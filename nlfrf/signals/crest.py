@@ -41,9 +41,9 @@ def reduce_crest(
 
     A lower crest factor allows more power under the same actuator limit.
 
-    - Without `target`: the best of a few random draws is taken. The bound of `identify` then nearly
-      holds. For a fifth-power nonlinearity on fifty lines the 95 % bound contains the FRF of
-      another realisation (draw of the phases) with 93 % probability.
+    - Without `target`: of a few random draws the one with the lowest crest factor is taken. The
+      bound of `identify` then nearly holds. For a fifth-power nonlinearity on fifty lines the 95 %
+      bound contains the FRF of another realisation (draw of the phases) with 93 % probability.
     - With `target`: the signal is clipped, its amplitude spectrum is restored, and both steps are
       repeated. These phases are not random. The distortion and the best linear approximation differ
       from those of random phases, and the bound of `identify` may not hold.
@@ -55,8 +55,8 @@ def reduce_crest(
         Crest factor at which the iteration stops. Use it for nearly linear plants only.
     n_draws : int, optional
         Number of random draws for each realisation, without `target`. By default 7 for one
-        realisation, 3 for two, and 2 for seven: choosing phases makes a bias, which matters more if
-        more realisations are averaged.
+        realisation, 3 for two, and 2 for seven: the choice of phases biases the FRF, and averaging
+        over realisations does not reduce a bias.
     n_iterations : int
         Largest number of clipping steps for each realisation, with `target`.
     oversampling : int

@@ -43,7 +43,7 @@ class Multisine:
     n_samples : int
         Samples N in one period.
     kind : str
-        Kind of the harmonic grid.
+        Kind of the grid of excited lines, as in `multisine`.
     lines : LineGrid
         Excited lines and detection lines (not excited), the same for all inputs.
     amplitude : (F,) or (n_u, F) ndarray
@@ -161,8 +161,8 @@ class Multisine:
 
     @property
     def rms(self) -> ArrayField:
-        """Root mean square of one period, equal for all realisations. For several inputs (n_u,),
-        over the experiments of a realisation.
+        """Root mean square of one period, equal for all realisations. For several inputs (n_u,):
+        that of each input over all experiments of a realisation.
         """
         power = np.sum(self.amplitude**2, axis=-1) / 2
         found = np.sqrt(power if self.mixing is None else self.mixing**2 @ power)

@@ -495,8 +495,8 @@ def run_loops(
     of : callable, optional
         Function of the `Trajectory` of a run, for example ``lambda moved: moved.outcome(0.2)``.
         Only its results are returned, so thousands of runs need little memory. With worker
-        processes, a function from a module is called in the worker. A lambda is called in the main
-        process, and so is any function if `resume` is given.
+        processes, a function that is defined in a module is called in the worker. A lambda is
+        called in the main process, and so is any function if `resume` is given.
     initial : (2,) or (R, 2) ndarray
         Position [m] and velocity [m/s] at the start, for all runs or one row per run.
     oversampling : int

@@ -65,8 +65,8 @@ class Drive:
     tn : float
         Reset time of the velocity controller [s]; infinite for no integral part.
     torque_constant : float
-        Force or torque per current [N/A] or [Nm/A], for the velocity on which the velocity loop
-        acts; nan if unknown.
+        Force or torque per current [N/A] or [Nm/A], in the coordinate of the velocity loop; nan if
+        unknown.
     lag : float
         Time constant of the current loop [s].
     delay_periods : float
@@ -175,13 +175,18 @@ class Drive:
 
     @property
     def position_scale(self) -> _Scale:
-        """Unit of the measured position; with two encoders that of the motor position."""
+        """Unit of the measured position, with its factor to the unit of the velocity loop.
+
+        With two encoders it is the unit of the motor position.
+        """
         unit = self.position_unit or self.base_unit
         return _Scale(unit, _scale_factor("unit_factor", self.unit_factor, unit, self.base_unit))
 
     @property
     def load_scale(self) -> _Scale:
-        """Unit of the measured position of the load."""
+        """Unit of the measured position of the load, with its factor to the unit of the velocity
+        loop.
+        """
         position = self.position_scale
         unit = self.load_unit or position.unit
         if np.isnan(self.load_factor) and unit == position.unit:

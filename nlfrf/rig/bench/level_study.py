@@ -111,8 +111,8 @@ def level_study(
 
     Examples
     --------
-    In small motions the Leuven friction of the rig creeps, with a term of second degree in the
-    motion. So the distortion grows by about 20 dB:
+    In small motions the Leuven friction of the rig acts nearly like a quadratic nonlinearity. So
+    the distortion relative to G grows by about 20 dB if the rms grows by 20 dB:
 
     >>> from nlfrf.signals.multisine import multisine
     >>> from nlfrf.rig.bench.rig import paper_rig

@@ -195,9 +195,10 @@ class Rig:
         return len(self.outputs)
 
     def poles(self, gain: float) -> np.ndarray:
-        """Return the (2 n,) poles [rad/s] with `gain` times the stiffness of the stuck friction.
+        """Return the (2 n,) poles [rad/s] of the rig, with friction as a spring of `gain` times its
+        stiffness while it sticks.
 
-        `gain` is 1 for a stuck machine and 0 for a sliding one.
+        `gain` is 1 for a machine that sticks and 0 for one that slides.
         """
         mass, stiffness, damping = map(np.atleast_2d, (self.mass, self.stiffness, self.damping))
         return axes.poles(

@@ -82,8 +82,8 @@ class Trajectory:
         return self.r - self.x
 
     def residual(self, calm: float) -> float:
-        """Return the peak-to-peak error in the last quarter of the time after `calm` [s], over that
-        before `calm`.
+        """Return the peak-to-peak error in the last quarter of the time after `calm` [s], divided
+        by that before `calm`.
 
         Use it for a loop that is disturbed until `calm` and undisturbed afterwards. It is zero for
         a loop at rest at any position, and inf if the motion diverged. For several channels it is

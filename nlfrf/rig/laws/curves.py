@@ -29,7 +29,8 @@ class _YieldingCurve:
 class Linear:
     """Virgin curve of a linear spring, y = K0 z, which has no hysteresis.
 
-    With this curve and n = 1 the Leuven model is the LuGre model.
+    The virgin curve is the force y over the displacement z of the first push from rest. With this
+    one and n = 1 the Leuven model is the LuGre model.
 
     Parameters
     ----------
@@ -59,6 +60,8 @@ class Linear:
 class Tanh(_YieldingCurve):
     """Virgin curve y = Fy tanh(K0 z / Fy), with distortion of third and higher odd order.
 
+    The virgin curve is the force y over the displacement z of the first push from rest.
+
     Parameters
     ----------
     K0 : float
@@ -74,7 +77,7 @@ class Tanh(_YieldingCurve):
     References
     ----------
     G. Masing 1926 (rule for a loop from a virgin curve); the curve is our choice, fitted to the
-    paper's resonances.
+    resonances in the paper of `nlfrf.paper_rig`.
 
     Examples
     --------
@@ -91,7 +94,8 @@ class Tanh(_YieldingCurve):
 class Exponential(_YieldingCurve):
     """Virgin curve y = Fy (1 - exp(-K0 |z| / Fy)) sgn z.
 
-    It is curved at the origin, so even small motions lose energy.
+    The virgin curve is the force y over the displacement z of the first push from rest. This one is
+    curved at the origin, so even small motions lose energy.
 
     Parameters
     ----------
@@ -107,8 +111,8 @@ class Exponential(_YieldingCurve):
 
     References
     ----------
-    P. Dahl, *A solid friction model*, Aerospace Corporation, 1968: the curve of its model of
-    exponent one.
+    P. Dahl, *A solid friction model*, Aerospace Corporation, 1968: the curve of Dahl's model with
+    exponent 1.
 
     Examples
     --------
@@ -122,7 +126,9 @@ class Exponential(_YieldingCurve):
 class Parabola(_YieldingCurve):
     """Virgin curve y = K0 z - (K0 z)^2 / (4 Fy) up to z = 2 Fy / K0, and constant Fy beyond.
 
-    It is that of many parallel elements whose yield points have a uniform density.
+    The virgin curve is the force y over the displacement z of the first push from rest. This one is
+    that of many parallel elements, each a spring that yields at a force of its own, with a uniform
+    density of yield points.
 
     Parameters
     ----------
@@ -150,7 +156,10 @@ class Parabola(_YieldingCurve):
 
 @value(kw_only=False)
 class ElasticPlastic(_YieldingCurve):
-    """Virgin curve of one Jenkins element: y = K0 z up to Fy, and constant beyond.
+    """Virgin curve of one Jenkin element: y = K0 z up to Fy, and constant beyond.
+
+    The virgin curve is the force y over the displacement z of the first push from rest. A Jenkin
+    element is a spring in series with a slider that slips at the force Fy.
 
     Parameters
     ----------
@@ -245,7 +254,8 @@ class MaxwellSlip:
     """Virgin curve of parallel elements, each a spring that slips when its force reaches its
     strength.
 
-    A `Table` with the same corners gives the same force along any path.
+    The virgin curve is the force y over the displacement z of the first push from rest. A `Table`
+    with the same corners gives the same force along any path.
 
     Parameters
     ----------

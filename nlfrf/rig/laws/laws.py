@@ -147,7 +147,7 @@ class VaryingSliders:
     - in slip: exp(-(v/vs)^2)
     - after a time of rest: 1 - exp(-rest/dwell)
     - along the path: (1 + cos(2 pi x / wavelength)) / 2
-    - in negative direction: 1 - asymmetry
+    - while it moves in negative direction: 1 - asymmetry
     - with a seed: a random number, drawn each time the slider sticks
 
     The class `robust.friction.MaxwellSlip(sum of stiffness, stiction)` contains every such law.
@@ -310,12 +310,12 @@ def load_forces(
     fs: float,
     slopes: bool = False,
 ) -> np.ndarray:
-    """Return the force with which a load with friction reacts on the motion of its spring and
+    """Return the force of a load with friction on the body that moves it through a spring and a
     damper.
 
-    The motion is periodic. The load starts from rest, and the second period is returned. While
-    friction sticks, few samples are enough: with 14 samples per cycle the error was 0.03 % of the
-    force. In slip the error falls with the square of the step.
+    The motion of that body is given and periodic. The load starts from rest, and the second period
+    is returned. While friction sticks, few samples are enough: with 14 samples per cycle the error
+    was 0.03 % of the force. In slip the error falls with the square of the step.
 
     Parameters
     ----------
@@ -331,9 +331,10 @@ def load_forces(
     fs : float
         Sampling frequency [Hz].
     slopes : bool
-        True: also return the derivatives of the force, in this order: by the logarithms of mass,
-        stiffness and damping; by `viscous`; by the logarithms of stiction - 1 and vs; by the
-        logarithms of the stiffnesses, and of the break-away displacements, of the elements.
+        True: also return the derivatives of the force with respect to, in this order: the
+        logarithms of mass, stiffness and damping; `viscous`; the logarithms of stiction - 1 and vs;
+        the logarithms of the stiffness of each element; the logarithms of the break-away
+        displacement of each element.
 
     Returns
     -------
@@ -561,9 +562,10 @@ class Leuven:
 
     F = Fh(z) + sigma1 dz/dt + sigma2 v,  dz/dt = v (1 - sgn(Fh/s(v)) |Fh/s(v)|^n),
 
-    Fh is the hysteresis force of `curve`, and s(v) = sgn(v) [Fc + (Fs - Fc) exp(-|v / vs|^delta)].
-    The defaults are those of `nlfrf.paper_rig`. The paper of that rig does not state n and the
-    curve; they were chosen so that the resonances agree.
+    z is the presliding displacement, Fh its hysteresis force by `curve`, and s(v) = sgn(v) [Fc +
+    (Fs - Fc) exp(-|v / vs|^delta)]. The defaults are those of `nlfrf.paper_rig`. The paper of that
+    rig does not state n and the curve; they were chosen so that the resonances agree with those of
+    the paper.
 
     Parameters
     ----------
