@@ -1,8 +1,9 @@
 """`Bla`: the best linear approximation of a nonlinear system, its variances, and the bound on its
 distortion.
 
-The class serves any number of inputs and outputs. For a matrix G, Cov(vec G) = conj(gamma) kron cov
-(Pintelon & Schoukens, 2nd ed., 2.7). For one input and one output G has one variance per line.
+The class serves any number of inputs and outputs. For a matrix G, Cov(vec G) = conj(gamma) kron C,
+with the covariance C of the outputs (Pintelon & Schoukens, 2nd ed., 2.7). For one input and one
+output G has one variance per line.
 """
 
 from __future__ import annotations
@@ -97,7 +98,8 @@ class Experiment:
 class Covariances:
     """Covariances of the residual Y - G U of one experiment, on each excited line.
 
-    Each of them gives a covariance of the estimate: Cov(vec G) = conj(gamma) kron cov.
+    Each of them, C, gives a covariance of the estimate: Cov(vec G) = conj(gamma) kron C, where vec
+    stacks the columns of G.
 
     Fields
     ------
