@@ -135,11 +135,10 @@ def save(
     thing : Multisine, Record, Bla, UncertaintyModel, controller, RobustnessReport, ...
         Object to write. The kind of object decides which suffixes are possible:
 
-        - a multisine: ``.npz`` and ``.h5`` contain the exact design and its samples u of shape (M,
-        N), or (n_u, M, N) for several inputs. ``.csv``, ``.mat`` and ``.wav`` contain the signal
-        for a
-          generator, one column or channel per realisation or input. The design is then written to
-          an ``.npz`` file with the same name. A WAV file is scaled to a peak of 1.
+        - a multisine: ``.npz`` and ``.h5`` contain the exact design and its samples u of shape
+          (M, N), or (n_u, M, N) for several inputs. ``.csv``, ``.mat`` and ``.wav`` contain the
+          signal for a generator, one column or channel per realisation or input. The design is then
+          written to an ``.npz`` file with the same name. A WAV file is scaled to a peak of 1.
         - an experiment on a drive: ``.npz`` and ``.h5`` contain the design. ``.csv`` contains the
           set points to play, one file per realisation, and the design is written to an ``.npz``
           file.
