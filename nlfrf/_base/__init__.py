@@ -6,7 +6,7 @@ command      common parts of the two commands: versions, warnings and refusals i
 drive_entries entries of a file that describe a drive
 extras       packages that an extra installs, with the command for it
 files        files written whole, none overwritten; strict JSON, checked against a schema
-numbers      least squares, Fourier transforms, quantiles of the largest root
+numbers      least squares, Fourier transforms, quantiles of Roy's largest root
 own_process  files read by a library that may crash, in its own process
 progress     a bar for any count of finished work
 types        common types of signatures

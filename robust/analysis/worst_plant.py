@@ -68,10 +68,10 @@ class WorstCase:
         A plant of the set that attains the largest gain at omega_worst. For a continuous nominal it
         is continuous, also if K is sampled. For several channels it is the worst plant found, whose
         gain may be lower than the bound; it is sampled if K is sampled.
-    delta : complex, or (drives, reads) complex ndarray
+    delta : complex, or (n_out, n_in) complex ndarray
         The perturbation of this plant at omega_worst; for several channels a matrix with one row
-        for each output and one column for each input of Delta. Its modulus (largest singular value)
-        is below one if a perturbation below one destabilises the loop.
+        for each output of Delta and one column for each of its inputs. Its modulus (largest
+        singular value) is below one if a perturbation below one destabilises the loop.
     achieved : float
         |S_p| (or |w_P S_p|, or its largest singular value) of the loop with `plant` at omega_worst,
         recomputed.

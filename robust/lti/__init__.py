@@ -10,7 +10,7 @@ realisation  conversion of any form of system to a checked state space; second-o
 sampling     plants with hold and delay as discrete systems; discrete controllers
 stability    stability from a realisation or by Nyquist
 truncation   systems of lower order: balanced, with weights, by coprime factors
-wiring       systems connected by the names of their signals, with some of them left out as ports
+wiring       systems connected by the names of their signals, with ports for tuned blocks and FRFs
 """
 
 import lazy_loader

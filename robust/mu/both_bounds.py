@@ -58,9 +58,9 @@ class StructuredBounds:
     quantity : str
         "mu" or "worst gain".
     certificates : tuple of Certificate
-        The proof, one certificate for every part of the box of real parameters. It proves mu < 1
-        after the outputs of all blocks (for a gain: of the performance) are divided by the largest
-        `upper`. Empty if there is no proof.
+        The proof, one certificate for every part of the box of real parameters. Each proves
+        mu < 1 for a scaled system: its outputs to all blocks (for a gain: its performance outputs)
+        are divided by the largest `upper`. Empty if there is no proof.
     reason : str
         Reason why there is no proof for a system, or why the bounds are more than 5 % apart.
 

@@ -7,7 +7,8 @@ the loop (`robust.friction.loop`), xi_e its equilibrium under f = 1, and states
     z = (y, e_j),   y = xi - fh_1 xi_e,   e_j = fh_j - fh_1 (j >= 2)
     y' = F y + (B - a_1 xi_e) d,   e_j' = -a_j e_j + (a_j - a_1) d,   jump: J on y
 
-the class guarantees  d/dt [sum S_i - s (fh_1 x - fh_1^2 x_e/2)] <= Supply(z, d), a form, where
+the class guarantees, with a quadratic form Supply,  d/dt [sum S_i - s (fh_1 x - fh_1^2 x_e/2)] <=
+Supply(z, d), where
 
     Supply = mu_0 (d v - a_1 d y_x) + sum_j mu_j [d v - (1 - 1/rho) a_1 d y_x - e_j v/rho -
     (a_j/(rho K0)) (d - e_j)^2]
@@ -18,9 +19,9 @@ stiction, and mu the weights of `multipliers`. In these states all equilibria of
 in xi they form a line, on which no inequality can be strict.
 
 With friction at several ports p everything is summed over them: y = xi - sum_p fh_p xi_p, and with
-X_pq the displacement at port p at rest under f_q = 1 the middle term is sum_p s_p fh_p y_p + 1/2
-sum_pq fh_p s_p X_pq fh_q. It is the integral of sum_p s_p fh_p v_p only where s_p X_pq is
-symmetric.
+X_pq the displacement at port p at rest under f_q = 1 the term s (fh_1 x - fh_1^2 x_e/2) becomes
+sum_p s_p fh_p y_p + 1/2 sum_pq fh_p s_p X_pq fh_q. It is the integral of sum_p s_p fh_p v_p only
+where s_p X_pq is symmetric.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Friction at several places of a machine, as on motor and load: its classes, multiplier weights
-and a bound.
+"""Friction at several places of a machine, as on motor and load: the largest forces, the
+multiplier weights, and a bound on the final distance from rest.
 """
 
 from __future__ import annotations

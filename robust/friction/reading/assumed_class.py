@@ -35,14 +35,14 @@ class MachineWithFriction:
         not slip. The plants contain an estimated delay.
     friction : tuple of MaxwellSlip
         The class at each friction port. Its stiffness K0 is the difference between the stiffness at
-        rest and the stiffness of `machine`, with a margin.
+        rest and that of `machine`, the first of `machines`, with a margin.
     evidence : str
         Source of the estimate, and what the measurements cannot show.
     mass, mass_std : float
         Mass of motor and load together, and its standard deviation [kg].
     stiffness_low : float
-        Stiffness of `machine` at its friction port [N/m]; with a nominal, the difference from the
-        stiffness of the nominal.
+        Stiffness of `machine` at its friction port [N/m]; with a nominal, the stiffness to ground
+        that is added to the nominal at this port.
     stiffness_std : float
         Standard deviation of the estimated stiffness [N/m].
 

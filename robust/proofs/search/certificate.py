@@ -43,8 +43,8 @@ class Certificate:
         interval, see `robust.proofs.exact.interval_kyp`). For friction the method is "periodic
         Riccati equation, Bernstein". Empty without a method.
     intervals : (I, 2) ndarray
-        Frequency intervals [rad/s] of the proof, for a norm from 0 to inf (or to the Nyquist
-        frequency). For a violated bound, the frequency of the violation.
+        Frequency intervals [rad/s] of the proof; for a norm one interval, from 0 to inf (or to
+        the Nyquist frequency). For a violated bound, the frequency of the violation.
     reason : str
         Reason why the bound is not proved, as text; empty if it is proved.
     claim : LoopClaim or another

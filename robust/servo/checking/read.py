@@ -52,8 +52,8 @@ def read_traces(
         The drive. A position without a unit is in its `position_unit`, an input without a unit in
         its output unit.
     actual : bool
-        True if the input is the actual current or force. Its record contains no hold, while a set
-        point is held between the samples.
+        True if the input is the actual current or force: the FRF then includes no hold. False if
+        the input is a set point, which is held between the samples.
     load : callable
         Function that reads one file: `nlfrf.load_record` with its options.
 
@@ -133,8 +133,8 @@ def read_experiments(
         The drive. A position without a unit is in its `position_unit`, an input without a unit in
         its output unit.
     actual : bool
-        True if the input is the actual current or force. Its record contains no hold, while a set
-        point is held between the samples.
+        True if the input is the actual current or force: the FRF then includes no hold. False if
+        the input is a set point, which is held between the samples.
     n_levels : int
         Number of levels to use from a pre-test, from sticking to sliding. Identification of a motor
         and a load needs more than three.

@@ -157,8 +157,8 @@ def design_ramp(
         As for `design_experiment`, with one realisation. Band and spectrum should be those of the
         later experiments.
     rms : float, optional
-        Rms of the force set point at the highest level once the axis slides, in its unit. The
-        default is the largest within the limits.
+        Rms that the force set point has at the highest level if the axis slides there, in the
+        unit of the set point. The default is the largest value within the limits.
     n_levels : int
         Number of levels.
     span : float
@@ -178,7 +178,8 @@ def design_ramp(
 
     References
     ----------
-    Beckhoff TE5960: excitation against stiction by a base amplitude that is found by trial.
+    Beckhoff TE5960 (TwinCAT 3 motion tuning): a base amplitude, found by trial, that overcomes
+    stiction.
 
     Examples
     --------

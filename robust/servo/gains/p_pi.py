@@ -59,8 +59,9 @@ def cascade(
     -----
     DesignWarning
         If the position loop runs slower than the velocity loop. Such a drive is periodically
-        time-varying, and K is its mean over the phase of the position loop. A verdict on K then
-        holds for this approximation.
+        time-varying. K is a time-invariant approximation: the mean over all instants within a
+        period of the position loop at which that loop may sample. A verdict on K holds for this
+        approximation.
 
     References
     ----------

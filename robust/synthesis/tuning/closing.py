@@ -8,8 +8,9 @@ With the states of the blocks included in the plant the blocks are one static fe
 
 are the matrices A_cl, B_cl, C_cl, D_cl of the closed loop H. With X = (sI - A_cl)^-1 B_cl and Y =
 C_cl (sI - A_cl)^-1, dH = L dM R at any frequency s, L = (Y B2 + D12)(I - M D22)^-1, R = (I - D22
-M)^-1 (C2 X + D21). The derivative of any limit is Re tr(Q* dH) for some Q, so the gradient is Re
-tr(R Q* L dM_k) for each parameter.
+M)^-1 (C2 X + D21). The differential of any gain of H that a limit bounds is Re tr(Q* dH) for some
+Q. So its derivative with respect to parameter k is Re tr(R Q* L dM_k), with dM_k the derivative of
+M with respect to this parameter.
 """
 
 from __future__ import annotations
