@@ -319,7 +319,7 @@ def read_last_column(path: Path) -> np.ndarray:
         if names is None:
             raise ValueError(
                 f"{path} must start with a line of names, or have decimal points instead of"
-                f" commas, got {lines[0]!r}: one number or two columns"
+                f" commas, got {lines[0]!r}, which may be one number or two columns"
             )
         if len(names) == 1:
             rows = [[".".join(row)] for row in rows]

@@ -397,8 +397,8 @@ def design_learning(
         if omega_Q < widest.loop.band[0]:
             raise ValueError(
                 f"factor must be achievable in the measured band, got {factor:g}, which is"
-                f" achievable up to {format_hertz(omega_Q)} only, below the band from"
-                f" {format_hertz(widest.loop.band[0])} on. Use a smaller set, or give omega_Q"
+                f" achievable up to {format_hertz(omega_Q)} only. The band begins at"
+                f" {format_hertz(widest.loop.band[0])}. Use a smaller set, or give omega_Q"
             )
     omega_Q = require_positive("omega_Q", omega_Q)
     filtered = Learning(**made, omega_Q=omega_Q, factor=1.0)

@@ -43,7 +43,7 @@ def test_whole_numbers_in_two_columns_are_two_columns(tmp_path):
     [
         (
             "0,000\n0,023\n",
-            "or have decimal points instead of commas, got '0,000': one number or two columns",
+            "or have decimal points instead of commas, got '0,000', which may be one number or two columns",
         ),
         ("t,e\n0,1\n1,\n", "must have numbers in its last column"),
         ("t,e\n0,1.5\n1\n", "must have equally many columns in every row"),

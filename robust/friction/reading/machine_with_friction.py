@@ -126,8 +126,8 @@ def machine_with_friction(
         return assume_class(read_blas(measured, nominal), stiction=stiction, margin=margin)
     if nominal is not None:
         raise ValueError(
-            "nominal must be left out with Records, whose model is one mass or two, got one:"
-            " give BLAs instead, nlfrf.identify(record) of each"
+            "nominal must be left out with Records, for which one or two masses are fitted, got"
+            " a nominal. To use it, give BLAs: nlfrf.identify(record) for each record"
         )
     fit = identify_friction(records, free=free, masses=masses)
     return assume_class(read_fit(fit), stiction=stiction, margin=margin)

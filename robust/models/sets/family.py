@@ -525,8 +525,8 @@ def _hold_family(
     if not lift < MAX_LIFT:
         raise ValueError(
             "form and order must allow stable proper weights that cover every deviation, got"
-            f" {form} of order {order}, from which a plant deviates by {lift:.3g} times the"
-            f" weights at {at:.3g} rad/s"
+            f" {form} of order {order}: at {at:.3g} rad/s the deviation of a plant is {lift:.3g}"
+            " times as large as the weights allow"
         )
     return _lift_set(
         model,
