@@ -95,7 +95,7 @@ def test_what_makes_no_class_is_refused(records):
     with pytest.raises(ValueError, match="blas must be BLAs alone or Records alone, got 2 and 1"):
         robust.friction.machine_with_friction([*blas[:2], records[2]])
     with pytest.raises(
-        ValueError, match="nominal must be left out with Records, whose model is one mass"
+        ValueError, match="nominal must be left out with Records, for which one or two masses"
     ):
         robust.friction.machine_with_friction(records, nominal=control.tf([1], [1, 2, 8e4]))
     with pytest.raises(ValueError, match="free must be left out with BLAs"):
