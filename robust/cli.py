@@ -981,6 +981,7 @@ def reduce(
         result = robust.reduce_controller(
             K, plant, w_P, order=order, delay=late, max_candidates=candidates
         )
+    # a delay of zero that was only assumed does not become a known one in the file
     known = delay is not None or from_options.load_controller(controller)[1] is not None
     robust.save(result.K, out, delay=late if known else None, unit=plant.origin.unit)
     printer(json)(result)
@@ -1091,6 +1092,7 @@ def report(
                 files=(model,), controller=controller, stiffness=stiffness, stiction=stiction
             )
         )
+        # the first proof is the weakest: the page claims what holds with each machine
         proof = prover.prove_all(basis.machines, K, basis.friction, delay=late, Fs=force)[0]
     with spinner("checking and drawing"):
         result = robust.reports.write_report(

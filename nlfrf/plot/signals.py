@@ -151,7 +151,7 @@ def plot_screened(screened: ScreenedStreams, *, ax: Axes | None = None) -> np.nd
             )
             for span in spans:
                 one.axvspan(dt * span.first, dt * span.end, color=color, alpha=0.35, lw=1)
-            if spans:
+            if spans:  # an empty patch: one entry of the legend for all spans
                 one.fill_between(
                     [],
                     [],

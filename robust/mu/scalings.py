@@ -364,8 +364,9 @@ def _newton_step_to_centre(
     """Take one Newton step from X = I to the centre of the scalings that prove alpha; return if it
     was near, or lost.
 
-    The centre minimises -log det(alpha X_R - A(X, G)) - log det X at constant trace; the barrier is
-    self-concordant, so a step damped by its decrement stays inside.
+    The centre minimises -log det(alpha X_R - A(X, G)) - log det X at constant trace, because X and
+    G prove the same as any multiple of them. The barrier is self-concordant, so a step damped by
+    its decrement stays inside (Nesterov & Nemirovskii 1994).
     """
     W, n = M.shape[0], M.shape[2]
     K = s.left.shape[0]
@@ -373,6 +374,8 @@ def _newton_step_to_centre(
     if s.skew.size:
         skew = 1j * s.skew @ M[:, None]
         F = np.concatenate([F, -(skew + conjugate_transpose(skew))], axis=1)
+    # F: derivatives of Y = alpha X_R - A by the coordinates of X, then of G; -log det Y has the
+    # derivatives -tr(Y^-1 F_k) and tr(Y^-1 F_k Y^-1 F_l)
     A = scaled_square(M, G)
     inverse = np.linalg.inv(alpha[:, None, None] * np.eye(n) - A)
     P = inverse[:, None] @ F
@@ -381,6 +384,7 @@ def _newton_step_to_centre(
     H = (flat @ turned.swapaxes(-1, -2)).real
     trace = np.einsum("kii->k", s.left).real
     rows, G_rows = s.left.reshape(K, M.shape[1] ** 2), s.skew.reshape(len(s.skew), n * M.shape[1])
+    # the same of -log det X, at X = I
     gram = (rows @ s.left.swapaxes(1, 2).reshape(rows.shape).T).real
     H[:, :K, :K] += gram
     gradient = -np.einsum("wkii->wk", P).real
@@ -390,7 +394,9 @@ def _newton_step_to_centre(
     spring = _CENTRE_REGULARISATION * np.clip(1 - np.linalg.eigvalsh(A)[:, -1] / alpha, 1e-9, 1.0)
     gradient[:, K:] += spring[:, None] * (G.reshape(W, n * M.shape[1]) @ G_rows.conj().T).real
     H[:, K:, K:] += spring[:, None, None] * (G_rows.conj() @ G_rows.T).real
+    # the ridge keeps H regular along a flat direction
     H = H + 1e-13 * np.einsum("wkk->w", H)[:, None, None] * np.eye(size) / size
+    # two right-hand sides: trace and gradient. Their combination with zero trace is the step.
     border = np.zeros((W, size, 2))
     border[:, :K, 0], border[:, :, 1] = trace, gradient
     try:
@@ -400,7 +406,7 @@ def _newton_step_to_centre(
     multiplier = (trace @ solved[:, :K, 1:])[:, 0] / (trace @ solved[:, :K, :1])[:, 0]
     step = multiplier[:, None] * solved[:, :, 0] - solved[:, :, 1]
     decrement = np.sqrt(np.maximum(-(gradient * step).sum(axis=1), 0.0))
-    near = decrement < 0.5
+    near = decrement < 0.5  # a full step stays inside below one
     step = step * np.where(near, 1.0, 1 / (1 + decrement))[:, None]
     if s.scalar and not s.skew.size:
         # every X is diagonal: roots and quotients suffice
@@ -415,6 +421,7 @@ def _newton_step_to_centre(
     X_L[lost], X_R[lost] = np.eye(M.shape[1]), np.eye(n)
     if s.skew.size:
         G = G + np.where(lost[:, None, None], 0, np.tensordot(step[:, K:], s.skew, 1))
+    # M, L and R take the step in, so that the next one starts from X = I again
     C_L, C_R = np.linalg.cholesky(X_L), np.linalg.cholesky(X_R)
     into = np.linalg.inv(conjugate_transpose(C_R))
     if s.skew.size:

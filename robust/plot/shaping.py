@@ -60,6 +60,8 @@ def plot_loop_bounds(
     )
     floor = max(shown.min() - _VIEW_MARGIN, -_LEAST_VIEW)
     ceiling = min(shown.max() + _VIEW_MARGIN, _LEAST_VIEW)
+    # without a bound, and where no |L| suffices, low and high are zero or infinite: they are drawn
+    # at the edge of the view
     bottom, top = (
         np.clip(to_decibel(np.clip(one, 1e-300, 1e300)), floor, ceiling) for one in (low, high)
     )

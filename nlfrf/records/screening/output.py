@@ -62,6 +62,7 @@ def _describe_gain_drift(
     drift = slope * float(np.ptp(at))
     place, step, rest = _find_step(gain)
     least = max(_MIN_GAIN_DRIFT, noise)
+    # two periods fit a step and a line alike
     if rest < bend or at.size < 3:
         if (
             abs(step) > least
@@ -72,7 +73,7 @@ def _describe_gain_drift(
                 f"the gain from u to y steps by {100 * step:+.2g} % before period"
                 f" {at[place] + 1}, and G is an average of both gains; {_DRIFT_CURE}"
             )
-        if place == 1:
+        if place == 1:  # the first period alone: a transient, and no drift of the others
             return ""
     if at.size >= _FEW and abs(drift) > least and bend < _CLEAR_SHARE * abs(drift):
         return (

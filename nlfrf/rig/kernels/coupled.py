@@ -517,7 +517,7 @@ def _build_loop_kernel(stamp: str) -> Callable[..., int]:
         """Return the number of samples until the end, or until the loop diverged.
 
         r, noise, y (n, n_y); disturbance, u (n, n_u); rows (n, 4, axes): position, velocity, z,
-        friction.
+        friction. delay in samples; steps : least number of integration steps in a sample.
         """
         n, axes, samples = sensors.shape[0], sensors.shape[1], r.shape[0]
         if len(stamp) == 0:
@@ -530,7 +530,7 @@ def _build_loop_kernel(stamp: str) -> Callable[..., int]:
         e, whole = np.empty(n), int(delay)
         part = delay - whole
         for k in range(samples):
-            _multiply_matrix(sensors, states[:, X], e)
+            _multiply_matrix(sensors, states[:, X], e)  # e is the position, then the error
             for i in range(n):
                 y[k, i] = e[i] + noise[k, i]
                 if resolution[i] > 0.0:
@@ -539,6 +539,8 @@ def _build_loop_kernel(stamp: str) -> Callable[..., int]:
             _step_controller(A, B, C, D, x, new, e, u[k])
             for i in range(force.size):
                 u[k, i] = min(max(u[k, i], -saturation[i]), saturation[i])
+            # a delay that is no whole number cuts the sample in two: first the earlier command acts,
+            # then the later one
             for piece in range(2):
                 span = part if piece == 0 else 1.0 - part
                 if span <= 0.0:
@@ -551,13 +553,13 @@ def _build_loop_kernel(stamp: str) -> Callable[..., int]:
                     total = 0.0
                     for column in range(force.size):
                         total += actuators[i, column] * force[column]
-                    drive[:count, :, i] = total
+                    drive[:count, :, i] = total  # start, middle and end of each step: held
                 h = span / (count * fs)
                 if not advance_axes(
                     machine, laws, grids, states, stacks, work, drive[:count], h, out
                 ):
                     return k
-                if piece == 0 or part == 0.0:
+                if piece == 0 or part == 0.0:  # the piece that begins at the sampling instant
                     rows[k] = out[0]
         return samples
 

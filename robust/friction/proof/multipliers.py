@@ -147,7 +147,8 @@ def _coupled_multipliers(
     """Return (C,) multipliers for one enlargement of the off-diagonal terms, or None.
 
     A matrix is negative if its form is, for every vector. A linear program over the worst vectors
-    so far is solved again until no vector is worse.
+    so far is solved again until no vector is worse (cutting planes, Kelley 1960). The enlargement
+    leaves slack for the aliases of the sampler.
 
     table : (W, C, P, P) matrix of each multiplier at each frequency.
     least : share of every row that must remain.
@@ -161,11 +162,12 @@ def _coupled_multipliers(
         if not share > least:
             return None
         theta[theta < _NEGLIGIBLE_WEIGHT * theta.max()] = 0.0
+        # small weights were set to zero, so the sign is tested again
         both = np.einsum("wcij,c->wij", table, theta)
         diagonal = np.diagonal(both, axis1=1, axis2=2).real
         if not diagonal.max() < 0:
             return None
-        unit = 1 / np.sqrt(-diagonal)
+        unit = 1 / np.sqrt(-diagonal)  # forces at different ports in comparable units
         sizes, vectors = np.linalg.eigh(both * unit[:, :, None] * unit[:, None, :])
         worse = sizes[:, -1] >= _NOT_NEGATIVE
         if not worse.any():

@@ -522,6 +522,7 @@ def _read_mass(fits: list[_LevelFit], model: _Model, units: MechanicalUnits) -> 
     tau, tau_std = weighted_mean([fit.delay for fit in fits], [fit.delay_std for fit in fits])
     worst = max(fits, key=lambda fit: fit.misfit / fit.misfit_limit)
     explained = all(fit.misfit_without_delay <= fit.misfit_limit for fit in fits)
+    # a delay or a mode is named only if the fit is good apart from it; a misfit is refused last
     # a lead is not refused: elements with several rates look like up to 0.04 ms of it
     # (benchmarks/read_class.py, seed 0)
     if tau > SIGMAS * tau_std and (explained or worst.misfit <= worst.misfit_limit):

@@ -224,6 +224,7 @@ def start_candidates(
     ]
     top = float(max(level.omega[-1] for level in levels))
     starts: list[tuple[float, Candidate]] = []
+    # no stiction, then two strengths at Stribeck velocities around the speeds of the levels
     choices = [
         (1.0, np.inf),
         *((rho, vs) for vs in np.geomspace(min(speeds), 2 * max(speeds), 5) for rho in (1.15, 1.4)),
@@ -241,8 +242,10 @@ def start_candidates(
             ]
         )
         size = np.linalg.norm(table, axis=0)
+        # the small problem in R has the solution of the whole: no element changes what lies outside
+        # the span of Q
         Q, R = np.linalg.qr(table / size)
-        for delay in np.arange(0.0, 8.0) / top:
+        for delay in np.arange(0.0, 8.0) / top:  # 0 to 7 rad at the highest line
             numbers = {"delay": delay}
             target = as_real(
                 [
@@ -351,6 +354,8 @@ def extend(
         if worth > WORTH and amount > 0:
             options.append((worth, made(amount)))
 
+    # `parts` of a term: what an amount of one takes off the residual. With a lag T inside the delay
+    # the force is that times exp(s T)/(1 + s T) = 1 - (omega T)^2/2 to first order in T^2.
     if not terms.lag:
         parts = [level.omega**2 / 2 * actuated_force(level, candidate.numbers) for level in levels]
         later = replace(terms, lag=True)
@@ -387,6 +392,7 @@ def extend(
 
             offer([part[i] for part in spectra], with_element)
     if 0 < np.size(candidate.load_stiffness) < _MOST_ELEMENTS:
+        # an element at the load moves the load, so its effect is not linear: a small one shows it
         faint = STEP * float(np.sum(candidate.load_stiffness))
         reactions = [reaction_of_load(level, candidate) for level in levels]
         for D in np.geomspace(*span, _N_TRIED // 2):

@@ -432,6 +432,7 @@ def _reason_against_reading(
     below : advice on lower levels. held : number of lower levels at which friction holds the axis.
     """
     good = [one for one in read if one.readable]
+    # two levels that stick show a plateau of the stiffness; one more bends, and one slides
     if len(good) < 4:
         limited = sum(one.limited for one in read)
         return (
@@ -441,7 +442,10 @@ def _reason_against_reading(
         )
     k = np.array([one.stiffness for one in good])
     stiffest = int(np.argmax(k))
+    # compared with two lower levels at least
     rises = stiffest > 1 and _RISES * np.median(k[:stiffest]) < k[stiffest]
+    # low levels whose force is mostly damping: friction slips all the time, because the axis drifts
+    # or vibrates. Not so if friction holds the axis at still lower levels.
     if (
         rises
         and not held

@@ -79,6 +79,7 @@ def ncfsyn(
     W2 = _shaping_system("W2", W2, n=G.noutputs, dt=dt)
     shaped = in_series(W1, G, W2, dt=dt)
     matrices = (shaped.A, shaped.B, shaped.C, shaped.D)
+    # the bilinear map keeps stability and norms: a sampled design is a continuous one
     A, B, C, D = to_continuous(*matrices) if dt else matrices
     # No iteration: both Riccati equations are independent of gamma, and gamma_min follows from them.
     X, Z = _riccati_solutions(A, B, C=C, D=D)
