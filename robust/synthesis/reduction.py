@@ -293,6 +293,8 @@ def _candidates(
     image = continuous_image(K)
     ways = [lambda: balanced_candidates(image), lambda: coprime_factor_candidates(image)]
     if not is_known_on_lines(model):
+        # to first order T changes by (S G) (K_r - K) S: y from p_in behind K, e from r before it
+        # (Anderson & Liu 1989)
         pairs = ((("y",), ("p_in",)), (("e",), ("r",)))
         if has_several_channels(model):
             closed_loops = [
@@ -303,7 +305,7 @@ def _candidates(
             assert isinstance(model, UncertaintyModel)
             loop = assemble_loop(model, K, w_P=w_P, delay=delay)
             closed_loops = [loop.closed_loop(*pair) for pair in pairs]
-        before, behind = map(continuous_image, closed_loops)
+        behind, before = map(continuous_image, closed_loops)
         if np.all(np.linalg.eigvals(before[0]).real < 0):
             ways.append(lambda: weighted_candidates(image, before, behind))
     for way in ways:

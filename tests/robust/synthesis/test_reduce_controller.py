@@ -293,6 +293,20 @@ def test_the_demo_needs_one_state_of_five():
     assert not reduce_controller(K, model, w_P, order=0).report.proofs.robust_performance
 
 
+@pytest.mark.parametrize(("n_u", "n_y"), [(1, 1), (2, 1), (1, 2)])
+def test_the_weights_of_the_loop_fit_a_plant_of_any_shape(n_u, n_y):
+    """A mode at 1000 rad/s dominates K, and the loop does not see it. Without weights K keeps this
+    mode, and T moves by 0.127.
+    """
+    G = control.ss([[-1.0]], np.ones((1, n_u)), np.ones((n_y, 1)), np.zeros((n_y, n_u)))
+    A = np.array([[-0.2, 0.0, 0.0], [0.0, 0.0, 1e3], [0.0, -1e3, -100.0]])
+    B = np.outer([0.2, 0.0, 1e3], np.ones(n_y))
+    C = np.outer(np.ones(n_u), [1.0, 3.0, 0.0])
+    found = reduce_controller(control.ss(A, B, C, np.zeros((n_u, n_y))), G, order=1)
+    assert found.method.startswith("weighted by the loop")
+    assert found.kept
+
+
 @pytest.mark.parametrize("K", [1.0, control.ss([], [], [], [[2.0]])])
 def test_a_gain_has_nothing_to_reduce(K):
     model = UncertaintyModel(
