@@ -61,7 +61,8 @@ def interpolate(
 
     The error between the points is tested by leaving out each inner point in turn. A model is made
     from the other points, and its error at the left-out point is divided by the weight. `held_out`
-    is the largest of these numbers. It should be below one.
+    is the largest of these numbers. It should be below one. With degree N - 1 the model from the
+    other points has degree N - 2.
 
     Parameters
     ----------
@@ -147,10 +148,14 @@ def interpolate(
     weight = fit_covering_weight(omega, radius, order=order, rules=rules, dt=dt)
     held_out = _held_out(sections, points, degree, fits, weight, omega, form)
     if held_out > 1:
+        tried = points.size - 2
+        change = ", or change the degree"
+        if degree > tried:
+            change = f" (the {tried + 1} other points allow a degree of {tried} only, not {degree})"
         data_warning(
             f"a left-out operating point deviates by {held_out:.2g} times the weight from the"
             " model of the other points, so the model may be wrong between the points: add"
-            " operating points, or change the degree",
+            f" operating points{change}",
             DesignWarning,
         )
     return replace(plant, weight=weight, held_out=held_out)

@@ -327,12 +327,14 @@ def read_last_column(path: Path) -> np.ndarray:
         raise ValueError(
             f"{path} must have equally many columns in every row, got rows of other lengths"
         )
-    try:
-        return np.array([float(row[-1].replace(",", ".")) for row in rows])
-    except ValueError as error:
+    cells = [row[-1].replace(",", ".") for row in rows]
+    wrong = next((k for k, cell in enumerate(cells) if not _is_number(cell)), None)
+    if wrong is not None:
         raise ValueError(
-            f"{path} must have numbers in its last column, got {one_line(str(error))}"
-        ) from None
+            f"{path} must have numbers in its last column, got {one_line(repr(rows[wrong][-1]))} in"
+            f" sample {wrong + 1}"
+        )
+    return np.array([float(cell) for cell in cells])
 
 
 def _is_number(cell: str) -> bool:

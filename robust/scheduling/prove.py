@@ -138,9 +138,12 @@ class ScheduleProof:
                 "; the perturbation acts from sample to sample, aliases of the set above Nyquist"
                 " are not in it"
             )
+        seen = ""
+        if self.plant.held_out > 1:
+            seen = f" (a left-out point deviates by {self.plant.held_out:.2g} times the weight)"
         lines.append(
             f"  assumed: matrices go with {self.plant.over} as polynomials of degree"
-            f" {len(self.plant.A) - 1}, in this realisation; {self.plant.over} is known to the"
+            f" {len(self.plant.A) - 1}{seen}, in this realisation; {self.plant.over} is known to the"
             f" controller{held}"
         )
         return "\n".join(lines)
