@@ -135,7 +135,8 @@ class LpvModel(LpvMatrices):
         ------
         ValueError
             Only one operating point, points that do not increase, a number of systems that differs
-            from the number of points, or systems that differ in order, channels or sampling time.
+            from the number of points, transfer functions, or systems that differ in order, channels
+            or sampling time.
 
         Examples
         --------
@@ -146,6 +147,13 @@ class LpvModel(LpvMatrices):
         """
         at, degree = require_points(at, len(systems), degree, "system")
         found = [multivariable("systems", system) for system in systems]
+        for given, system in zip(systems, found, strict=True):
+            if isinstance(given, control.TransferFunction) and system.nstates:
+                raise ValueError(
+                    "systems must be state-space systems whose states mean the same at every"
+                    " operating point, got a transfer function, which has no states: give matrices"
+                    " to control.ss"
+                )
         sizes = {(system.nstates, system.ninputs, system.noutputs) for system in found}
         if len(sizes) > 1:
             raise ValueError(

@@ -366,8 +366,10 @@ def _weight(plant: LpvModel, dt: float) -> Matrices | None:
     weight = plant.weight
     if weight is None:
         return None
-    if dt and not timebase(weight) and weight.nstates:
-        raise ValueError(f"weight must have the sampling time of K, {dt:g} s, got a continuous one")
+    if weight.nstates and not np.isclose(timebase(weight), dt, rtol=1e-9, atol=0):
+        wanted = f"have the sampling time of K, {dt:g} s" if dt else "be continuous like K"
+        found = f"{timebase(weight):g} s" if timebase(weight) else "a continuous one"
+        raise ValueError(f"weight must {wanted}, got {found}")
     return replace(to_matrices(weight), dt=dt)
 
 

@@ -47,6 +47,10 @@ def test_a_lower_degree_is_the_closest():
         ({"form": "coprime"}, "form must be one of"),
         ({"systems": [spring(1.0), control.ss(-1, 1, 1, 0)]}, "systems must have the same states"),
         ({"systems": [spring(1.0), "plant"]}, "systems must be a control.StateSpace"),
+        (
+            {"systems": [control.tf([1], [1, 1, k]) for k in (1.0, 2.0)]},
+            "systems must be state-space systems .* got a transfer function",
+        ),
     ],
 )
 def test_what_does_not_fit_is_refused(change, message):

@@ -199,6 +199,17 @@ PLANT = between(4.0, 6.0, 1.0, over="position", unit="m")
             {"plant": lag(weight=control.ss(-1, 1, 1, 0)), "K": control.ss([], [], [], 1.0, 0.01)},
             "weight must have the sampling time of K, 0.01 s, got a continuous one",
         ),
+        (
+            {
+                "plant": lag(weight=control.ss(0.5, 1, 1, 0, 0.02)),
+                "K": control.ss([], [], [], 1.0, 0.01),
+            },
+            "weight must have the sampling time of K, 0.01 s, got 0.02 s",
+        ),
+        (
+            {"plant": lag(weight=control.ss(0.5, 1, 1, 0, 0.02))},
+            "weight must be continuous like K, got 0.02 s",
+        ),
     ],
 )
 def test_what_does_not_fit_is_refused(change, message):
