@@ -748,6 +748,12 @@ def prove_schedule(
     points = [parse_number("--at", part) for part in at.split(",")]
     loops = from_options.load_loops(controller, delay)
     dt, late = float(loops[0][0].dt or 0.0), loops[0][1]
+    delays = sorted({one for _, one in loops})
+    if len(delays) > 1:
+        raise ValueError(
+            "controller must have one computation delay at all operating points, got"
+            f" {delays[0]:g} and {delays[-1]:g} s: give --delay"
+        )
     named: dict[str, Any] = {"at": points, "over": over, "unit": unit} | (
         {} if form is None else {"form": form}
     )

@@ -84,6 +84,15 @@ def test_bad_input_is_one_line(prove, options, message):
     assert message in " ".join(err.split())
 
 
+def test_controllers_with_different_delays_are_refused(prove):
+    save(control.ss([[0.5]], [[1.0]], [[-150.0]], [[400.0]], 5e-3), "late.json", delay=5e-3)
+    code, _, err = prove(f"{FILES.replace('K1.json', 'late.json')} --at=-0.2,0,0.2 --rate 1")
+    assert code == 2
+    assert "one computation delay at all operating points, got 0 and 0.005 s" in " ".join(
+        err.split()
+    )
+
+
 def test_the_picture_has_a_line_for_each_point():
     K = LpvModel.from_points(
         [control.ss(-k, 1, 1, 0) for k in (1.0, 2.0, 4.0)], at=[0, 1, 2], unit="kg"
