@@ -95,9 +95,8 @@ class DistortionVariance(NamedTuple):
     grid_factor: np.ndarray
     # (n_y, n_y, F) covariance on the even lines, noise included; nan without them
     cov_even: np.ndarray
-    detected: (
-        np.ndarray
-    )  # (n_y, F) variance from the odd detection lines alone, noise included; nan without them
+    # (n_y, F) variance from the odd detection lines alone, noise included; nan without them
+    detected: np.ndarray
 
     def with_minimum(self, power: np.ndarray) -> DistortionVariance:
         """Return the covariances with each diagonal raised to at least `power` (n_y, F)."""

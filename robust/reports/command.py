@@ -45,9 +45,8 @@ if TYPE_CHECKING:
     import control
 
 _BLA_SUFFIXES = (".npz", ".h5", ".hdf5")
-_MAX_DELAY_SAMPLES = (
-    50  # a longer delay is probably in ms; each sample of it is a state of the plant
-)
+# a longer delay is probably in ms; each sample of it is a state of the plant
+_MAX_DELAY_SAMPLES = 50
 Pictures = list[tuple[Callable[..., object], object]]
 
 

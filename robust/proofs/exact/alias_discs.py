@@ -98,8 +98,8 @@ class AliasDiscs:
             _upper(den * den * inner - num * den * mixed * 2 + num * num * outer) / least
         ).sqrt()
         width = width + v * (_upper(num) * _upper(den)).sqrt()
-        room = den * inner - num * outer - closed * (radius * width).abs_upper()
-        return bool(lower_bound(room) > 0)
+        clearance = den * inner - num * outer - closed * (radius * width).abs_upper()
+        return bool(lower_bound(clearance) > 0)
 
     def _sums(self, low: arb, high: arb) -> tuple[_ComplexModel, _ComplexModel]:
         """Return h_0 G_0 and the sum of h_k G_k |F_k|^2/(1 - |F_k|^2) over the single aliases.
