@@ -146,11 +146,10 @@ def design(
     nlfrf.save(ms, out, decimal=decimal)
     if out.suffix.lower() == ".wav":
         print(f"full scale of the WAV file is {np.abs(ms.u).max():.6g}, in the unit of --rms")
-    several = (
-        f", {format_count(ms.phase.shape[-2], 'experiment')} with {inputs} inputs"
-        if inputs > 1
-        else ""
-    )
+    if inputs > 1:
+        several = f", {format_count(ms.phase.shape[-2], 'experiment')} with {inputs} inputs"
+    else:
+        several = ""
     print(
         f"{ms.kind} multisine, {ms.f.size} excited lines from {ms.f[0]:g} to {ms.f[-1]:g} Hz,"
         f" resolution {ms.f0:g} Hz, period {ms.n_samples / ms.fs:g} s, rms {np.max(ms.rms):g},"
@@ -193,7 +192,10 @@ def simulate(
             "mass and stiffness must be left out for two inputs: the stage of two axes has its own,"
             " got one"
         )
-    rig = nlfrf.rig.two_axis_stage() if several else nlfrf.paper_rig()
+    if several:
+        rig = nlfrf.rig.two_axis_stage()
+    else:
+        rig = nlfrf.paper_rig()
     changed: dict[str, ArrayField] = {
         name: x for name, x in (("mass", mass), ("stiffness", stiffness)) if x is not None
     }
@@ -348,11 +350,10 @@ def identify(
     outputs = _split_names(output or ["y"])
     references = _split_names(reference or [])
     how = partial(nlfrf.identify, transient=transient, level_from=level_from, n_detection=detection)
-    another = (
-        partial(nlfrf.second_opinion, transient=transient, n_detection=detection)
-        if opinion
-        else None
-    )
+    if opinion:
+        another = partial(nlfrf.second_opinion, transient=transient, n_detection=detection)
+    else:
+        another = None
     cut: ReadOptions = {
         "fs": fs,
         "n_samples": period,
@@ -363,7 +364,10 @@ def identify(
         "start": start,
         "stop": stop,
     }
-    kind = stated_kind(file[0], file[0].suffix.lower()) if input is None else None
+    if input is None:
+        kind = stated_kind(file[0], file[0].suffix.lower())
+    else:
+        kind = None
     if len(inputs) > 1 or kind in MULTIRECORD_KINDS:
         if opinion:
             raise ValueError(
@@ -602,12 +606,13 @@ def _suggest_lines(ms: nlfrf.Multisine, kind: str, f_min: float) -> str:
     listed = ", ".join(f"{k * ms.f0:g}" for k in lines[lines * ms.f0 > f_min / 4][:6])
     below = lines[lines * ms.f0 <= f_min] * ms.f0
     finer = int(np.ceil(lines[0] * ms.fs / f_min))
-    other = (
-        f", or --f-min {below[-1]:g}, which leaves a gap in the lines from {below[-1]:g} to"
-        f" {ms.f[0]:g} Hz"
-        if below.size
-        else ""
-    )
+    if below.size:
+        other = (
+            f", or --f-min {below[-1]:g}, which leaves a gap in the lines from {below[-1]:g} to"
+            f" {ms.f[0]:g} Hz"
+        )
+    else:
+        other = ""
     return (
         f"a {kind} grid has the lines {listed}, ... Hz at this resolution of {ms.f0:g} Hz: give a"
         f" longer period, such as --period {max(finer, 2 * ms.n_samples)}{other}"

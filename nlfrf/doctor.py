@@ -72,13 +72,15 @@ def examine(
             )
         elif not version and not extra:
             faults.append(f"{need.name} must be installed, got none of it: pip install '{need}'")
-    folders = (
-        [Path.cwd(), *map(Path, sys.path)] if not sys.flags.safe_path else list(map(Path, sys.path))
-    )
+    if not sys.flags.safe_path:
+        folders = [Path.cwd(), *map(Path, sys.path)]
+    else:
+        folders = list(map(Path, sys.path))
     faults += find_hiding_files(folders)
-    other = (
-        None if faults and any("'robust'" in fault for fault in faults) else _find_name_conflict()
-    )
+    if faults and any("'robust'" in fault for fault in faults):
+        other = None
+    else:
+        other = _find_name_conflict()
     faults += [other] if other else []
     if not faults:  # these checks import the packages
         faults = [
@@ -122,7 +124,8 @@ def find_hiding_files(folders: Iterable[Path]) -> list[str]:
             if spec is None or spec.origin is None:  # a folder without an __init__.py hides nothing
                 continue
             place = Path(spec.origin)
-            place = place.parent if place.name == "__init__.py" else place
+            if place.name == "__init__.py":
+                place = place.parent
             if place.parent == folder:  # and no folder earlier on the path
                 whose = "package" if name in packages else "module of Python"
                 what = "file" if place.suffix else "folder"
@@ -229,11 +232,9 @@ def find_wrong_algebra(n: int = 256) -> list[str]:
         "install NumPy and SciPy anew from one source, or set OPENBLAS_CORETYPE=Haswell to try"
         " another kernel"
     )
-    return (
-        [f"NumPy's linear algebra must be right, got wrong {' and '.join(wrong)}: {cure}"]
-        if wrong
-        else []
-    )
+    if wrong:
+        return [f"NumPy's linear algebra must be right, got wrong {' and '.join(wrong)}: {cure}"]
+    return []
 
 
 def find_cache_fault() -> list[str]:
@@ -293,7 +294,10 @@ def _find_name_conflict() -> str | None:
     others = [
         name for name in metadata.packages_distributions().get("robust", []) if name != "nlfrf"
     ]
-    other = others[0] if others else "robust"
+    if others:
+        other = others[0]
+    else:
+        other = "robust"
     if place is not None and place != home:
         what = f"`import robust` must give the package next to nlfrf, got the one in {place}"
     elif others:

@@ -408,11 +408,10 @@ def design(
     result: robust.Design
     factor_text = ""
     if method == "pid":
-        plant = (
-            models.load_model(model)
-            if model.suffix.lower() == ".json"
-            else from_options.load_blas([model])
-        )
+        if model.suffix.lower() == ".json":
+            plant = models.load_model(model)
+        else:
+            plant = from_options.load_blas([model])
         omega_c = from_options.crossover_limits(plant, bandwidth, crossover_within)
         F = None
         if fixed is not None:
@@ -451,19 +450,24 @@ def design(
         warnings.warn(unusual, robust.DesignWarning, stacklevel=2)
     unit = str(getattr(measured.origin_of(plant), "unit", ""))
     robust.save(result.K, out, delay=delay, unit=unit)
-    kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
+    if result.K.dt:
+        kind = f"sampled at {1 / result.K.dt:g} Hz"
+    else:
+        kind = "continuous"
     say = printer(json)
     undecided = result.stability is Stability.UNDECIDED
     gains = pid.format_gains(free, unit, plc=not undecided)
     say(f"controller of order {result.K.nstates}, {kind}: {words}{gains}{factor_text}")
     if method == "pid":
-        advice = "" if structure == "I" else pid.advice_on_structure(free, plant.omega)
+        if structure == "I":
+            advice = ""
+        else:
+            advice = pid.advice_on_structure(free, plant.omega)
         tried = _describe_limit_checks(plant, model, between=result.met and not result.n_lines)
-        following = (
-            _describe_proof(plant, model, out, bandwidth)
-            if result.met
-            else _advise_on_missed_limits(result, structure)
-        )
+        if result.met:
+            following = _describe_proof(plant, model, out, bandwidth)
+        else:
+            following = _advise_on_missed_limits(result, structure)
         say("\n".join(filter(None, (advice, tried, following))))
     if method == "ncfsyn" and result.gamma > 4:
         say(
@@ -599,8 +603,14 @@ def verify(
     json: Json = False,
 ) -> None:
     """Prove a certificate again, with all rounding outward (exit code 1: a claim is not proved)."""
-    plant = None if model is None else models.load_model(model)
-    K = None if controller is None else from_options.load_controller(controller)[0]
+    if model is None:
+        plant = None
+    else:
+        plant = models.load_model(model)
+    if controller is None:
+        K = None
+    else:
+        K = from_options.load_controller(controller)[0]
     with spinner("verifying"):
         found = robust.io.verify_certificate(file, model=plant, K=K, time_cap=seconds)
     printer(json)(f"{found}\n{'VERIFIED' if found.verified else 'NOT VERIFIED'}")
@@ -762,11 +772,10 @@ def prove_schedule(
         plant = robust.models.interpolate(
             blas, n_poles=poles, degree=degree, dt=dt, order=order, **named
         )
-    K = (
-        loops[0][0]
-        if len(loops) == 1
-        else robust.models.LpvModel.from_points([K for K, _ in loops], **named)
-    )
+    if len(loops) == 1:
+        K = loops[0][0]
+    else:
+        K = robust.models.LpvModel.from_points([K for K, _ in loops], **named)
     with spinner("proving"):
         proof = robust.prove_schedule(
             plant, K, rate=rate, delay=late, gain=gain, level=level, limit=limit
@@ -798,7 +807,10 @@ def design_learning(
     """
     plant = models.load_model(model)
     [(K, late)] = from_options.load_loops([controller], delay, plant.origin.unit)
-    omega_Q = None if cutoff is None else 2 * np.pi * require_positive("--cutoff", cutoff)
+    if cutoff is None:
+        omega_Q = None
+    else:
+        omega_Q = 2 * np.pi * require_positive("--cutoff", cutoff)
     with spinner("designing and proving"):
         learning = robust.design_learning(
             plant, K, factor=factor, omega_Q=omega_Q, delay=late, u_max=limit
@@ -922,7 +934,10 @@ def export(
     if is_code:
         K, late, unit = from_options.load_controller(file)
         write = robust.io.export_c if out.suffix == ".h" else robust.io.export_structured_text
-        given = {"dtype": dtype} if dtype else {}
+        if dtype:
+            given = {"dtype": dtype}
+        else:
+            given = {}
         if rounded:
             require_writable(rounded)
         code = write(K, out, limit=limit or None, unit=unit, **given)
@@ -1188,11 +1203,10 @@ def _synthesise(
         G = plant.nominal
         if dt and G.dt and abs(dt / G.dt - 1) > 1e-9:
             raise ValueError(f"--sample-time must be that of the model, {G.dt:g} s, got {dt:g} s")
-        G = (
-            robust.sampled(G, dt, delay)
-            if dt and not G.dt
-            else sampling.delayed(G, delay, order=_PADE_ORDER)
-        )
+        if dt and not G.dt:
+            G = robust.sampled(G, dt, delay)
+        else:
+            G = sampling.delayed(G, delay, order=_PADE_ORDER)
         found = robust.ncfsyn(
             G, robust.shaping.crossover_weight(G, 2 * np.pi * bandwidth), factor=factor
         )
@@ -1203,7 +1217,9 @@ def _synthesise(
 
 def _controller_file(controller: Path, out: Path | None, several: bool) -> Path | None:
     """Return the file for one of several controllers."""
-    return out.with_stem(f"{out.stem}-{controller.stem}") if several and out is not None else out
+    if several and out is not None:
+        return out.with_stem(f"{out.stem}-{controller.stem}")
+    return out
 
 
 def _describe_limit_checks(
@@ -1237,7 +1253,10 @@ def _describe_proof(
     if not isinstance(plant, nlfrf.Bla):
         return f"prove it:    robust check {model_file} {controller}"
     made = shlex.quote(f"{model.stem}-model.json")
-    asked = f" --bandwidth {bandwidth:g}" if bandwidth else ""
+    if bandwidth:
+        asked = f" --bandwidth {bandwidth:g}"
+    else:
+        asked = ""
     return (
         "a model has a weight that covers these bounds, so it may fail although the lines pass\n"
         f"prove it:    robust model {model_file}{asked} -o {made}; robust check {made} {controller}"

@@ -76,12 +76,16 @@ def short_form(thing: object) -> str:
     if isinstance(thing, np.ndarray):
         return f"an array of shape {thing.shape}"
     text = " ".join(repr(thing).split())
-    return text if len(text) <= 60 else text[:57] + "..."
+    if len(text) <= 60:
+        return text
+    return text[:57] + "..."
 
 
 def format_hertz(omega: float) -> str:
     """Return a frequency in Hz, as text."""
-    return "infinite frequency" if np.isinf(omega) else f"{omega / 2 / np.pi:.4g} Hz"
+    if np.isinf(omega):
+        return "infinite frequency"
+    return f"{omega / 2 / np.pi:.4g} Hz"
 
 
 def format_count(n: int, what: str) -> str:
@@ -95,11 +99,9 @@ def format_small_count(n: int, what: str) -> str:
     >>> format_small_count(1, "sample"), format_small_count(2, "sample"), format_small_count(40, "sample")
     ('one sample', 'two samples', '40 samples')
     """
-    return (
-        f"{_NUMBER_WORDS[n]} {what}" + "s" * (n != 1)
-        if 0 <= n < len(_NUMBER_WORDS)
-        else format_count(n, what)
-    )
+    if 0 <= n < len(_NUMBER_WORDS):
+        return f"{_NUMBER_WORDS[n]} {what}" + "s" * (n != 1)
+    return format_count(n, what)
 
 
 def join_names(names: Sequence[str]) -> str:
@@ -120,7 +122,9 @@ def inverse_unit(unit: str) -> str:
     top, *bottom = unit.split("/")
     if len(bottom) > 1:
         return f"1/({unit})"
-    return bottom[0] if bottom and top == "1" else f"{bottom[0] if bottom else 1}/{top}"
+    if bottom and top == "1":
+        return bottom[0]
+    return f"{bottom[0] if bottom else 1}/{top}"
 
 
 def ratio_unit(top: str, bottom: str) -> str:
@@ -129,7 +133,9 @@ def ratio_unit(top: str, bottom: str) -> str:
     >>> ratio_unit("m", "N"), ratio_unit("m", ""), ratio_unit("", "")
     ('m/N', 'm/1', '')
     """
-    return f"{top or '1'}/{bottom or '1'}" if top or bottom else ""
+    if top or bottom:
+        return f"{top or '1'}/{bottom or '1'}"
+    return ""
 
 
 def label_with_unit(what: str, unit: str, otherwise: str) -> str:
@@ -228,7 +234,9 @@ def keep_warnings(make: Callable[Given, Made]) -> Callable[Given, Made]:
 
 def as_list(given: Thing | Sequence[Thing]) -> list[Thing]:
     """Return an argument that is one value or several as a list."""
-    return list(given) if isinstance(given, list | tuple) else [cast("Thing", given)]
+    if isinstance(given, list | tuple):
+        return list(given)
+    return [cast("Thing", given)]
 
 
 def add_warnings(made: Kept, texts: Iterable[str]) -> Kept:
@@ -386,6 +394,9 @@ def channel_names(name: str, given: object, count: int) -> tuple[str, ...]:
         or len(set(names)) != count
         or len(names) != count
     ):
-        wanted = "one name" if count == 1 else f"{count} different names"
+        if count == 1:
+            wanted = "one name"
+        else:
+            wanted = f"{count} different names"
         raise ValueError(f"{name} must be {wanted}, got {given!r}")
     return names

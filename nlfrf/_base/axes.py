@@ -36,7 +36,10 @@ def _single_axes(ax: AxesLike | None, n_axes: int = 1) -> Axes | None:
     given = np.asarray(ax, dtype=object).ravel()
     if given.size == 1:
         return given[0]
-    also = f", or {n_axes} of them" if n_axes > 1 else ""
+    if n_axes > 1:
+        also = f", or {n_axes} of them"
+    else:
+        also = ""
     raise ValueError(
         f"ax must be one Axes{also}, got an array of {given.size}; give one of them, such as"
         " ax.flat[0]"
@@ -101,23 +104,28 @@ def matrix_axes(
     figure = whole.figure
     spec, place = whole.get_subplotspec(), whole.get_position()
     whole.remove()
-    inside = None if spec is None else spec.subgridspec(n + 1, m, height_ratios=[1.0] * n + [1e-3])
+    if spec is None:
+        inside = None
+    else:
+        inside = spec.subgridspec(n + 1, m, height_ratios=[1.0] * n + [1e-3])
     wide, high = place.width / m, place.height / n
     made = np.empty((n, m), dtype=object)
     for j, i in np.ndindex(n, m):
         where = (place.x0 + i * wide, place.y0 + (n - 1 - j) * high, 0.93 * wide, 0.86 * high)
         shared = {"sharex": made[0, 0], "sharey": made[j, 0]}  # None for the first axes
-        one = (
-            figure.add_axes(where, **shared)
-            if inside is None
-            else figure.add_subplot(inside[j, i], **shared)
-        )
+        if inside is None:
+            one = figure.add_axes(where, **shared)
+        else:
+            one = figure.add_subplot(inside[j, i], **shared)
         one.tick_params(which="both", labelbottom=j == n - 1, labelleft=i == 0)
         one.set_title(columns[i] if j == 0 else "", fontsize="medium")
         one.set_ylabel(rows[j] if i == 0 else "")
         made[j, i] = one
     under_all = (place.x0, place.y0, place.width, 1e-3)
-    foot = figure.add_axes(under_all) if inside is None else figure.add_subplot(inside[n, :])
+    if inside is None:
+        foot = figure.add_axes(under_all)
+    else:
+        foot = figure.add_subplot(inside[n, :])
     foot.set_axis_off()
     return made, foot
 
@@ -307,7 +315,10 @@ def save_figure(path: Path, figure: Figure, *, dpi: int, role: Role = Role.NAMED
         "eps": "Creator",
         "ps": "Creator",
     }.get(kind)
-    metadata = None if existing is None else {existing: PICTURE_SIGNATURE}
+    if existing is None:
+        metadata = None
+    else:
+        metadata = {existing: PICTURE_SIGNATURE}
     write_atomically(
         path,
         lambda temporary: figure.savefig(temporary, format=kind, dpi=dpi, metadata=metadata),
@@ -362,9 +373,10 @@ def gain_band(
 def follow_lines(ax: Axes) -> None:
     """Fit the vertical axis to the curves and points, and not to the bands around them."""
     drawn_values = [np.asarray(line.get_ydata(), dtype=float) for line in ax.get_lines()]
-    values = (
-        np.concatenate([y[np.isfinite(y)] for y in drawn_values]) if drawn_values else np.zeros(0)
-    )
+    if drawn_values:
+        values = np.concatenate([y[np.isfinite(y)] for y in drawn_values])
+    else:
+        values = np.zeros(0)
     if values.size:
         free = max(_HEADROOM, 0.08 * float(np.ptp(values)))
         ax.set_ylim(float(values.min()) - free, float(values.max()) + _HEADROOM)

@@ -159,7 +159,10 @@ def require_writable(*paths: Path, role: Role = Role.NAMED) -> None:
         target = _resolve_target(path)
         for taken in () if running is None else running.inputs:
             if _is_same_file(target, taken):
-                which = "" if str(path) == str(taken) else f", which is {taken}"
+                if str(path) == str(taken):
+                    which = ""
+                else:
+                    which = f", which is {taken}"
                 raise ValueError(
                     f"a file to write must not be one that the command reads, got {path}{which}:"
                     " its content would be lost; use another name"
@@ -225,7 +228,9 @@ def _describe_content(path: Path) -> str:
     if path != design and stated_kind(design, ".npz") == "nlfrf-axis-experiment":
         return f"set points or a trace of the experiment in {design.name}"
     kind = stated_kind(path, path.suffix.lower())
-    return FILE_KINDS[kind].name if kind in FILE_KINDS else kind or "something else"
+    if kind in FILE_KINDS:
+        return FILE_KINDS[kind].name
+    return kind or "something else"
 
 
 def _resolve_target(path: Path) -> Path:
@@ -285,7 +290,9 @@ def _file_kind(path: Path, suffix: str) -> str | None:
     A record counts only if a command simulated it, because the same function writes measurements.
     """
     kind = stated_kind(path, suffix)
-    return None if kind in MEASURED_RECORDS else kind
+    if kind in MEASURED_RECORDS:
+        return None
+    return kind
 
 
 def stated_kind(path: Path, suffix: str) -> str | None:
@@ -313,7 +320,10 @@ def describe_wrong_file(path: str | os.PathLike[str], kind: str | None, *schemas
     'path must hold a model, got G.npz, which is a BLA; go on with: robust model G.npz -o model.json'
     """
     *most, last = dict.fromkeys(FILE_KINDS[schema].name for schema in schemas)
-    wanted = f"{', '.join(most)} or {last}" if most else last
+    if most:
+        wanted = f"{', '.join(most)} or {last}"
+    else:
+        wanted = last
     if kind in FILE_KINDS:
         name, command = FILE_KINDS[kind]
     elif kind is None:
@@ -347,23 +357,24 @@ def _kind_of_mat(path: Path) -> str | None:
     content = loadmat(path, variable_names=["schema", "kind", "content", SIMULATED_MARK])
     if "content" in content:  # from `robust export`
         return str(content["content"]["kind"].item().item())
-    return (
-        str(content["kind"].item())
-        if "kind" in content
-        else _kind_of_schema(content["schema"].item(), SIMULATED_MARK in content)
-    )
+    if "kind" in content:
+        return str(content["kind"].item())
+    return _kind_of_schema(content["schema"].item(), SIMULATED_MARK in content)
 
 
 def _kind_of_schema(schema: str, simulated: bool) -> str | None:
     if schema in RECORD_SCHEMAS and not simulated:
         return MEASURED_RECORDS[RECORD_SCHEMAS.index(schema)]
-    return schema if schema.startswith(("nlfrf-", "robust-")) else None
+    if schema.startswith(("nlfrf-", "robust-")):
+        return schema
+    return None
 
 
 def _kind_of_table(path: Path) -> str | None:
     with path.open("rb") as stream:
         first = stream.readline(1 << 20).decode().rstrip("\n").replace('"', "")
-    first = first if "," in first else first.replace(";", ",")
+    if "," not in first:
+        first = first.replace(";", ",")
     return (
         next((kind for pattern, kind in _TABLE_HEADERS if re.fullmatch(pattern, first)), None)
         or None
@@ -376,11 +387,9 @@ def _kind_of_signed(path: Path, signature: bytes) -> str | None:
 
 
 def _kind_of_sound(path: Path) -> str | None:
-    return (
-        DESIGN_MARK
-        if b"ISFT" in _first_and_last_bytes(path) and b"nlfrf" in _first_and_last_bytes(path)
-        else None
-    )
+    if b"ISFT" in _first_and_last_bytes(path) and b"nlfrf" in _first_and_last_bytes(path):
+        return DESIGN_MARK
+    return None
 
 
 def _first_and_last_bytes(path: Path) -> bytes:
@@ -553,7 +562,9 @@ def write_table(
     between = "," if decimal == "." else ";"
 
     def quoted(name: str) -> str:
-        return '"' + name.replace('"', '""') + '"' if set(name) & {between, '"'} else name
+        if set(name) & {between, '"'}:
+            return '"' + name.replace('"', '""') + '"'
+        return name
 
     def write(temporary: Path) -> None:
         with temporary.open("w", encoding="utf-8", newline="\n") as stream:
@@ -624,7 +635,9 @@ def _refuse_constant(text: str) -> NoReturn:
 def _parse_finite(text: str) -> float:
     """Return a number with a point or an exponent."""
     number = float(text)
-    return number if math.isfinite(number) else _refuse_constant(text[:40])
+    if math.isfinite(number):
+        return number
+    return _refuse_constant(text[:40])
 
 
 def _parse_whole(text: str) -> int:
@@ -661,7 +674,10 @@ def parse_json_of(path: str | os.PathLike[str], *schemas: str) -> JsonObject:
     if suffix != ".json" and suffix in _KIND_READERS and path.is_file():
         raise ValueError(describe_wrong_file(path, stated_kind(path, suffix), *schemas))
     content = parse_json(path)
-    found = content.get("schema") if isinstance(content, dict) else type(content).__name__
+    if isinstance(content, dict):
+        found = content.get("schema")
+    else:
+        found = type(content).__name__
     if (
         isinstance(content, dict) and found in schemas
     ):  # a tuple, because `found` may not be hashable

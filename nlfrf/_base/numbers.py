@@ -186,7 +186,9 @@ def smallest_step(x: np.ndarray) -> float:
     x = np.asarray(x)
     steps = np.abs(np.diff(x.ravel()))
     steps = steps[steps > 1e-9 * np.ptp(x)]
-    return float(steps.min()) if steps.size else 0.0
+    if steps.size:
+        return float(steps.min())
+    return 0.0
 
 
 @lru_cache(maxsize=64)

@@ -79,7 +79,10 @@ def parse_gain_unit(unit: str) -> tuple[str, str, float]:
         r"\s*(\w+?)\s*(?:/\s*\(?\s*([^()\s]+)\s*\)?|[*·⋅]?\s*s\s*/\s*(\w+))\s*",
         unit if isinstance(unit, str) else "",
     )
-    output, velocity = (found[1], found[2] or f"{found[3]}/s") if found else ("", "")
+    if found:
+        output, velocity = found[1], found[2] or f"{found[3]}/s"
+    else:
+        output, velocity = "", ""
     if output not in OUTPUTS or velocity not in _VELOCITIES:
         raise ValueError(
             'kp_unit must be current or force over velocity, such as "A/(m/s)", "Ns/m", "Nms/rad"'
@@ -170,9 +173,15 @@ def split_unit(unit: str) -> tuple[float, dict[str, int]]:
                 outside.append(power)
             else:
                 name, _, exponent = token.partition("^")
-                joined = None if name in _SYMBOLS else _JOINED_SYMBOLS.fullmatch(name)
+                if name in _SYMBOLS:
+                    joined = None
+                else:
+                    joined = _JOINED_SYMBOLS.fullmatch(name)
                 *symbols, last = [one for one in joined.groups() if one] if joined else [name]
-                raised = int(exponent) if re.fullmatch("-?[0-9]{1,2}", exponent) else 1
+                if re.fullmatch("-?[0-9]{1,2}", exponent):
+                    raised = int(exponent)
+                else:
+                    raised = 1
                 for symbol, times in [*((one, power) for one in symbols), (last, power * raised)]:
                     base, size = _SYMBOLS.get(symbol, (symbol, 1.0))
                     factor *= size**times
@@ -187,7 +196,9 @@ def unit_factor(unit: str, base: str) -> float:
     (1000.0, nan)
     """
     (one, powers), (other, wanted) = split_unit(unit), split_unit(base)
-    return one / other if powers == wanted else np.nan
+    if powers == wanted:
+        return one / other
+    return np.nan
 
 
 def units_differ(one: str, other: str) -> bool:

@@ -48,7 +48,8 @@ def _repr_line(thing: DataclassInstance) -> str:
     described = ", ".join(
         f"{field.name}={_short_repr(getattr(thing, field.name, None))}" for field in fields(thing)
     )
-    described = described if len(described) <= _WIDTH else described[: _WIDTH - 3] + "..."
+    if not (len(described) <= _WIDTH):
+        described = described[: _WIDTH - 3] + "..."
     return f"{type(thing).__name__}({described})"
 
 
@@ -57,11 +58,16 @@ def _short_repr(thing: object) -> str:
     if isinstance(thing, np.ndarray):
         if thing.ndim <= 1 and thing.size <= _FEW and thing.dtype.kind in "fiub":
             return np.array2string(thing, separator=", ", precision=5, max_line_width=10**6)
-        return f"array{thing.shape}" if thing.ndim != 1 else f"array({thing.size})"
+        if thing.ndim != 1:
+            return f"array{thing.shape}"
+        return f"array({thing.size})"
     if is_dataclass(thing) and not isinstance(thing, type):
         return f"{type(thing).__name__}(...)"
     if hasattr(thing, "nstates") and hasattr(thing, "dt"):
-        clock = f", dt={thing.dt:g}" if isinstance(thing.dt, float) and thing.dt else ""
+        if isinstance(thing.dt, float) and thing.dt:
+            clock = f", dt={thing.dt:g}"
+        else:
+            clock = ""
         return f"{type(thing).__name__}({thing.nstates} states{clock})"
     if isinstance(thing, np.generic):
         thing = thing.item()
@@ -69,7 +75,9 @@ def _short_repr(thing: object) -> str:
         return f"{len(thing)} of {_short_repr(thing[0])}"
     if isinstance(thing, list | tuple):
         inner = ", ".join(map(_short_repr, thing))
-        return f"[{inner}]" if isinstance(thing, list) else f"({inner}{',' * (len(thing) == 1)})"
+        if isinstance(thing, list):
+            return f"[{inner}]"
+        return f"({inner}{',' * (len(thing) == 1)})"
     if isinstance(thing, dict):
         return (
             "{"
@@ -77,7 +85,9 @@ def _short_repr(thing: object) -> str:
             + "}"
         )
     described = " ".join(repr(thing).split())
-    return described if len(described) <= 60 else described[:57] + "..."
+    if len(described) <= 60:
+        return described
+    return described[:57] + "..."
 
 
 SCREEN_WIDTH = 100  # columns of everything that is printed
@@ -230,14 +240,16 @@ def to_plain(thing: object, most: float = np.inf) -> Json:
     if isinstance(thing, np.ndarray) and thing.size > most:
         return {"shape": list(thing.shape)}
     if isinstance(thing, np.ndarray):
-        return (
-            [to_plain(one, most) for one in thing] if thing.ndim else to_plain(thing.item(), most)
-        )
+        if thing.ndim:
+            return [to_plain(one, most) for one in thing]
+        return to_plain(thing.item(), most)
     if isinstance(thing, list | tuple) and not hasattr(thing, "_fields"):
         return [to_plain(one, most) for one in thing]
     if (named := _named_parts(thing)) is not None:
         return {name: to_plain(held, most) for name, held in named.items()}
-    return str(thing) if isinstance(thing, Path) else " ".join(str(thing).split())
+    if isinstance(thing, Path):
+        return str(thing)
+    return " ".join(str(thing).split())
 
 
 def _named_parts(thing: object) -> dict[str, object] | None:
@@ -251,11 +263,9 @@ def _named_parts(thing: object) -> dict[str, object] | None:
             thing
         )
     names = getattr(thing, "_fields", ("A", "B", "C", "D", "dt"))
-    return (
-        {name: getattr(thing, name) for name in names}
-        if all(hasattr(thing, name) for name in names)
-        else None
-    )
+    if all(hasattr(thing, name) for name in names):
+        return {name: getattr(thing, name) for name in names}
+    return None
 
 
 def _plain_scalar(thing: str | complex | None) -> Json:
@@ -264,7 +274,9 @@ def _plain_scalar(thing: str | complex | None) -> Json:
     """
     if isinstance(thing, complex):
         return [_plain_scalar(thing.real), _plain_scalar(thing.imag)]
-    return None if isinstance(thing, float) and not np.isfinite(thing) else thing
+    if isinstance(thing, float) and not np.isfinite(thing):
+        return None
+    return thing
 
 
 def _simple_properties(thing: object) -> dict[str, object]:

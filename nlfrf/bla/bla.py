@@ -245,7 +245,10 @@ class Bla(Channels):
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        n_y, n_u = self.G.shape[:-1] if self.G.ndim == 3 else (1, 1)
+        if self.G.ndim == 3:
+            n_y, n_u = self.G.shape[:-1]
+        else:
+            n_y, n_u = 1, 1
         F, held = self.f.size, self.__dict__
         if self.G.ndim == 3 and n_y == n_u == 1:
             held["G"] = self.G[0, 0]
@@ -361,11 +364,10 @@ class Bla(Channels):
         require_choice("of", of, ("bla", "realization"))
         if of == "bla":
             return self.cov.bound
-        missing = (
-            _SMOOTH_SHARE.get(self.level_source.split()[-1], 0.0)
-            if self.f.size >= FEW_LINES
-            else 0.0
-        )
+        if self.f.size >= FEW_LINES:
+            missing = _SMOOTH_SHARE.get(self.level_source.split()[-1], 0.0)
+        else:
+            missing = 0.0
         new = (self.experiment.n_realizations + missing) * self.typical
         share = np.sqrt(new * np.atleast_2d(self.distorted_share()))
         return self.cov.bound * (1 + share[:, None] * share)
@@ -478,7 +480,9 @@ class Bla(Channels):
         by_line = noise / np.maximum(total, TINY)
         by_line = 1 - by_line - 2 * np.sqrt(1 / self.dof + by_line**2 / dof_noise)
         share = np.clip(np.maximum(smoothed, by_line), 0.0, 1.0)
-        return share[0] if self.is_single else share
+        if self.is_single:
+            return share[0]
+        return share
 
     def systematic(self, decibels: float = 8.0) -> np.ndarray:
         """Estimate the order of magnitude of |G_BLA - G_0|, G_0 being the FRF without the
@@ -593,7 +597,10 @@ class Bla(Channels):
                 " acceleration, output_unit=bla.output_units for a ratio"
             )
         units = self.output_units if output_unit is None else output_unit
-        units = (units,) if isinstance(units, str) else tuple(units)
+        if isinstance(units, str):
+            units = (units,)
+        else:
+            units = tuple(units)
         return replace(
             self,
             G=self.G * factor,
@@ -762,7 +769,10 @@ def _describe_matrix(bla: Bla) -> str:
                 )
                 + f" {distortion[j, i]:.0f} dB"
             )
-    warned = f"; {format_count(len(bla.warnings), 'warning')}" if bla.warnings else ""
+    if bla.warnings:
+        warned = f"; {format_count(len(bla.warnings), 'warning')}"
+    else:
+        warned = ""
     rows.append(
         f"  medians over lines, for one set of experiments; transient: {made.transient}; distortion"
         f" estimated from {_SOURCES.get(bla.level_source, bla.level_source)}{warned}"

@@ -158,12 +158,14 @@ def crest_correction(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float
     if U.size > _ENOUGH_AMPLITUDES and not low:
         return 1.0, chance
     ratio, gap = _cubic_distortion_ratio(U, lines)
-    typical = ratio * ratio if few or low else ratio
-    typical = (
-        min(max(typical, _MIN_RATIO_ON_FEW_LINES), _MAX_RATIO_ON_FEW_LINES)
-        if few
-        else min(max(typical, 1.0), _MAX_DISTORTION_RATIO)
-    )
+    if few or low:
+        typical = ratio * ratio
+    else:
+        typical = ratio
+    if few:
+        typical = min(max(typical, _MIN_RATIO_ON_FEW_LINES), _MAX_RATIO_ON_FEW_LINES)
+    else:
+        typical = min(max(typical, 1.0), _MAX_DISTORTION_RATIO)
     if not (few and n == 1) and not low:
         return typical, chance
     amplitude = rms(U)

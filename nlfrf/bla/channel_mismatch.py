@@ -107,7 +107,10 @@ def _estimate_mismatches(
     curvature_factor = 1 + np.clip(1 - np.median(noise / C, axis=1), 0.0, 1.0)
     for kind, slope in (("gain", np.ones(at.size)), ("delay", -1j / samples)):
         for name, rows, x in channels:
-            chance = curvature_factor[rows].max() if kind == "gain" else 1.0
+            if kind == "gain":
+                chance = curvature_factor[rows].max()
+            else:
+                chance = 1.0
             size, significance, experiment = _estimate_mismatch(
                 V[rows],
                 x * slope,

@@ -238,7 +238,10 @@ class _NonlinearityOrder:
         unknown.
         """
         if self.order == 3:
-            what = _SOURCE_TEXTS[self.hypothesis] if gain_varies else "its drive"
+            if gain_varies:
+                what = _SOURCE_TEXTS[self.hypothesis]
+            else:
+                what = "its drive"
             return (
                 f"the odd distortion is cubic: {100 * self.coherence:.0f} % of it is coherent with"
                 f" the cube of {what}"

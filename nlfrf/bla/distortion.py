@@ -197,11 +197,10 @@ def estimate_distortion_variance(
             M=n_independent,
             nu=nu,
         )
-        rho_even = (
-            _correlation_on_lines(excited.index.even_windows[:, 0], residual)
-            if excited.index.even.size
-            else 1.0
-        )
+        if excited.index.even.size:
+            rho_even = _correlation_on_lines(excited.index.even_windows[:, 0], residual)
+        else:
+            rho_even = 1.0
         dof, scale = _pool_dof(found, count)
     return DistortionVariance(
         cov=_scale_correlation(np.array([one.variance for one in found]), rho),
@@ -605,7 +604,10 @@ def smooth_frm(
 def fit_sets(frm: FrmEstimate, excited: Spectra) -> LocalFit:
     """Fit the matrix of each set locally over the excited lines; the residual is its roughness."""
     gamma = diagonal(frm.gamma_each)[:, None]
-    noise = frm.noise_each[:, :, None] * gamma if np.isfinite(frm.noise_each).all() else None
+    if np.isfinite(frm.noise_each).all():
+        noise = frm.noise_each[:, :, None] * gamma
+    else:
+        noise = None
     return fit_locally(frm.G_each, 1 / np.sqrt(gamma), index=excited.index, noise=noise)
 
 
@@ -666,11 +668,10 @@ def _describe_roughness_choice(grid: LineGrid, n_detection: int) -> str:
             "the factor from the distortion on detection lines to that on excited lines is unknown"
             f" for this {kind} grid"
         )
-    few = (
-        f"; on {grid.excited.size} lines it may be too low as well"
-        if grid.excited.size < _ENOUGH_ROUGHNESS_LINES
-        else ""
-    )
+    if grid.excited.size < _ENOUGH_ROUGHNESS_LINES:
+        few = f"; on {grid.excited.size} lines it may be too low as well"
+    else:
+        few = ""
     return (
         f"{reason}. So the distortion is estimated from the roughness of the FRF, which is its"
         " scatter between neighbouring lines. The estimate is too high if the FRF itself"

@@ -156,7 +156,10 @@ def _require_equal_sets(record: Record, excited: Spectra) -> None:
     """Refuse sets whose input power differs from that of the other sets."""
     if excited.U.shape[1] == excited.experiments_per_set:
         return
-    power = excited.power_U if excited.R is None else squared_modulus(excited.R)
+    if excited.R is None:
+        power = excited.power_U
+    else:
+        power = squared_modulus(excited.R)
     power = (
         np.add.reduce(
             power.reshape(len(power), -1, excited.experiments_per_set, power.shape[2]), axis=2
@@ -169,7 +172,10 @@ def _require_equal_sets(record: Record, excited: Spectra) -> None:
     total = power.sum(axis=1)
     owner = (total / total.max(axis=1, keepdims=True)).argmax(axis=0)
     for i, (one, name) in enumerate(zip(power, record.inputs, strict=True)):
-        own = one[:, owner == i] if excited.is_zippered else one
+        if excited.is_zippered:
+            own = one[:, owner == i]
+        else:
+            own = one
         require_equal_spectra(own, f"set of {name}", first_number=1)
 
 
@@ -181,12 +187,19 @@ def _require_excited_lines(record: Record, excited: Spectra) -> None:
         if spectrum is None:
             continue
         # for several inputs some experiment has to drive a line
-        power = excited.power_U if side == "input" else squared_modulus(spectrum)
-        power = power if excited.experiments_per_set == 1 else np.mean(power, axis=1, keepdims=True)
+        if side == "input":
+            power = excited.power_U
+        else:
+            power = squared_modulus(spectrum)
+        if excited.experiments_per_set != 1:
+            power = np.mean(power, axis=1, keepdims=True)
         faintest = _MIN_LINE_POWER * power.max(axis=(1, 2), keepdims=True)
         if (power <= faintest).any():
             i, _, k = np.argwhere(power <= faintest)[0]
-            every, there = ("the", "") if record.is_single else ("every", f" in {record.inputs[i]}")
+            if record.is_single:
+                every, there = "the", ""
+            else:
+                every, there = "every", f" in {record.inputs[i]}"
             raise ValueError(
                 f"lines must be excited by {every} {side}, got line {excited.lines[k]} with no"
                 f" {side} on it{there}"
@@ -199,11 +212,10 @@ def _warn_of_lost_input(excited: Spectra) -> None:
     """
     R = excited.excitation[0]
     U = np.add.reduce(excited.U[0] * (R.conj() / np.abs(R)))
-    noise = (
-        np.add.reduce(squared_modulus(excited.dU[0]), axis=(0, 1))
-        if excited.dU.shape[2]
-        else np.nan
-    )
+    if excited.dU.shape[2]:
+        noise = np.add.reduce(squared_modulus(excited.dU[0]), axis=(0, 1))
+    else:
+        noise = np.nan
     lost = np.count_nonzero(squared_modulus(U) < _MIN_POWER_OVER_NOISE * noise)
     if lost > _MAX_LOST_SHARE * U.size:
         data_warning(

@@ -255,7 +255,10 @@ def warn_of_outlier_lines(
         ),
         None,
     )
-    mains = f", as the hum of mains of {hum:g} Hz does" if hum else ""
+    if hum:
+        mains = f", as the hum of mains of {hum:g} Hz does"
+    else:
+        mains = ""
     ratio = np.sqrt(outlier_power[worst] / level[worst])
     data_warning(
         f"{what} differs from its neighbours at {listed} Hz, at {f[worst]:g} Hz by {ratio:.0f}"
@@ -299,7 +302,10 @@ def check_outputs_follow_input(
     n, steps, has_warned = len(frm.G_each), pair_equal_steps(excited.index), False
     gamma = frm.gamma_of_set[0]
     for j, (name, each) in enumerate(zip(outputs, frm.G_each[:, :, 0].swapaxes(0, 1), strict=True)):
-        spread = (n - 1) * frm.cov_scatter[j, j].real * gamma if n > 1 else None
+        if n > 1:
+            spread = (n - 1) * frm.cov_scatter[j, j].real * gamma
+        else:
+            spread = None
         if n == 1 and fit is not None:
             spread = fit.variance[0, j, 0]
         if spread is not None and np.add.reduce(spread) <= _MIN_RELATIVE_SCATTER * power(
@@ -395,11 +401,10 @@ def _require_same_sign(output_name: str, phases: np.ndarray) -> None:
     agree = np.add.reduce((phases * np.add.reduce(phases).conj()).real, axis=1) - n_lines
     turned = np.flatnonzero(agree < -_chance_sigmas(n) * np.sqrt((n - 1) * n_lines / 2))
     if n > 1 and turned.size:
-        which = (
-            "it differs between realisations 0 and 1"
-            if n == 2
-            else f"it changes in realisation {', '.join(map(str, turned))}"
-        )
+        if n == 2:
+            which = "it differs between realisations 0 and 1"
+        else:
+            which = f"it changes in realisation {', '.join(map(str, turned))}"
         raise ValueError(
             f"{output_name} must have the same sign in all realisations, got: {which}. Was it"
             " rewired, or is it late by half a period?"

@@ -153,10 +153,16 @@ def bla_from_frf(
     require_choice("hold", hold, ("zoh", "band-limited", "unknown"))
     if hold == "zoh" and fs is None:
         raise ValueError('fs must be given if hold is "zoh": G includes the hold of 1/fs')
-    rate = np.nan if fs is None else require_positive("fs", fs)
+    if fs is None:
+        rate = np.nan
+    else:
+        rate = require_positive("fs", fs)
     source = "std" if coherence is None else "coherence"
     several = G.ndim == 3
-    n_y, n_u = G.shape[:2] if several else (1, 1)
+    if several:
+        n_y, n_u = G.shape[:2]
+    else:
+        n_y, n_u = 1, 1
     # A Bla has Cov(vec G) = gamma (x) cov, so the variances of the entries need to be a product.
     of_output, of_input = _bound_by_product(variance.reshape(n_y, n_u, f.size))
     cov = np.einsum("jf,jk->jkf", of_output, np.eye(n_y)).astype(complex)
@@ -206,12 +212,16 @@ def _entry_variances(
             f"std or coherence must be given, got {got}: without a variance the bound has no"
             " probability"
         )
-    n = None if n_averages is None else require_real("n_averages", n_averages)
+    if n_averages is None:
+        n = None
+    else:
+        n = require_real("n_averages", n_averages)
     if n is not None and n < 2:
         raise ValueError(f"n_averages must be at least 2, got {n:g}: one average has no scatter")
-    name, given = (
-        ("std", np.asarray(std)) if coherence is None else ("coherence", np.asarray(coherence))
-    )
+    if coherence is None:
+        name, given = "std", np.asarray(std)
+    else:
+        name, given = "coherence", np.asarray(coherence)
     numbers = require_real_array(name, given, ndim=given.ndim)
     try:
         numbers = np.broadcast_to(numbers, G.shape)

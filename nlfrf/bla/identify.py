@@ -174,7 +174,10 @@ def _identify_record(
     spectra, excited, crest = check_experiments(record, spectra)
     check_input_follows_reference(excited)
     zippered = excited.is_zippered
-    frm, between = estimate_zippered_frm(excited) if zippered else (estimate_frm(excited), None)
+    if zippered:
+        frm, between = estimate_zippered_frm(excited)
+    else:
+        frm, between = estimate_frm(excited), None
     if spectra.n_periods < 2 and not record.is_single:
         data_warning(
             "one period does not separate noise from distortion, so noise counts as"
@@ -245,9 +248,15 @@ def _add_outlier_power(
         if F <= 2 * WINDOW_LINES:  # on fewer lines a bend looks like any fault
             return distortion
         # share of a line in its own fit
-        own = 1.0 if fit is None else 1 - float(np.mean(fit.dof)) / WINDOW_LINES
+        if fit is None:
+            own = 1.0
+        else:
+            own = 1 - float(np.mean(fit.dof)) / WINDOW_LINES
         # zippered: a difference between experiments does not jump
-        left = 1.0 if zippered else 1 - own * record.n_inputs / excited.U.shape[1]
+        if zippered:
+            left = 1.0
+        else:
+            left = 1 - own * record.n_inputs / excited.U.shape[1]
         if left > 0 and warn_of_mismatch(
             record, excited, residual=residual, level=distortion.detected, retained=left
         ):
@@ -301,7 +310,10 @@ def _assemble_bla(
     grid, R = record.lines, len(frm.G_each)
     total = distortion.cov if R == 1 else frm.cov_scatter
     # for one period noise counts as distortion
-    cov_distortion = psd_difference(total, frm.cov_noise) if excited.dY.shape[2] else total
+    if excited.dY.shape[2]:
+        cov_distortion = psd_difference(total, frm.cov_noise)
+    else:
+        cov_distortion = total
     covariances = [frm.cov_noise, total, cov_distortion, distortion.cov_even, distortion.cov_bound]
     gamma = frm.gamma
     if record.is_single:
@@ -345,7 +357,10 @@ def _output_levels(
     """Return the amplitudes of every output on each kind of line."""
     grid, index, f0 = record.lines, excited.index, record.f0
     noise = np.sqrt(residual.noise)
-    n = excited.dY.shape[1] if excited.dY.shape[2] else np.nan
+    if excited.dY.shape[2]:
+        n = excited.dY.shape[1]
+    else:
+        n = np.nan
     noise_excited = np.sqrt(np.add.reduce(squared_modulus(excited.dY), axis=(1, 2)) / n)
     return tuple(
         DistortionLevels(

@@ -100,7 +100,8 @@ def fit_locally(
         )
     shape, n = G.shape, index.excited_windows.shape[1]
     n_u, several = 1 if G.ndim == 2 else shape[-2], G.ndim == 4 and shape[1] > 1
-    weight = weight if weight.shape == shape else np.broadcast_to(weight, shape)
+    if weight.shape != shape:
+        weight = np.broadcast_to(weight, shape)
     G, weight = (x.reshape(-1, n_u, shape[-1]) for x in (G, weight))
     value, a, (rest, rational_rest), (variance, rational_variance), used = (
         _fit_polynomial_and_rational(G, weight, index)
@@ -120,7 +121,8 @@ def fit_locally(
         flat = power(rational_rest / np.maximum(inverse, _MIN_DENOMINATOR)) / dof_r
         variance = np.where(better, np.maximum(rational_variance, flat), variance)
         dof = np.where(better, dof_r, dof)
-        rest = np.where(better[..., None], rational_rest, rest) if several else rest
+        if several:
+            rest = np.where(better[..., None], rational_rest, rest)
         if noise is not None:
             denominator = np.where(flat[..., None] > rational_variance[..., None], 1.0, inverse)
     if noise is not None:

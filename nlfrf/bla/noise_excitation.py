@@ -186,9 +186,18 @@ def _require_determined_lines(f: np.ndarray, rough_share: np.ndarray) -> None:
             np.diff(np.concatenate([[True], bad, [True]]))
         )  # of the runs of good lines, in pairs
         runs = edges.reshape(-1, 2)
-        first, end = runs[np.argmax(runs[:, 1] - runs[:, 0])] if runs.size else (0, 0)
-        band = f"{f[first]:.6g} to {f[end - 1]:.6g} Hz" if end - first > 1 else ""
-        cure = f", or ask for a band inside {band}, the widest without such a line" if band else ""
+        if runs.size:
+            first, end = runs[np.argmax(runs[:, 1] - runs[:, 0])]
+        else:
+            first, end = 0, 0
+        if end - first > 1:
+            band = f"{f[first]:.6g} to {f[end - 1]:.6g} Hz"
+        else:
+            band = ""
+        if band:
+            cure = f", or ask for a band inside {band}, the widest without such a line"
+        else:
+            cure = ""
         at = int(np.argmin(rough_share))
         raise ValueError(
             "u must have power of its own on every line, got"

@@ -85,7 +85,10 @@ def join_repeats(
     The spectra, and the number of the first experiment of each group.
     """
     n = excited.U.shape[1]
-    groups = _find_repeats(excited) if excited.experiments_per_set < n else []
+    if excited.experiments_per_set < n:
+        groups = _find_repeats(excited)
+    else:
+        groups = []
     if not 0 < len(groups) < n or len(groups) % excited.experiments_per_set:
         return spectra, list(range(n))
     listed = "; ".join(
@@ -285,11 +288,9 @@ def _estimate_delay(product: np.ndarray, lines: np.ndarray) -> tuple[float, floa
         delay += slope / (2 * np.pi * max(curvature, 1e-300))
     shared = float(np.sum(product * np.exp(-2j * np.pi * lines * delay)).real)
     # a delay that explains no more than zero delay is noise
-    return (
-        (0.0, correlation_at_zero)
-        if 1 - correlation_at_zero < 2 * (1 - shared) + 1e-9
-        else (delay, shared)
-    )
+    if 1 - correlation_at_zero < 2 * (1 - shared) + 1e-9:
+        return 0.0, correlation_at_zero
+    return delay, shared
 
 
 def require_equal_spectra(

@@ -78,7 +78,10 @@ def nonlinear_residual(
     noise = np.add.reduce(squared_modulus(scatter), axis=(1, 2)) / (
         scatter.shape[1] if scatter.shape[2] else np.nan
     )
-    linear = G * spectra.U if len(spectra.U) == 1 else np.einsum("jik,imk->jmk", G, spectra.U)
+    if len(spectra.U) == 1:
+        linear = G * spectra.U
+    else:
+        linear = np.einsum("jik,imk->jmk", G, spectra.U)
     return NonlinearResidual(
         G=G,
         gain=gain,

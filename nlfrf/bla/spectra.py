@@ -58,7 +58,9 @@ def _choose_transient_treatment(Y: np.ndarray, y: np.ndarray, lines: np.ndarray)
 
     if n_periods < 2 or is_settled(0):
         return "none"
-    return "discard" if n_periods > 2 and is_settled(1) else "local"
+    if n_periods > 2 and is_settled(1):
+        return "discard"
+    return "local"
 
 
 def _has_drift(
@@ -161,7 +163,9 @@ class Spectra:
         """(n_u, M, K) the references if known, else the inputs: the excitation with the least
         noise.
         """
-        return self.U if self.R is None else self.R
+        if self.R is None:
+            return self.U
+        return self.R
 
     @cached_property
     def power_U(self) -> np.ndarray:
@@ -195,7 +199,9 @@ class Spectra:
     @cached_property
     def experiments_per_set(self) -> int:
         """Experiments that make one realisation of the matrix."""
-        return 1 if self.is_zippered else len(self.U)
+        if self.is_zippered:
+            return 1
+        return len(self.U)
 
     def select_excited(self) -> Spectra:
         """Return the spectra on the excited lines only."""
@@ -203,7 +209,10 @@ class Spectra:
         some = {
             name: getattr(self, name).take(at, axis=-1) for name in ("lines", "U", "Y", "dU", "dY")
         }
-        R = None if self.R is None else self.R.take(at, axis=-1)
+        if self.R is None:
+            R = None
+        else:
+            R = self.R.take(at, axis=-1)
         return Spectra(**some, R=R, n_periods=self.n_periods, index=self.index)
 
 
@@ -215,13 +224,13 @@ def residual_scatter(G: np.ndarray, spectra: Spectra) -> np.ndarray:
     dU, dY = spectra.dU, spectra.dY
     if not dU.any():  # inputs that repeat exactly
         return dY
-    G = G if G.ndim == 4 else G[None]
+    if G.ndim != 4:
+        G = G[None]
     dU = dU.reshape(len(dU), len(G), -1, *dU.shape[2:])
-    linear = (
-        np.einsum("rjik,iredk->jredk", G, dU)
-        if len(dU) > 1
-        else np.swapaxes(G, 0, 1)[:, :, :, None] * dU
-    )
+    if len(dU) > 1:
+        linear = np.einsum("rjik,iredk->jredk", G, dU)
+    else:
+        linear = np.swapaxes(G, 0, 1)[:, :, :, None] * dU
     return dY - linear.reshape(len(linear), *dY.shape[1:2], *dU.shape[3:])
 
 
@@ -253,18 +262,26 @@ def period_spectra(
         raise ValueError(
             f'transient="{transient}" must have at least 2 periods to work on, got {n_periods}'
         )
-    U = channel_dft(record.u, lines) if U is None else U.copy()
+    if U is None:
+        U = channel_dft(record.u, lines)
+    else:
+        U = U.copy()
     Y = channel_dft(record.y, lines)
-    R = None if record.r is None else channel_dft(record.r, lines)
+    if record.r is None:
+        R = None
+    else:
+        R = channel_dft(record.r, lines)
     if transient == "auto":
         y = record.y.reshape(-1, *record.y.shape[-2:])
         transient = _choose_transient_treatment(Y.reshape(-1, *Y.shape[2:]), y, lines)
     if transient == "discard":
         U = _drop_first_period(U)
         Y = _drop_first_period(Y)
-        R = None if R is None else _drop_first_period(R)
+        if R is not None:
+            R = _drop_first_period(R)
         n_periods -= 1
-    R = None if R is None else R.mean(axis=2)
+    if R is not None:
+        R = R.mean(axis=2)
     (U, dU), (Y, dY) = (_mean_and_scatter(X, n_periods) for X in (U, Y))
     if transient == "local":
         if dU.shape[2] > 1:
@@ -279,7 +296,9 @@ def _drop_first_period(X: np.ndarray) -> np.ndarray:
     """Return X (n, M, P, K) without its first period; a single one, which represents equal periods,
     stays.
     """
-    return X[:, :, 1:] if X.shape[2] > 1 else X
+    if X.shape[2] > 1:
+        return X[:, :, 1:]
+    return X
 
 
 def _mean_and_scatter(X: np.ndarray, n_periods: int) -> tuple[np.ndarray, np.ndarray]:
@@ -329,10 +348,9 @@ def period_dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
     in_a_row = lines[-1] - lines[0] == lines.size - 1
     for m in some:
         transformed = rfft(x[m])
-        part = (
-            transformed[..., lines[0] : lines[-1] + 1]
-            if in_a_row
-            else transformed.take(lines, axis=2)
-        )
+        if in_a_row:
+            part = transformed[..., lines[0] : lines[-1] + 1]
+        else:
+            part = transformed.take(lines, axis=2)
         np.multiply(part.view(float), 2 / n_samples, out=spectra[m].view(float))
     return spectra

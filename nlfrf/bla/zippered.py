@@ -181,7 +181,10 @@ def _fit_denominator(r: np.ndarray, g: np.ndarray, size: np.ndarray) -> np.ndarr
                 len(r), 3, -1
             )
         )
-        trial = found if turn < _N_REWEIGHTED_ROUNDS else a + found
+        if turn < _N_REWEIGHTED_ROUNDS:
+            trial = found
+        else:
+            trial = a + found
         there = 1 + r * trial[:, 0, None, None] + r**2 * trial[:, 1, None, None]
         good = np.abs(there).min(axis=(1, 2)) > _MIN_ZIPPERED_DENOMINATOR
         if turn >= _N_REWEIGHTED_ROUNDS:

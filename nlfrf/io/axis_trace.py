@@ -397,7 +397,10 @@ def _cut_run(run: _Run, experiment: AxisExperiment, *, N: int, start: float) -> 
             some = slice(begin, begin + n * N)
             u.append(run.u[some].reshape(n, N))
             way = (run.y - base)[some].reshape(n, N)
-            slope = float(np.polyfit(np.arange(n) * N, way.mean(axis=1), 1)[0]) if n > 1 else 0.0
+            if n > 1:
+                slope = float(np.polyfit(np.arange(n) * N, way.mean(axis=1), 1)[0])
+            else:
+                slope = 0.0
             velocity = scale * float(experiment.velocities[s])
             if velocity:
                 way = way - slope * np.arange(n * N).reshape(n, N)
@@ -552,11 +555,10 @@ def _examine_trace(experiment: AxisExperiment, record: Record) -> bool:
         elif abs(turn) > 180 - _TURNED or (
             traced in ("", designed) and not 1 / _UNIT_FACTOR < gain < _UNIT_FACTOR
         ):
-            first = (
-                f"is it {other}, because u and y differ by one factor"
-                if similar
-                else f"is it another signal, {other}"
-            )
+            if similar:
+                first = f"is it {other}, because u and y differ by one factor"
+            else:
+                first = f"is it another signal, {other}"
             data_warning(
                 f"{name} is {gain:.3g} times the expected size, turned by {turn:.0f} deg, on"
                 f" the upper lines, where friction hardly counts: {first}, is it in another unit"

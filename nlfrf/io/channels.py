@@ -187,11 +187,10 @@ class Channels:
         if full in self.units:
             return self.units[full]
         home, dot, key = full.rpartition(".")
-        kind = (
-            "time"
-            if is_time_name(key) or STEP_NAME.fullmatch(split_clock_name(key)[0])
-            else parse_name(key).quantity
-        )
+        if is_time_name(key) or STEP_NAME.fullmatch(split_clock_name(key)[0]):
+            kind = "time"
+        else:
+            kind = parse_name(key).quantity
         for word in (
             key,
             *{"time": ("time", "Time"), "frequency": ("frequency", "Frequency", "")}.get(kind, ()),
@@ -206,7 +205,9 @@ class Channels:
         """Return the full name of a channel without its unit; brackets around anything else belong
         to the name.
         """
-        return UNIT_SUFFIX.sub("", full) if unit_in_name(full) == self.unit(full) else full
+        if unit_in_name(full) == self.unit(full):
+            return UNIT_SUFFIX.sub("", full)
+        return full
 
     def text(self, name: str) -> str:
         """Return the text of this name, empty if there is none."""
@@ -238,7 +239,10 @@ class Channels:
             raise ValueError(f"fs must be given: {why}")
         if given is None and clock.doubt:
             data_warning(clock.doubt)
-        fs = clock.fs if given is None else require_positive("fs", given)
+        if given is None:
+            fs = clock.fs
+        else:
+            fs = require_positive("fs", given)
         axes = {name: axis for name in clocks if (axis := self.moments_of(name)) is not None}
         if axes:
             require_same_moments(file, axes, fs)
@@ -273,7 +277,10 @@ class Channels:
         """
         if isinstance(stated, str):
             return self.clock_of_time(stated)
-        where = f"the rate stated for {name!r}" if name else "the stated rate"
+        if name:
+            where = f"the rate stated for {name!r}"
+        else:
+            where = "the stated rate"
         if 0 < stated <= _SLOW and self.units.get(f"{name}.start") == "":
             return _doubtful_clock(
                 stated, where, f"the sampling time of {name!r} names no unit and is", _DRIVE_RATE
@@ -286,8 +293,14 @@ class Channels:
         """
         file, variables = Path(self.path).name, self.variable_clocks(next(iter(names), ""))
         n = {self.arrays[name].size: name for name in names if name in self.arrays}
-        time = self.nearest_time_channel(next(iter(n.values()))) if len(n) == 1 else self.time
-        by_time = self.clock_of_time(time) if time else _Clock()
+        if len(n) == 1:
+            time = self.nearest_time_channel(next(iter(n.values())))
+        else:
+            time = self.time
+        if time:
+            by_time = self.clock_of_time(time)
+        else:
+            by_time = _Clock()
         if not variables and self.time and not time:
             sizes = " and ".join(f"{name!r} has {size}" for size, name in n.items())
             return _Clock(
@@ -330,30 +343,31 @@ class Channels:
     def moments_of(self, name: str) -> float | np.ndarray | None:
         """Return the time of each sample of a channel, or its start [s]; None if it has neither."""
         stated = self.clocks.get(name)
-        return (
-            float(self.arrays.get(f"{name}.start", 0.0))
-            if isinstance(stated, float)
-            else self.seconds(name)
-        )
+        if isinstance(stated, float):
+            return float(self.arrays.get(f"{name}.start", 0.0))
+        return self.seconds(name)
 
     def seconds(self, name: str) -> np.ndarray | None:
         """Return the time of each sample of a channel [s], None without a time channel of known
         unit.
         """
         time = self.time_of(self.full_name(name))
-        second = self.second_of(time) if time else None
-        return (
-            None
-            if second is None
-            else second * np.ravel(self.arrays[time]).astype(float, copy=False)
-        )
+        if time:
+            second = self.second_of(time)
+        else:
+            second = None
+        if second is None:
+            return None
+        return second * np.ravel(self.arrays[time]).astype(float, copy=False)
 
     def time_of(self, full: str) -> str:
         """Return the time channel of a channel, stated or near it; empty if it has none, or another
         clock.
         """
         stated = self.clocks.get(full, self.clocks.get("", self.nearest_time_channel(full)))
-        return stated if isinstance(stated, str) else ""
+        if isinstance(stated, str):
+            return stated
+        return ""
 
     def nearest_time_channel(self, full: str) -> str:
         """Return a time channel as long as a channel, preferably in the same struct; empty if there
@@ -409,7 +423,10 @@ class Channels:
             key, unit = split_clock_name(UNIT_SUFFIX.sub("", name).rsplit(".", 1)[-1])
             is_step = STEP_NAME.fullmatch(key) is not None
             is_rate = RATE_NAME.fullmatch(key) is not None
-            number = _constant_of(array) if is_step or is_rate else None
+            if is_step or is_rate:
+                number = _constant_of(array)
+            else:
+                number = None
             unit = unit or self.unit(name)
             if number is None or (
                 array.size > 1 and is_step and not unit and number >= MIN_DURATION
@@ -419,8 +436,14 @@ class Channels:
             number *= scale or 0.0
             if 0 < number < np.inf:
                 home = name.rpartition(".")[0]
-                rank = homes.index(home) if home in homes else 2
-                fs = number if is_rate else float(f"{1 / number:.12g}")
+                if home in homes:
+                    rank = homes.index(home)
+                else:
+                    rank = 2
+                if is_rate:
+                    fs = number
+                else:
+                    fs = float(f"{1 / number:.12g}")
                 yield _ScalarClock(rank, fs, is_step and not unit and fs <= _SLOW, name)
 
     def clock_of_time(self, time: str) -> _Clock:
@@ -507,7 +530,9 @@ def _constant_of(array: np.ndarray) -> float | None:
     if array.dtype.kind not in "fiu" or not array.size:
         return None
     first = array.reshape(-1)[0]
-    return float(first) if array.size == 1 or bool(np.all(array == first)) else None
+    if array.size == 1 or bool(np.all(array == first)):
+        return float(first)
+    return None
 
 
 def _backward_steps(t: np.ndarray) -> str:
@@ -563,11 +588,10 @@ OnePath: TypeAlias = str | os.PathLike[str]
 
 def to_paths(path: OnePath | Iterable[OnePath]) -> list[OnePath]:
     """Return the files of an experiment, one or several."""
-    paths = (
-        [path]
-        if isinstance(path, str | os.PathLike) or not isinstance(path, Iterable)
-        else list(path)
-    )
+    if isinstance(path, str | os.PathLike) or not isinstance(path, Iterable):
+        paths = [path]
+    else:
+        paths = list(path)
     if not paths:
         raise ValueError("path must be a file or a list of files, got none")
     return paths
@@ -629,11 +653,8 @@ def _reader_of_suffix(path: Path, suffix: str) -> _Reader:
         )
     if suffix not in READERS:
         cure = "; save the sheet as .csv" if suffix in (".xls", ".xlsx", ".ods") else ""
-        cure = (
-            "; export the SDF of the analyser as a table, .mat or .uff"
-            if suffix == ".sdf"
-            else cure
-        )
+        if suffix == ".sdf":
+            cure = "; export the SDF of the analyser as a table, .mat or .uff"
         raise ValueError(f"path must end in {_SUFFIXES}, got {path.name!r}{cure}; {_OTHER_WAY}")
     return READERS[suffix]
 

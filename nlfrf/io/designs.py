@@ -112,7 +112,10 @@ def save_experiment(
     require_writable(companion, role=Role.DERIVED)  # before the first of several files is there
     t, M = np.arange(experiment.n_rows) / experiment.ms.fs, experiment.ms.n_realizations
     for m in range(M):
-        target = path if M == 1 else path.with_name(f"{path.stem}-{m + 1}{path.suffix}")
+        if M == 1:
+            target = path
+        else:
+            target = path.with_name(f"{path.stem}-{m + 1}{path.suffix}")
         columns = {
             f"{port} [{experiment.units[port]}]": one
             for port, one in experiment.set_points(m).items()
@@ -214,7 +217,9 @@ def _add_remark(path: Path, text: str) -> None:
 
 def _played_samples(u: np.ndarray) -> np.ndarray:
     """Return (channels, N) periods in playing order: all inputs of an experiment side by side."""
-    return u if u.ndim == 2 else np.swapaxes(u, 0, 1).reshape(-1, u.shape[2])
+    if u.ndim == 2:
+        return u
+    return np.swapaxes(u, 0, 1).reshape(-1, u.shape[2])
 
 
 def _played_names(ms: Multisine) -> list[str]:

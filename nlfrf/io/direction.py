@@ -76,7 +76,8 @@ def find_direction(streams: Mapping[str, np.ndarray], rate: Callable[[str], floa
     x = {name: np.asarray(streams[name], dtype=float) for name in streams if name in likely}
     period, together = _find_common_period(x)
     n = round(period)
-    period = float(n) if abs(period - n) <= WHOLE_TOLERANCE else period
+    if abs(period - n) <= WHOLE_TOLERANCE:
+        period = float(n)
     found = {
         name: find_signal_lines(one[: one.size // n * n].reshape(1, -1, n))
         for name, one in together.items()
@@ -84,15 +85,23 @@ def find_direction(streams: Mapping[str, np.ndarray], rate: Callable[[str], floa
     lines = {name: one for name, one in found.items() if one is not None}
     if not lines:
         inputs = [name for name in x if _rank_by_name(name) is Rank.INPUT]
-        return Direction(u=inputs[0]) if len(inputs) == 1 < len(x) else Direction()
+        if len(inputs) == 1 < len(x):
+            return Direction(u=inputs[0])
+        return Direction()
     u, doubt = _choose_input(lines)
-    references = _find_references(u, lines) if u else []
+    if u:
+        references = _find_references(u, lines)
+    else:
+        references = []
     reference = min(references, key=lambda name: lines[name].spread, default="")
     name = u or next(iter(lines))
     excited, fs = lines[name].grid.excited, rate(name)
     lasts = f" ({period / fs:.4g} s)"
     band = f" from {excited[0] * fs / n:.4g} to {excited[-1] * fs / n:.4g} Hz"
-    lasts, band = ("", "") if np.isnan(fs) else (lasts, band)
+    if np.isnan(fs):
+        lasts, band = "", ""
+    else:
+        lasts, band = lasts, band
     periods, n_lines = format_count(x[name].size // n, "period"), format_count(excited.size, "line")
     return Direction(
         u,
@@ -141,21 +150,26 @@ def _choose_input(lines: Mapping[str, SignalLines]) -> tuple[str, str]:
     u = names[0]
     if len(names) > 1:
         beaten = {b for a in names for b in names if _shows_played(lines[a], lines[b])}
-        left = [name for name in names if name not in beaten] if beaten else []
+        if beaten:
+            left = [name for name in names if name not in beaten]
+        else:
+            left = []
         if len(left) != 1 and first > Rank.SET_POINT:
             return "", f"neither names nor spectra show which of {join_names(names)} was played"
-        u = left[0] if len(left) == 1 else min(names, key=lambda name: lines[name].spread)
+        if len(left) == 1:
+            u = left[0]
+        else:
+            u = min(names, key=lambda name: lines[name].spread)
     quantity = _bare_name(u)
     u = next(
         (name for name in lines if name != u and _SET_POINT.sub("", _bare_name(name)) == quantity),
         u,
     )
     for name, one in lines.items() if Rank.SET_POINT not in ranks.values() else ():
-        level = (
-            f"its lines have equal amplitudes within {one.spread:.2g} dB"
-            if compare_levels(one, lines[u])
-            else ""
-        )
+        if compare_levels(one, lines[u]):
+            level = f"its lines have equal amplitudes within {one.spread:.2g} dB"
+        else:
+            level = ""
         if ranks[name] > first and (found := describe_played(one, lines[u]) or level):
             return (
                 "",
@@ -213,7 +227,9 @@ def _rank_by_name(name: str) -> Rank:
     responds = _OUTPUT_NAMES.fullmatch(short) is not None
     if drives == responds:
         return Rank.UNKNOWN
-    return Rank.INPUT if drives else Rank.OUTPUT
+    if drives:
+        return Rank.INPUT
+    return Rank.OUTPUT
 
 
 def choose_output(u: str, candidates: Mapping[str, np.ndarray]) -> str:
@@ -226,7 +242,9 @@ def choose_output(u: str, candidates: Mapping[str, np.ndarray]) -> str:
     ranked = sorted(
         (name for name in others if not is_set_point(name)), key=_rank_by_name, reverse=True
     )
-    return ranked[0] if ranked else ""
+    if ranked:
+        return ranked[0]
+    return ""
 
 
 def is_set_point(name: str) -> bool:

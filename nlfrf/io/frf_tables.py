@@ -163,11 +163,10 @@ def load_frf(
     table = tables[chosen[0]]
     if table.refusal:
         raise ValueError(table.refusal)
-    std = (
-        table.std
-        if relative_std is None
-        else require_positive("relative_std", relative_std) * np.abs(table.G)
-    )
+    if relative_std is None:
+        std = table.std
+    else:
+        std = require_positive("relative_std", relative_std) * np.abs(table.G)
     missing = "relative_std" if table.coherence is None else "n_averages"
     if std is None and (table.coherence is None or n_averages is None):
         raise MissingArgumentError(missing, _NEEDS[missing])
@@ -252,16 +251,15 @@ def find_frfs(file: Channels, columns: str = "") -> dict[str, _FrfTable]:
     ):
         columns = "f=col1 [Hz], mag=col2 [dB], phase=col3 [deg]"  # as in files of loudspeakers
         data_warning(f"{Path(file.path).name!r} names no columns: they are taken for {columns!r}")
-    found = (
-        _parse_columns(columns, file)
-        if columns
-        else [
+    if columns:
+        found = _parse_columns(columns, file)
+    else:
+        found = [
             _Column(
                 name, x, parse_name(name, file.stated_unit(name), is_complex=x.dtype.kind == "c")
             )
             for name, x in numeric.items()
         ]
-    )
     tables: dict[str, _FrfTable] = {}
     for label in dict.fromkeys(one.parsed.label for one in found if one.parsed.quantity in _WHOLE):
         if (table := _read_frf(found, label, Path(file.path).name)) is None:
@@ -325,7 +323,9 @@ def _read_frf(found: list[_Column], label: str, file: str) -> _FrfTable | None:
         if one.name not in used and (one.parsed.unknown or not one.parsed.quantity)
     ]
     left_out = tuple(one.name for one in others if not re.fullmatch(r"col\d+", one.name))
-    return table._replace(left_out=left_out) if table.f.size else None
+    if table.f.size:
+        return table._replace(left_out=left_out)
+    return None
 
 
 def _assemble(
@@ -415,11 +415,10 @@ def _is_unclear(column: _Column) -> bool:
 def _example_of(column: _Column) -> str:
     """Return a column in the syntax of the option."""
     key = next(key for key, quantity in _KEYS.items() if quantity == column.parsed.quantity)
-    unit = (
-        {"f": " [Hz]", "mag": " [dB]", "phase": " [deg]"}.get(key, " [1]")
-        if _is_unclear(column)
-        else ""
-    )
+    if _is_unclear(column):
+        unit = {"f": " [Hz]", "mag": " [dB]", "phase": " [deg]"}.get(key, " [1]")
+    else:
+        unit = ""
     return f"{key}={column.name}{unit}"
 
 
@@ -431,7 +430,10 @@ def _require_known_words(axis: _Column, form: Sequence[_Column], file: str) -> N
         *({*one.parsed.unknown} & {*one.parsed.of_what.split()} for one in form)
     )
     for one in (axis, *form):
-        named = [] if one is axis else [word for word in shared if word.isalpha() or word.isdigit()]
+        if one is axis:
+            named = []
+        else:
+            named = [word for word in shared if word.isalpha() or word.isdigit()]
         if unknown := [
             word
             for word in one.parsed.unknown
@@ -453,11 +455,10 @@ def _with_unit(column: _Column, file: str, *, in_matlab: bool = False) -> _Colum
     In MATLAB `[mag, phase, wout] = bode(sys)` gives ratios and degrees.
     """
     x, quantity = column.x, column.parsed.quantity
-    degrees = (
-        ("degrees", "radians")
-        if in_matlab or np.nanmax(np.abs(x)) > TURN
-        else ("radians", "degrees")
-    )
+    if in_matlab or np.nanmax(np.abs(x)) > TURN:
+        degrees = "degrees", "radians"
+    else:
+        degrees = "radians", "degrees"
     likely = {
         "frequency": ("Hz", "rad/s"),
         "magnitude": ("ratio" if in_matlab else "dB", "a ratio"),
@@ -487,13 +488,16 @@ def _complex_numbers(form: Sequence[_Column], G: np.ndarray | None = None) -> np
                 f"only one of {form[0].name!r} and {form[1].name!r} belongs to an inverse, 1/G"
             )
         z = x["real"] + 1j * x["imaginary"]
-        return 1 / z if form[0].parsed.inverse else z
-    size, angle = (np.ones(1), np.zeros(1)) if G is None else (np.abs(G), np.angle(G))
-    return (
-        x["complex"]
-        if "complex" in x
-        else x.get("magnitude", size) * np.exp(1j * x.get("phase", angle))
-    )
+        if form[0].parsed.inverse:
+            return 1 / z
+        return z
+    if G is None:
+        size, angle = np.ones(1), np.zeros(1)
+    else:
+        size, angle = np.abs(G), np.angle(G)
+    if "complex" in x:
+        return x["complex"]
+    return x.get("magnitude", size) * np.exp(1j * x.get("phase", angle))
 
 
 def _unit_of_parts(form: Sequence[_Column]) -> tuple[float, str]:
@@ -515,8 +519,13 @@ def _unit_of_parts(form: Sequence[_Column]) -> tuple[float, str]:
             r"[^\W\d_]+", lambda some: (find_symbol(some[0]) or ("", "", some[0]))[2], name
         )
     top, slash, bottom = name.rpartition("/")
-    inverted = f"{bottom}/{top}" if slash else name and f"1/{name}"
-    return (1 / divisor, inverted) if parts[0].inverse else (divisor, name)
+    if slash:
+        inverted = f"{bottom}/{top}"
+    else:
+        inverted = name and f"1/{name}"
+    if parts[0].inverse:
+        return 1 / divisor, inverted
+    return divisor, name
 
 
 def _require_same(G: np.ndarray, first: Sequence[_Column], form: Sequence[_Column]) -> None:
@@ -553,11 +562,10 @@ def _deviation_of(column: _Column, size: np.ndarray, own: Unit | None) -> np.nda
         unit.powers != (own or Unit(1.0)).powers or (not unit.powers and unit.factor == 0.01)
     ):
         return None
-    x = (
-        10 ** (unit.decades * np.abs(column.x)) - 1
-        if unit.decades
-        else unit.factor * np.abs(column.x)
-    )
+    if unit.decades:
+        x = 10 ** (unit.decades * np.abs(column.x)) - 1
+    else:
+        x = unit.factor * np.abs(column.x)
     return np.asarray(x * size if is_relative else x)
 
 
@@ -586,7 +594,8 @@ def describe_frfs(tables: dict[str, _FrfTable]) -> tuple[str, tuple[str, ...]]:
     channel = ("--channel", label) if others else ()
     if frf.std is not None:
         return about, channel
-    missing, option = (
-        ("relative_std", "relative-std") if frf.coherence is None else ("n_averages", "averages")
-    )
+    if frf.coherence is None:
+        missing, option = "relative_std", "relative-std"
+    else:
+        missing, option = "n_averages", "averages"
     return f"{about}\nneeds: {_NEEDS[missing]}", (f"--{option}", option.upper(), *channel)

@@ -158,7 +158,10 @@ class _FileContents:
         )
 
     def __str__(self) -> str:
-        what = format_count(len(self.channels), "channel") if self.channels else self.schema
+        if self.channels:
+            what = format_count(len(self.channels), "channel")
+        else:
+            what = self.schema
         lines = [f"{Path(self.path).name}: {what}", *_table_of_channels(self.channels)]
         lines += [f"  {name}: {why}" for name, why in self.notes.items()]
         if self.schema:
@@ -170,7 +173,10 @@ class _FileContents:
         if self.doubt:
             lines.append(f"guess: none, {self.doubt}; {self.lines}")
         elif self.u:
-            reference = f", reference {self.reference}" if self.reference else ""
+            if self.reference:
+                reference = f", reference {self.reference}"
+            else:
+                reference = ""
             lines.append(
                 f"guess: input {self.u or '?'}, output {self.y or '?'}{reference}; {self.lines}"
             )
@@ -198,7 +204,9 @@ def _table_of_channels(channels: Sequence[_Channel]) -> list[str]:
         ]
         for row in rows
     ]
-    return [("  " + "  ".join(cells)).rstrip() for cells in aligned] if channels else []
+    if channels:
+        return [("  " + "  ".join(cells)).rstrip() for cells in aligned]
+    return []
 
 
 def _quote_name(name: str) -> str:
@@ -209,12 +217,16 @@ def _quote_name(name: str) -> str:
     Kraft "Kraft, x"
     """
     plain = "," not in name and not name.startswith('"') and name == name.strip()
-    return name if plain else '"' + name.replace('"', '""') + '"'
+    if plain:
+        return name
+    return '"' + name.replace('"', '""') + '"'
 
 
 def _escape_dash(path: str) -> str:
     """Return a path that cannot be mistaken for an option, even if it begins with a dash."""
-    return f"./{path}" if path.startswith("-") else path
+    if path.startswith("-"):
+        return f"./{path}"
+    return path
 
 
 def inspect_file(path: str | os.PathLike[str]) -> _FileContents:
@@ -435,9 +447,10 @@ def _record_signals(record: Record) -> list[tuple[str, str, np.ndarray]]:
 
 def _describe_extent(content: Record | Multisine) -> str:
     runs = format_count(content.n_experiments, "realisation" if content.is_single else "experiment")
-    periods = (
-        f"{format_count(content.n_periods, 'period')} x " if isinstance(content, Record) else ""
-    )
+    if isinstance(content, Record):
+        periods = f"{format_count(content.n_periods, 'period')} x "
+    else:
+        periods = ""
     f = content.lines.excited * content.f0
     band = f"{format_count(f.size, 'line')} from {f[0]:.4g} to {f[-1]:.4g} Hz"
     return f"{runs} x {periods}{content.n_samples} samples, {band}, hold {content.hold}"
@@ -472,9 +485,10 @@ def _known_rate(file: Channels, *names: str) -> float:
 def _channel_statistics(name: str, unit: str, *, fs: float, stream: np.ndarray) -> _Channel:
     x = np.asarray(stream, dtype=float)
     x = x[np.isfinite(x)]
-    extremes = (
-        (float(x.min()), float(x.max()), float(np.sqrt(np.mean(x**2)))) if x.size else (np.nan,) * 3
-    )
+    if x.size:
+        extremes = float(x.min()), float(x.max()), float(np.sqrt(np.mean(x**2)))
+    else:
+        extremes = (np.nan,) * 3
     return _Channel(name, unit, stream.size, fs, *extremes)
 
 

@@ -63,5 +63,10 @@ def _start_difference(there: float | np.ndarray, here: float | np.ndarray, fs: f
     step = max(1, np.size(here) // _N_COMPARED)
     behind = np.ravel(here)[::step] - np.ravel(there)[::step]
     behind = behind[np.isfinite(behind)]
-    late = float(np.median(behind)) if behind.size else 0.0
-    return late * fs if abs(late) < _OTHER_ORIGIN else 0.0
+    if behind.size:
+        late = float(np.median(behind))
+    else:
+        late = 0.0
+    if abs(late) < _OTHER_ORIGIN:
+        return late * fs
+    return 0.0

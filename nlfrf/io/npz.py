@@ -51,7 +51,10 @@ def contents(path: Path) -> Contents:
             if name in headers or name in notes:
                 raise ValueError(f"it holds {name!r} twice")
             with archive.open(member) as opened:
-                header = _read_header(opened) if opened.read(6) == npy.MAGIC_PREFIX else None
+                if opened.read(6) == npy.MAGIC_PREFIX:
+                    header = _read_header(opened)
+                else:
+                    header = None
             if header is None:
                 notes[name] = "is no array of NumPy"
             elif header.kind.hasobject:

@@ -117,7 +117,10 @@ class _LostRows:
         whole = [str(j + 1) for j in self.whole_periods(n_samples)]
         if not whole:
             return f"{self}; no period is whole"
-        named = f"period {whole[0]} is" if len(whole) == 1 else f"periods {join_names(whole)} are"
+        if len(whole) == 1:
+            named = f"period {whole[0]} is"
+        else:
+            named = f"periods {join_names(whole)} are"
         return f"{self}; {named} whole"
 
 
@@ -151,11 +154,9 @@ def find_lost_rows(seconds: np.ndarray | None, fs: float) -> _LostRows | None:
     ):
         return None
     place = np.concatenate([[0], np.cumsum(whole)])
-    return (
-        _LostRows(place=place.astype(int), moments=seconds, fs=fs)
-        if place[-1] < 2 * seconds.size
-        else None
-    )
+    if place[-1] < 2 * seconds.size:
+        return _LostRows(place=place.astype(int), moments=seconds, fs=fs)
+    return None
 
 
 # ---- Rows of a file that do not form one record: parts of it, and signals that alternate.
@@ -195,7 +196,10 @@ def unfold_periods(file: Channels, names: Sequence[str]) -> tuple[Channels, int]
     The first channel shows whether its columns repeat each other; matrices with its shape are
     treated alike.
     """
-    full = file.full_name(names[0]) if names else ""
+    if names:
+        full = file.full_name(names[0])
+    else:
+        full = ""
     matrix = file.arrays.get(full, np.zeros(0))
     if (
         matrix.ndim != 2
@@ -255,11 +259,10 @@ def merge_alternating_rows(file: Channels, names: Sequence[str]) -> Channels:
     if (seconds := file.seconds(full[0])) is not None:
         t = seconds[turns]
         shift = float(np.median(t[1:] - t[0]) / np.median(np.diff(t[0])))
-        late = (
-            f"; {full[1]} is {shift:.3g} samples later than {full[0]}, and G includes this delay"
-            if shift
-            else ""
-        )
+        if shift:
+            late = f"; {full[1]} is {shift:.3g} samples later than {full[0]}, and G includes this delay"
+        else:
+            late = ""
         time = file.time_of(full[0])
         merged[time] = file.arrays[time][turns[0]]
     data_warning(
@@ -282,7 +285,10 @@ def _cut_windows(
     parts = []
     for file in files if starts else ():
         n, t = file.signal("u", name).size, file.seconds(name)
-        t = np.arange(n) / file.sampling_frequency(fs, (name,)) if t is None else t - t[0]
+        if t is None:
+            t = np.arange(n) / file.sampling_frequency(fs, (name,))
+        else:
+            t = t - t[0]
         for first, end in zip(starts, stops, strict=True):
             rows = np.flatnonzero((t >= first - 1e-9 * t[-1]) & (t < end - 1e-9 * t[-1]))
             if rows.size < 4:
@@ -383,12 +389,16 @@ def _trim_missing(groups: Sequence[Group], m: int, seconds: np.ndarray | None) -
     sizes = {streams[m].shape[-1] for _, streams in groups}
     if len(sizes) > 1:
         return None
-    seconds = seconds if seconds is not None and seconds.size in sizes else None
+    if not (seconds is not None and seconds.size in sizes):
+        seconds = None
     if all(all_finite(streams[m]) for _, streams in groups):
         return seconds
     finite = [np.isfinite(np.atleast_2d(streams[m])).all(axis=0) for _, streams in groups]
     held = np.logical_and.reduce(finite)
-    first, last = np.flatnonzero(held)[[0, -1]] if held.any() else (0, held.size - 1)
+    if held.any():
+        first, last = np.flatnonzero(held)[[0, -1]]
+    else:
+        first, last = 0, held.size - 1
     kept = slice(first, last + 1)
     n_cut = held.size - held[kept].size
     if not held[kept].all():
@@ -407,7 +417,9 @@ def _trim_missing(groups: Sequence[Group], m: int, seconds: np.ndarray | None) -
         )
     for _, streams in groups:
         streams[m] = streams[m][..., kept]
-    return None if seconds is None else seconds[kept]
+    if seconds is None:
+        return None
+    return seconds[kept]
 
 
 def _keep_whole_periods(
@@ -637,7 +649,9 @@ def load_record(
         fs=fs,
         options=options,
     )
-    return records[0] if isinstance(y, str) else records
+    if isinstance(y, str):
+        return records[0]
+    return records
 
 
 def _load_outputs(

@@ -79,10 +79,10 @@ def export_csv(
     """
     require_kind("bla", bla, Bla)
     require_choice("decimal", decimal, DECIMALS)
-    columns = (
-        _frm_table(bla, confidence)
-        if not bla.is_single
-        else {
+    if not bla.is_single:
+        columns = _frm_table(bla, confidence)
+    else:
+        columns = {
             "f [Hz]": bla.f,
             "Re G": bla.G.real,
             "Im G": bla.G.imag,
@@ -95,7 +95,6 @@ def export_csv(
             "dof": bla.dof,
             "grid_factor": bla.grid_factor,
         }
-    )
     write_table(
         to_path(path),
         np.column_stack(list(columns.values())),
@@ -259,11 +258,10 @@ def value_in(file: Channels) -> StoredValue:
         return stored_multirecord([file], None, y=None, fs=None, options=Cutting())
     if schema not in RESULTS | DESIGNS:
         design = to_path(file.path).with_suffix(".npz")
-        played = (
-            f"; the design of a played signal may be in {design.name}"
-            if not schema and design.is_file()
-            else ""
-        )
+        if not schema and design.is_file():
+            played = f"; the design of a played signal may be in {design.name}"
+        else:
+            played = ""
         raise ValueError(describe_wrong_file(file.path, schema or None, *FILE_KINDS) + played)
     kinds: dict[str, Callable[..., StoredValue]] = {**RESULTS, **DESIGNS}
     return value_from_file(kinds, file)

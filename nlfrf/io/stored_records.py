@@ -81,7 +81,9 @@ def _record_to_arrays(record: Record) -> dict[str, np.ndarray]:
     # mark
     if is_command():
         content[SIMULATED_MARK] = np.array(True)
-    return content if record.r is None else {**content, "r": record.r}
+    if record.r is None:
+        return content
+    return {**content, "r": record.r}
 
 
 def _record_to_columns(record: Record) -> tuple[np.ndarray, list[str]]:
@@ -123,7 +125,10 @@ def stored_records(
         runs = [
             _stored_record(file, {**names, "y": output}, fs=fs, options=options) for file in files
         ]
-        record = runs[0] if len(runs) == 1 else join_records(runs)
+        if len(runs) == 1:
+            record = runs[0]
+        else:
+            record = join_records(runs)
         if records:  # the same input object, so that its analysis is not repeated
             record = replace(record, u=records[0].u, r=records[0].r, lines=records[0].lines)
         records.append(record)
@@ -258,6 +263,9 @@ def _stored_periods(
     if design is not None:
         grid, hold = design.lines, design.hold if hold == "unknown" else hold
     kept = {name: signal[:, :, n_discard:] for name, signal in periods.items()}
-    warned = names_from_json("warnings", arrays["warnings"]) if "warnings" in arrays else ()
+    if "warnings" in arrays:
+        warned = names_from_json("warnings", arrays["warnings"])
+    else:
+        warned = ()
     lines = grid if options.lines is None else options.lines
     return kept, (lines, options.hold or hold, warned)

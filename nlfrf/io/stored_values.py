@@ -150,18 +150,22 @@ def names_from_json(field: str, array: np.ndarray) -> tuple[str, ...]:
 
 def _to_scalar(array: np.ndarray) -> object:
     """Return a number or a text from an array without axes, any other array unchanged."""
-    held = array.item() if array.ndim == 0 else array
-    return one_line(held) if isinstance(held, str) else held
+    if array.ndim == 0:
+        held = array.item()
+    else:
+        held = array
+    if isinstance(held, str):
+        return one_line(held)
+    return held
 
 
 def require_known_version(file: Channels, schema: str, axes: str) -> None:
     """Refuse a file of a version, or with axes, unknown to this package."""
     stored = file.arrays.get("version")
-    version = (
-        int(np.ravel(stored)[0])
-        if stored is not None and stored.dtype.kind in "iuf" and stored.size == 1
-        else 0
-    )
+    if stored is not None and stored.dtype.kind in "iuf" and stored.size == 1:
+        version = int(np.ravel(stored)[0])
+    else:
+        version = 0
     if version != VERSION:
         raise ValueError(
             f"path must hold schema version {VERSION} of {schema}, got {version} in {file.path!r}"

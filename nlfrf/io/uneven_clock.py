@@ -92,9 +92,8 @@ def find_uneven_clock(seconds: np.ndarray | None, fs: float) -> UnevenClock | No
     usual = float(np.median(steps[steps > 0]))
     usual = float(np.mean(steps[np.abs(steps - usual) < _USUAL_STEP * usual]))
     odd = np.flatnonzero(np.abs(steps - usual) > _USUAL_STEP * usual) + 1
-    odd = (
-        odd[np.diff(odd, prepend=-1) > 1]
-        if odd.size
-        else starts[[np.argmax(np.abs(np.diff(wander)))]]
-    )
+    if odd.size:
+        odd = odd[np.diff(odd, prepend=-1) > 1]
+    else:
+        odd = starts[[np.argmax(np.abs(np.diff(wander)))]]
     return UnevenClock(seconds=seconds, fs=float(f"{1 / usual:.6g}"), rows=odd)

@@ -244,7 +244,10 @@ def plot_levels(bla: Bla, *, ax: Axes | None = None) -> Axes:
         f, amplitude = getattr(levels, f"f_{kind}"), getattr(levels, kind)
         if f.size:
             rms = np.sqrt(np.mean(np.abs(amplitude) ** 2, axis=0))
-            label = "excited lines" if kind == "excited" else f"{kind} detection lines, Y - G U"
+            if kind == "excited":
+                label = "excited lines"
+            else:
+                label = f"{kind} detection lines, Y - G U"
             ax.plot(f, to_decibel(rms), marker, ms=4, color=COLOR[kind], label=label)
     f = np.concatenate([levels.f_excited, levels.f_odd, levels.f_even])
     noise = np.concatenate([levels.noise_excited, levels.noise_odd, levels.noise_even])

@@ -91,7 +91,10 @@ def plot_spectrum(ms: Multisine, *, ax: Axes | None = None) -> Axes:
     same = " like this" * all(
         np.ptp(size[size > 0]) < 1e-6 * top for size, _, _ in amplitudes.values()
     )
-    more = f"; it continues{same} up to {last}" if shown < last else ""
+    if shown < last:
+        more = f"; it continues{same} up to {last}"
+    else:
+        more = ""
     for label, (size, color, offset) in amplitudes.items():
         here = mine & (size > 0)
         ax.vlines(ms.lines.excited[here] + offset, 0, size[here], color=color, lw=1.2)
@@ -136,7 +139,10 @@ def plot_screened(screened: ScreenedStreams, *, ax: Axes | None = None) -> np.nd
     """
     require_kind("screened", screened, ScreenedStreams)
     known = bool(np.isfinite(screened.fs))
-    dt = 1 / screened.fs if known else 1.0
+    if known:
+        dt = 1 / screened.fs
+    else:
+        dt = 1.0
     period = f"{format_count(screened.starts.size, 'whole period')} of {screened.period:g} samples"
     made, foot = matrix_axes(
         ax, screened.labels, [period if screened.period else "no channel repeats"]
@@ -218,13 +224,21 @@ def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -
     t = np.arange(record.n_samples) / record.fs
     for p, period in enumerate(periods):
         last = p == len(periods) - 1
-        label = "last period" if last else "periods before" if p == 0 else None
+        if last:
+            label = "last period"
+        elif p == 0:
+            label = "periods before"
+        else:
+            label = None
         ax.plot(t, period, "-", lw=0.6, color=COLOR["excited" if last else "noise"], label=label)
     name = getattr(record, f"{signal}_name", "") or signal
     unit = getattr(record, f"{signal}_unit", "")
     swing = periods[-1] - np.mean(periods[-1])
     rms = float(np.std(periods[-1]))
-    crest = float(np.abs(swing).max()) / rms if rms else np.nan
+    if rms:
+        crest = float(np.abs(swing).max()) / rms
+    else:
+        crest = np.nan
     ax.set(
         xlabel="time [s]",
         ylabel=label_with_unit(name, unit, f"unit of {signal}"),
@@ -254,7 +268,10 @@ def plot_input(record: Record, *, ax: Axes | None = None) -> Axes:
         mine = getattr(grid, kind)
         if mine.size:
             level = to_decibel(U[np.searchsorted(lines, mine)])
-            label = "excited lines" if kind == "excited" else f"{kind} detection lines"
+            if kind == "excited":
+                label = "excited lines"
+            else:
+                label = f"{kind} detection lines"
             if np.all(np.nan_to_num(level, nan=-np.inf) < top - ROUNDING_DB):
                 lower.append(label)
             else:

@@ -49,7 +49,10 @@ class SignalLines(NamedTuple):
         """Return the median power of the detection lines over that of their neighbours; nan for few
         detection lines.
         """
-        detection = detection_lines(excited) if excited.size else excited
+        if excited.size:
+            detection = detection_lines(excited)
+        else:
+            detection = excited
         if detection.size < _MIN_LINES:
             return np.nan
         level = np.log(np.maximum(self.power[excited - 1], 1e-300))
@@ -140,13 +143,9 @@ def describe_played(played: SignalLines | None, other: SignalLines | None) -> st
     if other is None or (
         compare_levels(played, other) and played.dirt < _MAX_DIRT_RATIO * other.dirt
     ):
-        return (
-            f"its lines have equal amplitudes within {played.spread:.2g} dB"
-            if played.spread < _EVEN
-            else ""
-        )
-    return (
-        f"its detection lines are empty, {found}"
-        if (found := compare_detection_lines(played, other))
-        else ""
-    )
+        if played.spread < _EVEN:
+            return f"its lines have equal amplitudes within {played.spread:.2g} dB"
+        return ""
+    if found := compare_detection_lines(played, other):
+        return f"its detection lines are empty, {found}"
+    return ""

@@ -89,7 +89,9 @@ def _regular_grids(level: np.ndarray, found: np.ndarray) -> list[np.ndarray]:
 
 def _level_roughness(level: np.ndarray) -> float:
     """Return the median step of a level from line to line [dB]."""
-    return float(np.median(np.abs(np.diff(level)))) if level.size > 1 else 0.0
+    if level.size > 1:
+        return float(np.median(np.abs(np.diff(level))))
+    return 0.0
 
 
 def _smooth_band(level: np.ndarray) -> tuple[int, int]:
@@ -141,7 +143,9 @@ def grid_level_jump(power: np.ndarray, grid: LineGrid) -> float:
     if grid.excited.size < _MIN_LINES:
         return 0.0
     jump = _level_roughness(10 * np.log10(np.maximum(power[grid.excited - 1], 1e-300)))
-    return jump if jump > _ROUGH_LEVEL else 0.0
+    if jump > _ROUGH_LEVEL:
+        return jump
+    return 0.0
 
 
 _MAX_STEP = 15.0  # [dB] largest distance of an excited line below its excited neighbours
@@ -181,11 +185,10 @@ def line_powers(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     else:
         spectrum = rfft(u)[..., inside]
         power = mean_power(spectrum.mean(axis=1))
-        noise = (
-            np.mean(np.var(spectrum, axis=1, ddof=1), axis=0) / n_periods
-            if n_periods > 1
-            else power
-        )
+        if n_periods > 1:
+            noise = np.mean(np.var(spectrum, axis=1, ddof=1), axis=0) / n_periods
+        else:
+            noise = power
     return power, (
         local_mean(noise, 21) if n_periods > 1 else np.full(power.size, _white_noise_level(power))
     )

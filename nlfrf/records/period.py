@@ -164,7 +164,9 @@ def _parabola_vertex(rho: np.ndarray, peak: int) -> float:
         return 0.0
     left, top, right = rho[peak - 1 : peak + 2]
     curvature = left - 2 * top + right
-    return float(0.5 * (left - right) / curvature) if curvature < 0 else 0.0
+    if curvature < 0:
+        return float(0.5 * (left - right) / curvature)
+    return 0.0
 
 
 def _bitwise_period(u: np.ndarray) -> float:
@@ -221,7 +223,8 @@ def _template_lags(u: np.ndarray) -> tuple[dict[int, float], float]:
     """
     n, length = u.size, min(_TEMPLATE_SAMPLES, u.size // 8)
     ends = float(np.vdot(u[:length], u[:length])), float(np.vdot(u[-length:], u[-length:]))
-    u = u if ends[0] >= ends[1] else u[::-1]
+    if not (ends[0] >= ends[1]):
+        u = u[::-1]
     size = fast_length(8 * length)
     template, energy = np.fft.rfft(u[:length], size).conj(), max(ends)
     found: dict[int, float] = {}

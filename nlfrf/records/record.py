@@ -87,12 +87,16 @@ class Channels:
     @property
     def u_unit(self) -> str:
         """Unit of the only input; empty if unknown, or for several inputs."""
-        return self.input_units[0] if self.n_inputs == 1 else ""
+        if self.n_inputs == 1:
+            return self.input_units[0]
+        return ""
 
     @property
     def y_unit(self) -> str:
         """Unit of the only output; empty if unknown, or for several outputs."""
-        return self.output_units[0] if self.n_outputs == 1 else ""
+        if self.n_outputs == 1:
+            return self.output_units[0]
+        return ""
 
 
 @value
@@ -310,7 +314,9 @@ def _to_one_layout(signals: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
 
 def _given_name(names: tuple[str, ...], letter: str) -> str:
     """Return the name of a single channel; empty if it is the default one."""
-    return names[0] if len(names) == 1 and names[0] != letter else ""
+    if len(names) == 1 and names[0] != letter:
+        return names[0]
+    return ""
 
 
 def _channel_units(name: str, given: str | Sequence[str], n: int) -> tuple[str, ...]:
@@ -411,9 +417,8 @@ def join_records(records: Sequence[Record]) -> Record:
         np.concatenate([getattr(one, name)[..., :n_periods, :] for one in records], axis=-3)
         for name in "uy"
     )
-    r = (
-        np.concatenate([one.r[..., :n_periods, :] for one in records], axis=-3)
-        if all(with_r)
-        else first.r
-    )
+    if all(with_r):
+        r = np.concatenate([one.r[..., :n_periods, :] for one in records], axis=-3)
+    else:
+        r = first.r
     return replace(first, u=u, y=y, r=r)

@@ -191,7 +191,10 @@ class Cutting(NamedTuple):
 
 def _has_channels(signal: Samples) -> bool:
     """Return whether streams have an axis of channels; the first entry of a list decides."""
-    first = signal[0] if isinstance(signal, list | tuple) and signal else signal
+    if isinstance(signal, list | tuple) and signal:
+        first = signal[0]
+    else:
+        first = signal
     return np.ndim(first) == 2
 
 
@@ -271,7 +274,9 @@ def _cut_together(
 
 def _channel_label(name: str, i: int, names: tuple[str, ...]) -> str:
     """Return the label of a channel for messages: "y2", or "y2 (position)" where it has a name."""
-    return f"{name}{i + 1} ({names[i]})" if i < len(names) else f"{name}{i + 1}"
+    if i < len(names):
+        return f"{name}{i + 1} ({names[i]})"
+    return f"{name}{i + 1}"
 
 
 def _sum_with_all_lines(channels: np.ndarray) -> np.ndarray:
@@ -288,11 +293,10 @@ def _sum_with_all_lines(channels: np.ndarray) -> np.ndarray:
 
 def _split_experiments(name: str, signal: Samples) -> list[np.ndarray]:
     """Return the streams (n_channels, n) of each experiment."""
-    many = (
-        list(signal)
-        if isinstance(signal, list | tuple) and np.ndim(signal[0] if len(signal) else 0)
-        else [signal]
-    )
+    if isinstance(signal, list | tuple) and np.ndim(signal[0] if len(signal) else 0):
+        many = list(signal)
+    else:
+        many = [signal]
     arrays = [
         require_real_array(
             f"{name}[{m}]" if len(many) > 1 else name, one, ndim=2 if np.ndim(one) != 1 else 1
@@ -339,7 +343,10 @@ def records_from_streams(
     }
     labels = {name: (labels or {}).get(name, {}) for name in outputs}
     # an output may be emptier between the lines than a sum of inputs
-    pairs = {} if named else labels
+    if named:
+        pairs = {}
+    else:
+        pairs = labels
     del u, outputs, r  # long streams are held once
     known = "r" if "r" in streams else "u"
     for one in streams[known]:
@@ -363,10 +370,12 @@ def records_from_streams(
     cut, lines, fs = _cut_periods(
         kept, known, n_samples=n_samples, fs=fs, options=options, labels=pairs
     )
-    cut = _leave_out_outliers(cut) if has_outliers else cut
+    if has_outliers:
+        cut = _leave_out_outliers(cut)
     if design is not None:
         cut.setdefault("r", reconstruct_references(design, cut["u"][None])[0])
-        hold = design.hold if hold is None else hold
+        if hold is None:
+            hold = design.hold
     u, r = cut.pop("u"), cut.pop("r", None)
     (y, label), *others = zip(cut.values(), labels.values(), strict=True)
     first = Record(
@@ -438,7 +447,10 @@ def _cut_periods(
     ):
         _check_period(cut[known], stream, fs)
     _warn_of_swapped(cut, labels)
-    lines = _lines_of_periods(cut[known], options) if options.lines is None else options.lines
+    if options.lines is None:
+        lines = _lines_of_periods(cut[known], options)
+    else:
+        lines = options.lines
     _require_equal_gaps(kept, tracks)
     for _ in range(_MAX_CORRECTIONS):  # a gap in one period hides that the clock of y is off, too
         if not _examine_outputs(kept, cut, tracks=tracks, lines=lines, resample=resample):
@@ -591,7 +603,9 @@ def _examine_outputs(
 
 def _output_label(name: str, m: int, tracks: Sequence[object]) -> str:
     """Return the label of a signal in messages, with its realisation m if there are several."""
-    return name if len(tracks) == 1 else f"{name}, realisation {m}"
+    if len(tracks) == 1:
+        return name
+    return f"{name}, realisation {m}"
 
 
 def _output_names(signals: Iterable[str]) -> list[str]:
@@ -638,7 +652,12 @@ def _check_streams(
     """
     streams = {"u": _to_streams("u", u)}
     for output, y in outputs.items():
-        name = output if named else f"y {output!r}" if len(outputs) > 1 else "y"
+        if named:
+            name = output
+        elif len(outputs) > 1:
+            name = f"y {output!r}"
+        else:
+            name = "y"
         streams[name] = _to_streams(name, y)
     if r is not None:
         streams["r"] = _to_streams("r", r)
@@ -650,7 +669,10 @@ def _check_streams(
             )
         for m, (one, u_one) in enumerate(zip(signal, streams["u"], strict=True)):
             if one.size != u_one.size:
-                which = "" if len(signal) == 1 else f" in realisation {m}"
+                if len(signal) == 1:
+                    which = ""
+                else:
+                    which = f" in realisation {m}"
                 raise ValueError(
                     f"{name} must be as long as u, {u_one.size} samples{which}, got {one.size}"
                 )
@@ -785,11 +807,10 @@ def _require_period_alignment(where: PeriodAlignment) -> None:
 
 def _to_streams(name: str, signal: Samples) -> list[np.ndarray]:
     """Return one-dimensional streams, one per realisation."""
-    many = (
-        list(signal)
-        if isinstance(signal, list | tuple) and signal and np.ndim(signal[0]) > 0
-        else [signal]
-    )
+    if isinstance(signal, list | tuple) and signal and np.ndim(signal[0]) > 0:
+        many = list(signal)
+    else:
+        many = [signal]
     if many[0] is signal and np.ndim(signal) != 1:
         shape = np.shape(signal)
         raise ValueError(

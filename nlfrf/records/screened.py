@@ -83,7 +83,10 @@ def screen_streams(
     >>> found.starts.tolist(), [(span.fault.name, span.first, span.end) for span in found.spans]
     ([130, 230, 330], [('SILENCE', 0, 130), ('SILENCE', 430, 500)])
     """
-    rows = np.arange(streams[0].size) if place is None else place
+    if place is None:
+        rows = np.arange(streams[0].size)
+    else:
+        rows = place
     n = int(rows[-1]) + 1
     smooth = [
         np.interp(np.arange(n), rows, _unwrap_silently(x)) for x in streams
@@ -107,13 +110,15 @@ def screen_streams(
     if whole:
         excited = excited_span(smooth[0], whole)
         kept = [x[excited] for x in smooth]
-        starts, slips = (
-            _find_slipped_periods(kept, n_inputs, period)
-            if place is None
-            else (_evenly(kept[0], period), [])
-        )
+        if place is None:
+            starts, slips = _find_slipped_periods(kept, n_inputs, period)
+        else:
+            starts, slips = _evenly(kept[0], period), []
         starts = starts + excited.start
-        last = int(starts[-1]) + whole if starts.size else excited.stop
+        if starts.size:
+            last = int(starts[-1]) + whole
+        else:
+            last = excited.stop
         spans += [
             span._replace(first=span.first + excited.start, end=span.end + excited.start)
             for span in slips
@@ -189,7 +194,10 @@ def _find_slipped_periods(
     spans = []
     for j in np.flatnonzero(inside & (differs | (steps != 0))).tolist():
         lost = Fault.LOST, _describe_slip(float(steps[j]), j)
-        fault, extent = lost if steps[j] else (Fault.DIFFERENT, f"period {j + 1}")
+        if steps[j]:
+            fault, extent = lost
+        else:
+            fault, extent = Fault.DIFFERENT, f"period {j + 1}"
         spans.append(_FaultySpan(fault, int(starts[j]), int(starts[j]) + n, extent))
     return starts[inside], spans
 

@@ -273,7 +273,10 @@ class AxisExperiment:
     def __str__(self) -> str:
         ms, force, position = self.ms, self.force_unit, self.position_unit
         v = np.abs(self.velocities).max()
-        motion = f"in motion at {v:g} {position}/s" if v else "at rest"
+        if v:
+            motion = f"in motion at {v:g} {position}/s"
+        else:
+            motion = "at rest"
         levels = (
             f", {self.n_segments} levels from {self.rms * self.gains.min() / self.gains.max():.3g}"
             f" {force} on"

@@ -101,11 +101,10 @@ def reduce_crest(
         "rng", rng if rng is None or isinstance(rng, np.random.Generator) else [rng, _RANDOM_STREAM]
     )
     if target is None:
-        n_draws = (
-            _max_harmless_draws(ms.n_realizations)
-            if n_draws is None
-            else require_integer("n_draws", n_draws, least=1)
-        )
+        if n_draws is None:
+            n_draws = _max_harmless_draws(ms.n_realizations)
+        else:
+            n_draws = require_integer("n_draws", n_draws, least=1)
         phases = [
             _best_draw(ms, phase, n_draws=n_draws, n_fine=n_fine, rng=rng) for phase in ms.phase
         ]

@@ -64,9 +64,18 @@ class LineGrid:
         excited = _line_numbers("excited", self.excited)
         if excited.size == 0:
             raise ValueError("excited must hold at least one line, got none")
-        rest = detection_lines(excited) if self.odd is None or self.even is None else excited
-        odd = rest[rest % 2 == 1] if self.odd is None else _line_numbers("odd", self.odd)
-        even = rest[rest % 2 == 0] if self.even is None else _line_numbers("even", self.even)
+        if self.odd is None or self.even is None:
+            rest = detection_lines(excited)
+        else:
+            rest = excited
+        if self.odd is None:
+            odd = rest[rest % 2 == 1]
+        else:
+            odd = _line_numbers("odd", self.odd)
+        if self.even is None:
+            even = rest[rest % 2 == 0]
+        else:
+            even = _line_numbers("even", self.even)
         for name, detection, remainder in (("odd", odd, 1), ("even", even, 0)):
             if np.any(detection % 2 != remainder):
                 wrong = detection[detection % 2 != remainder]
@@ -141,7 +150,9 @@ def recognise_kind(excited: np.ndarray) -> str:
     # 8k+1, 8k+3, or the same pattern from another odd line on: alternate steps of 2 and 6
     if excited.size >= 3 and set(steps[:2].tolist()) == {2, 6} and np.all(steps[2:] == steps[:-2]):
         return "special-odd"
-    return "random-odd" if _is_special_odd(excited) else "custom"
+    if _is_special_odd(excited):
+        return "random-odd"
+    return "custom"
 
 
 def _is_special_odd(excited: np.ndarray) -> bool:

@@ -132,7 +132,9 @@ class Multisine:
     @property
     def n_inputs(self) -> int:
         """Number of inputs n_u."""
-        return 1 if self.is_single else self.phase.shape[0]
+        if self.is_single:
+            return 1
+        return self.phase.shape[0]
 
     @property
     def n_experiments(self) -> int:
@@ -166,7 +168,9 @@ class Multisine:
         """
         power = np.sum(self.amplitude**2, axis=-1) / 2
         found = np.sqrt(power if self.mixing is None else self.mixing**2 @ power)
-        return float(found) if self.is_single else found
+        if self.is_single:
+            return float(found)
+        return found
 
     @property
     def u(self) -> np.ndarray:
@@ -186,7 +190,9 @@ class Multisine:
         excited lines.
         """
         logical = self.amplitude[..., np.newaxis, :] * np.exp(1j * self.phase)
-        return logical if self.mixing is None else np.tensordot(self.mixing, logical, 1)
+        if self.mixing is None:
+            return logical
+        return np.tensordot(self.mixing, logical, 1)
 
     def sampled(self, n_samples: int) -> np.ndarray:
         """Return one period with another number of samples: (M, n_samples) or (n_u, M, n_samples)
@@ -339,7 +345,10 @@ def multisine(
         shape
         * (_rms_per_input(rms, n_inputs) / np.sqrt(np.sum(shape**2, axis=1) / 2))[:, np.newaxis]
     )
-    mixed = None if mixing is None else require_real_array("mixing", mixing, ndim=2)
+    if mixing is None:
+        mixed = None
+    else:
+        mixed = require_real_array("mixing", mixing, ndim=2)
 
     def draw() -> Multisine:
         """Return one draw of all phases."""
@@ -372,7 +381,10 @@ def _grid_in_band(
     if kind == "custom":
         if lines is None:
             raise ValueError("lines must be given for a custom grid, got None")
-        grid = lines if isinstance(lines, LineGrid) else LineGrid(excited=lines)
+        if isinstance(lines, LineGrid):
+            grid = lines
+        else:
+            grid = LineGrid(excited=lines)
         if grid.excited[0] < first or grid.excited[-1] > last:
             raise ValueError(
                 f"lines must lie inside the band, lines {first} to {last}, "
@@ -422,7 +434,10 @@ def band_lines(fs: float, n_samples: int, *, f_min: float, f_max: float) -> tupl
 
 def _relative_amplitude(amplitude: np.ndarray | None, f: np.ndarray) -> np.ndarray:
     """Return the (F,) relative amplitudes for one input at frequencies f [Hz]."""
-    shape = np.ones(f.size) if amplitude is None else np.asarray(amplitude)
+    if amplitude is None:
+        shape = np.ones(f.size)
+    else:
+        shape = np.asarray(amplitude)
     if shape.dtype.kind not in "fiu":
         raise ValueError(
             "amplitude must be numbers, or a function of f that gives them, got"

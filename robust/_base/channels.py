@@ -48,8 +48,6 @@ def _describe_channels(thing: object) -> str:
     """Describe a value for a message; for a `Bla` by its number of channels."""
     if not isinstance(thing, Bla):
         return short_form(thing) + _HINT_FOR_FRF * hasattr(thing, "frdata")
-    return (
-        "one of one input and output"
-        if thing.is_single
-        else f"one of {thing.n_outputs} x {thing.n_inputs}"
-    )
+    if thing.is_single:
+        return "one of one input and output"
+    return f"one of {thing.n_outputs} x {thing.n_inputs}"

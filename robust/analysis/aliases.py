@@ -127,7 +127,10 @@ class Aliases:
     @cached_property
     def single_indices(self) -> np.ndarray:
         """Numbers (k,) of the aliases k != 0 that are summed one by one."""
-        high = self.light_modes.imag.max() if self.light_modes.size else 0.0
+        if self.light_modes.size:
+            high = self.light_modes.imag.max()
+        else:
+            high = 0.0
         n = int(np.clip(np.ceil(high / self.spacing) + 2, _MIN_SINGLE_ALIASES, _MAX_SINGLE_ALIASES))
         return np.concatenate([np.arange(-n, 0), np.arange(1, n + 1)])
 
@@ -186,7 +189,10 @@ class Aliases:
             return np.array([np.inf if c and n <= 1 else total])
 
         over = np.divide(top_F, 1 - top_F, out=np.full(top_F.size, np.inf), where=top_F < 1)
-        over_far = far_F / (1 - far_F) if far_F < 1 else np.inf
+        if far_F < 1:
+            over_far = far_F / (1 - far_F)
+        else:
+            over_far = np.inf
         with np.errstate(invalid="ignore"):
             over, far = np.where(top_G > 0, top_G * over, 0.0), c_G * over_far if c_G else 0.0
         return _AliasSums(
@@ -235,7 +241,10 @@ class Aliases:
         hG[row[dominant], largest[dominant]] = replace_infinite(sampled[dominant]) - alone[
             dominant
         ].sum(1)
-        F = np.abs(hG / hold) if self.F_includes_plant else 1.0
+        if self.F_includes_plant:
+            F = np.abs(hG / hold)
+        else:
+            F = 1.0
         return h, hG, F * np.abs(w)
 
 
@@ -397,7 +406,10 @@ def fold_aliases(
     margin is the factor by which the uncertainty may grow until |w_P| max |S_p| = 1.
     """
     aliases, S = aliased.aliases, np.abs(aliased.S)
-    wanted = None if w_P is None else np.abs(w_P) * S
+    if w_P is None:
+        wanted = None
+    else:
+        wanted = np.abs(w_P) * S
     with np.errstate(divide="ignore", invalid="ignore"):
         if not aliases.inverse or aliases.operator:
             rs = aliased.stability_measure(aliased.alias_sums())
@@ -405,7 +417,10 @@ def fold_aliases(
             rs = 1 / aliased.largest_uncertainty_factor(np.zeros(S.size))
         if not aliases.inverse:
             worst = np.where(rs < 1, S / (1 - rs), np.inf)
-            growth = None if wanted is None else np.maximum((1 - wanted) / rs, 1e-12)
+            if wanted is None:
+                growth = None
+            else:
+                growth = np.maximum((1 - wanted) / rs, 1e-12)
             return rs, worst, growth
         here = aliased.least_return_difference(np.ones(S.size))
         worst = np.where(here > 0, S / here, np.inf)
@@ -462,11 +477,10 @@ def rs_breakdown(aliased: AliasedLoop, band: tuple[float, float], total: float) 
     if aliases.inverse:
         member = aliased.F[:, 0] * np.abs(1 - aliased.hG[:, 0] * aliased.KS)
     inside = band[0] <= omega <= band[1]
-    here = (
-        aliased
-        if inside
-        else replace(aliased, F=np.where(np.arange(aliased.F.shape[1]) > 0, aliased.F, 0.0))
-    )
+    if inside:
+        here = aliased
+    else:
+        here = replace(aliased, F=np.where(np.arange(aliased.F.shape[1]) > 0, aliased.F, 0.0))
     measured = float(here.stability_measure(aliased.alias_sums(band))[0])
     each = aliased.F[0] * (1.0 if aliases.operator else aliased.hold[0])
     each = each * (

@@ -44,25 +44,23 @@ class Curves:
     @property
     def rs(self) -> np.ndarray:
         """Robust-stability measure (W,): the set is stable iff rs < 1 everywhere (SP 7.43)."""
-        return (
-            FORMS[self.form].rs_measure(self.w, self.b)
-            if self.folded_rs is None
-            else self.folded_rs
-        )
+        if self.folded_rs is None:
+            return FORMS[self.form].rs_measure(self.w, self.b)
+        return self.folded_rs
 
     @property
     def S_worst(self) -> np.ndarray:
         """Largest |S_p| (W,) over the set; inf if a plant of the set is unstable."""
-        return (
-            worst_sensitivity(self.S, self.a, self.b)
-            if self.folded_S_worst is None
-            else self.folded_S_worst
-        )
+        if self.folded_S_worst is None:
+            return worst_sensitivity(self.S, self.a, self.b)
+        return self.folded_S_worst
 
     @property
     def np_(self) -> np.ndarray:
         """|w_P S| (W,); nan without w_P."""
-        return np.full(self.omega.size, np.nan) if self.w_P is None else np.abs(self.w_P * self.S)
+        if self.w_P is None:
+            return np.full(self.omega.size, np.nan)
+        return np.abs(self.w_P * self.S)
 
     @property
     def rp(self) -> np.ndarray:
@@ -82,7 +80,9 @@ class Curves:
     @property
     def worst_performance(self) -> np.ndarray:
         """`rp` (W,) with a performance weight, else `S_worst`."""
-        return self.S_worst if self.w_P is None else self.rp
+        if self.w_P is None:
+            return self.S_worst
+        return self.rp
 
     @property
     def half_disk(self) -> np.ndarray:
@@ -168,7 +168,8 @@ def loop_curves(
     W: np.ndarray | None = None,
 ) -> Curves:
     """Compute the curves of a loop from the responses of its parts; finite at poles of G and K."""
-    W = np.ones(omega.size) if W is None or not FORMS[form].depends_on_units else W
+    if W is None or not FORMS[form].depends_on_units:
+        W = np.ones(omega.size)
     S, a, b = perturbed_sensitivity_terms(
         form, w, G=replace_infinite(G), K=replace_infinite(K), W=W
     )
@@ -193,7 +194,10 @@ def margins_on_lines(curves: Curves) -> Margins:
     if curves.w_P is None:
         return found
     met = curves.np_ < 1
-    factors = curves.performance_margin if met.all() else np.where(met, 1.0, 0.0)
+    if met.all():
+        factors = curves.performance_margin
+    else:
+        factors = np.where(met, 1.0, 0.0)
     return replace(found, rp=float(factors.min()), omega_rp=float(omega[factors.argmin()]))
 
 

@@ -88,7 +88,10 @@ class DiskMargin:
         if self.reason:
             return f"no disk margin: {self.reason}"
         some = ", ".join(str(k + 1) for k in self.channels)
-        where = f"channel {some} alone" if len(self.channels) == 1 else f"channels {some} at once"
+        if len(self.channels) == 1:
+            where = f"channel {some} alone"
+        else:
+            where = f"channels {some} at once"
         return (
             f"disk margin {self.alpha:.4g} at {self.omega / 2 / np.pi:.4g} Hz:"
             f" {_format_margins(self)}, in {where if some else 'all channels at once'}"
@@ -172,7 +175,9 @@ class LoopMargins:
 
 def _decibels(gain: float) -> float:
     """Return 20 log10 of a gain; -inf for zero."""
-    return float(20 * np.log10(gain)) if gain > 0 else -np.inf
+    if gain > 0:
+        return float(20 * np.log10(gain))
+    return -np.inf
 
 
 def _format_margins(margin: DiskMargin) -> str:
@@ -184,9 +189,10 @@ def _format_margins(margin: DiskMargin) -> str:
     """
     low, high = margin.gain_margin
     free = low < 1e-9 and high > 1e9
-    gains = (
-        "any positive gain" if free else f"gain {_decibels(low):.2f} to {_decibels(high):+.2f} dB"
-    )
+    if free:
+        gains = "any positive gain"
+    else:
+        gains = f"gain {_decibels(low):.2f} to {_decibels(high):+.2f} dB"
     return f"{gains}, phase {np.degrees(margin.phase_margin):.1f} deg"
 
 
@@ -299,9 +305,10 @@ def disk_margins(
     K = multivariable("K", K)
     if not isinstance(G, control.FrequencyResponseData):
         G = multivariable("G", G)
-    names = (
-        (model.inputs, model.outputs) if isinstance(model, UncertaintyModel) else signal_names(G)
-    )
+    if isinstance(model, UncertaintyModel):
+        names = model.inputs, model.outputs
+    else:
+        names = signal_names(G)
     n_y, n_u = G.noutputs, G.ninputs
     require_shape(K, n_y, n_u)
     S, reason = sensitivity_if_stable(
@@ -387,14 +394,26 @@ def _margin_of_sensitivity(
         alpha
         # a loop that is a number allows every gain except one; a loop that is zero allows every gain
     ):
-        edge = (skew - 1) / (skew + 1) if skew != -1 else -np.inf
-        low, up, high = (edge, edge, -np.inf) if np.isfinite(edge) else (edge, np.inf, np.inf)
+        if skew != -1:
+            edge = (skew - 1) / (skew + 1)
+        else:
+            edge = -np.inf
+        if np.isfinite(edge):
+            low, up, high = edge, edge, -np.inf
+        else:
+            low, up, high = edge, np.inf, np.inf
     else:
         low, high = (2 - (1 - skew) * alpha) / (2 + (1 + skew) * alpha), 2 - (1 + skew) * alpha
-        up = (2 + (1 - skew) * alpha) / high if high else np.inf
+        if high:
+            up = (2 + (1 - skew) * alpha) / high
+        else:
+            up = np.inf
     # the disk meets the unit circle at the phase where its rim does; the rim passes through the two
     # gains
-    cosine = (1 + low * up) / (low + up) if np.isfinite(up) else low
+    if np.isfinite(up):
+        cosine = (1 + low * up) / (low + up)
+    else:
+        cosine = low
     return DiskMargin(
         alpha=alpha,
         omega=omega,

@@ -144,7 +144,9 @@ class Margins:
     @property
     def disk_gain(self) -> float:
         """Factor by which the loop gain may change, at any phase inside the disk margin."""
-        return (2 + self.disk) / (2 - self.disk) if self.disk < 2 else np.inf
+        if self.disk < 2:
+            return (2 + self.disk) / (2 - self.disk)
+        return np.inf
 
     @property
     def disk_phase(self) -> float:
@@ -156,7 +158,9 @@ def reciprocal(x: float) -> float:
     """Return one over a nonnegative number; inf for zero, nan for nan."""
     if np.isnan(x):
         return x
-    return 1 / x if x > 0 else np.inf
+    if x > 0:
+        return 1 / x
+    return np.inf
 
 
 @value
@@ -256,4 +260,6 @@ def decide_verdict(nominal: Stability, proofs: Proofs, *, statistical: bool) -> 
         return Verdict.NOT_ROBUST
     if nominal is Stability.UNDECIDED or not proofs.robustly_stable:
         return Verdict.NOT_CERTIFIED
-    return Verdict.STATISTICALLY_ROBUST if statistical else Verdict.ROBUST
+    if statistical:
+        return Verdict.STATISTICALLY_ROBUST
+    return Verdict.ROBUST

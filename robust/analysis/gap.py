@@ -129,7 +129,10 @@ def ncf_margin(G: Controller | UncertaintyModel, K: Controller) -> float:
         raise ValueError(
             f"K must have the sampling time of G, {timebase(plant):g} s, got {timebase(K):g} s"
         )
-    dt = timebase(K) if is_constant(plant) else timebase(plant)
+    if is_constant(plant):
+        dt = timebase(K)
+    else:
+        dt = timebase(plant)
     norm = hinf_norm(control.StateSpace(*closed_loop(plant, K, ("u", "y"), ("p_out", "p_in")), dt))[
         0
     ]

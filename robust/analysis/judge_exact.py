@@ -44,16 +44,15 @@ def judge_exact(loop: Loop, effort: Effort) -> Findings:
         )
     curves = loop.curves(extend_grid(omega, loop.omega_max))
     margins = find_margins(loop, curves, loop.band)
-    at_peak = (
-        np.nan
-        if loop.w_P is None
-        else refine_peaks(
+    if loop.w_P is None:
+        at_peak = np.nan
+    else:
+        at_peak = refine_peaks(
             lambda at: loop.curves(at).rp[None],
             curves.omega,
             values=curves.rp[None],
             band=loop.band,
         )[0].omega
-    )
     places = np.array(
         [margins.omega_rs, margins.omega_rp, margins.omega_disk, margins.omega_S_worst, at_peak]
     )
@@ -65,11 +64,10 @@ def judge_exact(loop: Loop, effort: Effort) -> Findings:
     ):  # the part of the aliases is a bound, so it disproves nothing alone
         proofs = replace(proofs, violated=folding.single_frequency >= 1)
     proved, not_proved = proof_sentences(loop, proofs)
-    T = (
-        np.nan
-        if np.isnan(margins.omega_rs)
-        else float(abs(1 - loop.curves(np.array([margins.omega_rs])).S[0]))
-    )
+    if np.isnan(margins.omega_rs):
+        T = np.nan
+    else:
+        T = float(abs(1 - loop.curves(np.array([margins.omega_rs])).S[0]))
     advice = advise_on_margin(
         loop.model, margins.omega_rs, weight=loop.responders["w"], folding=folding, T=T
     )

@@ -92,7 +92,10 @@ class LoopOnLines:
         G = self.with_hold_and_delay(at, measured)
         # the set is around the measured plant: hold and delay belong to the controller
         W = W * measured / G
-        w_P = None if self.w_P is None else response(self.w_P, at)
+        if self.w_P is None:
+            w_P = None
+        else:
+            w_P = response(self.w_P, at)
         return loop_curves(self.form, at, G=G, K=response(self.K, at), w=w, w_P=w_P, W=W)
 
 
@@ -104,7 +107,8 @@ def assemble_on_lines(
     omega, G, form, w, perturbation, W = parts_on_lines(model)
     sampled_frf = frf_sampling_time(model) or None
     _require_usable_frf(omega, G, K, sampled_frf)
-    w_P = None if w_P is None else state_space("w_P", w_P)
+    if w_P is not None:
+        w_P = state_space("w_P", w_P)
     if w_P is not None and timebase(w_P):  # a continuous weight is allowed for a sampled loop
         require_sampling_time(
             "w_P", w_P, reference="the loop", wanted=sampled_frf or common_sampling_time(K)
@@ -239,7 +243,9 @@ def _stability_on_lines(turns: int, clear: bool, wanted: int) -> Stability:
     """Return the stability that a winding number shows."""
     if not clear:
         return Stability.UNDECIDED
-    return Stability.STABLE if turns == wanted else Stability.UNSTABLE
+    if turns == wanted:
+        return Stability.STABLE
+    return Stability.UNSTABLE
 
 
 def judge_lines(loop: LoopOnLines, effort: Effort) -> Findings:
@@ -253,7 +259,10 @@ def judge_lines(loop: LoopOnLines, effort: Effort) -> Findings:
     nominal = _stability_on_lines(encirclements, clear, wanted)
     has_set = bool(np.isfinite(loop.curves.w).all())
     stable = nominal is Stability.STABLE
-    margins = margins_on_lines(loop.curves) if stable else Margins()
+    if stable:
+        margins = margins_on_lines(loop.curves)
+    else:
+        margins = Margins()
     proofs = Proofs(violated=has_set and margins.largest_rs >= 1)
     hold = dt and not frf_sampling_time(loop.source)
     if nominal is Stability.UNDECIDED:

@@ -63,9 +63,9 @@ def judge_mu(loop: LoopOfChannels, effort: Effort) -> Findings:
             taken.margins, S_worst=S.peak.value, omega_S_worst=S.peak.omega, S_worst_lines=S.n_lines
         )
         taken = replace(taken, margins=margins)
-    return (
-        _add_aliases(taken, loop.systems[form], folded) if (folded := loop.folded(form)) else taken
-    )
+    if folded := loop.folded(form):
+        return _add_aliases(taken, loop.systems[form], folded)
+    return taken
 
 
 def _add_aliases(found: Findings, system: UncertainSystem, folded: SampledSet) -> Findings:
@@ -172,7 +172,10 @@ def _bound_curves(system: UncertainSystem, omega: np.ndarray) -> tuple[MuCurves,
     """
     first, known = refine_grid(system.loop, system.structure, omega=omega)
     parameters = _find_parameter_crossing(system, first, peak=float(known.max()))
-    omega = first if parameters is None else np.union1d(first, parameters.omega)
+    if parameters is None:
+        omega = first
+    else:
+        omega = np.union1d(first, parameters.omega)
     rp = np.full(omega.size, np.nan)
     if system.inputs:
         seen, rp_seen = refine_grid(system.N, system.with_performance, omega=omega)
@@ -291,9 +294,10 @@ def _find_worst_perturbation(
     found = search_perturbation(responses, cut, n_starts=2, rng=np.random.default_rng(0))
     k = int(found.value.argmax())
     assert found.delta is not None  # a lower bound comes with its perturbation
-    size, delta = (
-        (1 / float(found.value[k]), found.delta[:, :, k]) if found.value[k] > 0 else (np.inf, None)
-    )
+    if found.value[k] > 0:
+        size, delta = 1 / float(found.value[k]), found.delta[:, :, k]
+    else:
+        size, delta = np.inf, None
     if parameters is not None and parameters.size < size:
         size, delta = parameters.size, parameters.delta
     if delta is None:

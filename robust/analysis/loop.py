@@ -103,7 +103,9 @@ class Loop:
     @property
     def omega_max(self) -> float:
         """Nyquist frequency [rad/s]; inf for a continuous loop."""
-        return np.pi / self.dt if self.dt else np.inf
+        if self.dt:
+            return np.pi / self.dt
+        return np.inf
 
     def with_plant(self, G: control.StateSpace) -> Loop:
         """Return the same loop around another plant, which includes hold and delay."""
@@ -155,7 +157,9 @@ class Loop:
             return poles
         seen = control.StateSpace(self.G.A, self.G.B, -self.G.C, -self.G.D, self.dt)
         precise = poles_of_closed_loop(to_matrices(seen), to_matrices(self.K))
-        return poles if precise is None else precise
+        if precise is None:
+            return poles
+        return precise
 
     def plant_response(self, omega: np.ndarray) -> np.ndarray:
         """Return the response (W,) of G, with its exact delay."""
@@ -167,14 +171,16 @@ class Loop:
         """Compute the curves of the loop at the frequencies omega [rad/s]."""
         omega = np.atleast_1d(omega)
         of = self.responders
-        w_P = None if self.w_P is None else of["w_P"](omega)
+        if self.w_P is None:
+            w_P = None
+        else:
+            w_P = of["w_P"](omega)
         G, K, w = self.plant_response(omega), of["K"](omega), of["w"](omega)
         # the set is around the plant without its delay; the delay counts to the controller
-        W = (
-            of["W"](omega) * np.exp(1j * omega * self.plant_delay)
-            if FORMS[self.form].depends_on_units
-            else None
-        )
+        if FORMS[self.form].depends_on_units:
+            W = of["W"](omega) * np.exp(1j * omega * self.plant_delay)
+        else:
+            W = None
         found = loop_curves(self.form, omega, G=G, K=K, w=w, w_P=w_P, W=W)
         if self.aliases is None:
             return found
@@ -240,7 +246,10 @@ class Loop:
     def grid(self, lines: np.ndarray) -> np.ndarray:
         """Return a frequency grid [rad/s]: the lines, a log grid, every resonance of the loop."""
         parts = [system for system in (self.G, self.K, self.weight, self.w_P) if system is not None]
-        folded = np.zeros(0) if self.aliases is None else self.aliases.folded_modes
+        if self.aliases is None:
+            folded = np.zeros(0)
+        else:
+            folded = self.aliases.folded_modes
         return loop_grid(
             lines, self.modes, systems=parts, dt=self.dt, delay=self.plant_delay, folded=folded
         )
@@ -348,7 +357,10 @@ def decide_in_floating_point(loop: Loop) -> StabilityResult:
     """
     waiting = loop.pade_delay > 0
     poles, moved = (loop.with_plant(loop.undelayed_plant) if waiting else loop).poles
-    excess = np.abs(poles) - 1 if loop.dt else poles.real
+    if loop.dt:
+        excess = np.abs(poles) - 1
+    else:
+        excess = poles.real
     unstable = excess > moved
     if unstable.any() and not waiting:
         return StabilityResult(
@@ -394,7 +406,10 @@ def find_margins(loop: Loop, curves: Curves, band: tuple[float, float]) -> Margi
         if peak < 1:  # the largest factor on the uncertainty with |w_P| max |S_p| <= 1
             largest, omega_rp = along(["inverse_performance_margin"])[0]
             rp = reciprocal(largest)
-    S_worst, omega_S_worst = along(["S_worst"])[0] if rs < 1 else (np.inf, omega_rs)
+    if rs < 1:
+        S_worst, omega_S_worst = along(["S_worst"])[0]
+    else:
+        S_worst, omega_S_worst = np.inf, omega_rs
     return Margins(
         rs=reciprocal(rs),
         omega_rs=omega_rs,
@@ -418,11 +433,10 @@ def perturbed_sensitivity(
     plant: control.StateSpace, seen: control.StateSpace, loop: Loop, omega: np.ndarray
 ) -> np.ndarray:
     """Return S (W,) with another plant; in a continuous loop with the exact delay."""
-    around = (
-        replace(loop.with_plant(plant), plant_delay=loop.pade_delay)
-        if loop.pade_delay
-        else loop.with_plant(seen)
-    )
+    if loop.pade_delay:
+        around = replace(loop.with_plant(plant), plant_delay=loop.pade_delay)
+    else:
+        around = loop.with_plant(seen)
     return around.curves(omega).S
 
 

@@ -163,11 +163,9 @@ class LoopSignals:
 
 def _require_real_or_nan(name: str, number: object) -> float:
     """Return a real number, or nan for a missing one."""
-    return (
-        float("nan")
-        if isinstance(number, float) and np.isnan(number)
-        else require_real(name, number)
-    )
+    if isinstance(number, float) and np.isnan(number):
+        return float("nan")
+    return require_real(name, number)
 
 
 #: Factor by which a level may lie outside the measured ones and still count as one of them, because
@@ -289,11 +287,9 @@ class LoopLevel:
         power = (power / max(power.max(), 1e-300)) ** 2
         share = np.array([getattr(one, f"{name}_in_band") for one in self.signals])
         total = power.sum()
-        return (
-            float(np.sum(power[power > 0] * share[power > 0]) / total)
-            if total > 0
-            else float("nan")
-        )
+        if total > 0:
+            return float(np.sum(power[power > 0] * share[power > 0]) / total)
+        return float("nan")
 
     def __str__(self) -> str:
         top, _, bottom = self.unit.rpartition("/")
@@ -329,7 +325,9 @@ def _describe_consequence(u: LevelState, y: LevelState) -> str:
         return _NOT_KNOWN
     if u is not y:
         return _DISAGREES
-    return _HOLDS if u is LevelState.INSIDE else _LEAVES
+    if u is LevelState.INSIDE:
+        return _HOLDS
+    return _LEAVES
 
 
 def _describe_rms(level: LoopLevel, name: str, unit: str) -> str:
@@ -341,8 +339,16 @@ def _describe_rms(level: LoopLevel, name: str, unit: str) -> str:
         text += f" (over the set at most {worst:.3g})"
     if state is not LevelState.UNKNOWN:
         measured = f"the measured {low:.3g}" + f" to {high:.3g}" * bool(high > low)
-        times = rms / high if state is LevelState.ABOVE else low / rms if rms > 0 else np.inf
-        far = "" if state is LevelState.INSIDE else f"{times:.3g} times "
+        if state is LevelState.ABOVE:
+            times = rms / high
+        elif rms > 0:
+            times = low / rms
+        else:
+            times = np.inf
+        if state is LevelState.INSIDE:
+            far = ""
+        else:
+            far = f"{times:.3g} times "
         text += f", {far}{state.value} {measured}"
     share = level.share_in_band(name)
     if share < _MIN_SHARE_IN_BAND:
@@ -467,7 +473,9 @@ def find_state(rms: float, low: float, high: float) -> LevelState:
         return LevelState.UNKNOWN
     if rms > high * _LEVEL_TOLERANCE:
         return LevelState.ABOVE
-    return LevelState.BELOW if rms < low / _LEVEL_TOLERANCE else LevelState.INSIDE
+    if rms < low / _LEVEL_TOLERANCE:
+        return LevelState.BELOW
+    return LevelState.INSIDE
 
 
 def _step_level(name: str, signal: StepSignal, loop: Loop) -> _SignalLevel:
@@ -576,7 +584,10 @@ def encoder_noise(loop: Loop) -> float:
         warnings.simplefilter(
             "ignore", RuntimeWarning
         )  # a pole near the stability boundary: X is large
-        X = solve_continuous_lyapunov(A, -B @ B.T) if A.size else np.zeros((0, 0))
+        if A.size:
+            X = solve_continuous_lyapunov(A, -B @ B.T)
+        else:
+            X = np.zeros((0, 0))
     return float(np.sqrt((system.C @ X @ system.C.T + system.D @ system.D.T)[0, 0] / 12))
 
 

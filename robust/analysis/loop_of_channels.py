@@ -104,7 +104,10 @@ def set_gain(
     curve : compute the bound on a grid too, not only at the frequency of its largest value.
     certify : prove the largest bound at all frequencies; else the bound holds on the grid only.
     """
-    found = bound_set_gain(N, blocks) if certify else None
+    if certify:
+        found = bound_set_gain(N, blocks)
+    else:
+        found = None
     if found is None or not found.is_proved:
         omega = np.union1d(structure_grid(N)[1:], [] if found is None else [found.omega])
         return _SetGain(

@@ -78,11 +78,18 @@ def prove_set(loop: Loop, curves: Curves, peak: float, *, certify: bool) -> Proo
         return Proofs(certificates=(), violated=peak >= 1 and not aliased)
     names, scaling, hopeless = [STABILITY], 1.0, ""
     if loop.w_P is not None:
-        hopeless = _reason_to_skip_performance(curves, claim) if aliased else ""
+        if aliased:
+            hopeless = _reason_to_skip_performance(curves, claim)
+        else:
+            hopeless = ""
         if not hopeless:
             names.append(OPERATOR_PERFORMANCE if operator else PERFORMANCE)
-            scaling = _best_operator_scaling(loop, claim, curves) if operator else 1.0
-    names = [ALIASED[name] for name in names] if aliased else names
+            if operator:
+                scaling = _best_operator_scaling(loop, claim, curves)
+            else:
+                scaling = 1.0
+    if aliased:
+        names = [ALIASED[name] for name in names]
     claims = [
         replace(claim, claims=(name,), scaling=scaling if k else 1.0)
         for k, name in enumerate(names)
@@ -113,12 +120,18 @@ def has_worst_gain_below(loop: Loop, level: float) -> bool:
     """Return whether |w_P S| (|S| without w_P) is proved to stay below a level for every plant of
     the set.
     """
-    demand = state_space("w_P", 1.0) if loop.w_P is None else loop.w_P
+    if loop.w_P is None:
+        demand = state_space("w_P", 1.0)
+    else:
+        demand = loop.w_P
     demand = type(demand)(demand.A, demand.B, demand.C / level, demand.D / level, demand.dt)
     claim = stability_claim(loop.model, loop.controller, w_P=demand, delay=loop.delay)
     if loop.aliases is not None and claim.perturbation == "operator":
         return False
-    name = PERFORMANCE if loop.aliases is None else ALIASED[PERFORMANCE]
+    if loop.aliases is None:
+        name = PERFORMANCE
+    else:
+        name = ALIASED[PERFORMANCE]
     return name in verify_loop(replace(claim, claims=(name,)), time_cap=_TIME_CAP).proved
 
 
@@ -129,13 +142,13 @@ def _reason_to_skip_performance(curves: Curves, claim: LoopClaim) -> str:
     around that frequency without end.
     """
     if claim.perturbation == "operator":
-        return (
-            "not attempted for operators in an inverse form under a sampled controller"
-            if claim.inverse
-            else ""
-        )
+        if claim.inverse:
+            return "not attempted for operators in an inverse form under a sampled controller"
+        return ""
     worst = peak_of(curves.omega, curves.rp)
-    return f"rp reaches {worst}" if worst.value >= 1 else ""
+    if worst.value >= 1:
+        return f"rp reaches {worst}"
+    return ""
 
 
 def _certificate_of_claim(
@@ -156,11 +169,10 @@ def _certificate_of_claim(
         )
     # nothing else was checked if stability of the nominal loop is open: the first failure is the
     # cause
-    reason = (
-        dict(found.failed).get(name, "")
-        if set(found.proved) >= {NOMINAL, WEIGHTS}
-        else ": ".join(found.failed[0])
-    )
+    if set(found.proved) >= {NOMINAL, WEIGHTS}:
+        reason = dict(found.failed).get(name, "")
+    else:
+        reason = ": ".join(found.failed[0])
     return failed_certificate(
         subject,
         1.0,

@@ -91,7 +91,9 @@ class ClassicalMargins:
     @property
     def crossover(self) -> float:
         """Highest frequency with |L| = 1 [rad/s]; nan without crossover."""
-        return self.crossovers[-1] if self.crossovers else float("nan")
+        if self.crossovers:
+            return self.crossovers[-1]
+        return float("nan")
 
     @property
     def facts(self) -> tuple[Fact, ...]:
@@ -169,7 +171,10 @@ def classical_margins(
     crossover 0.1989 Hz, phase margin 38.67 deg at 0.1989 Hz, gain margin infinite, bandwidth of S
       0.1333 Hz
     """
-    omega, L = _loop_gain_of(omega) if L is None else _check_loop_gain(omega, L)
+    if L is None:
+        omega, L = _loop_gain_of(omega)
+    else:
+        omega, L = _check_loop_gain(omega, L)
     known = np.isfinite(L) & (L != 0)
     x, L = np.log(omega[known]), L[known]
     if x.size < 2:
@@ -219,7 +224,8 @@ def _loop_gain_of(L: object) -> tuple[np.ndarray, np.ndarray]:
     omega = np.exp(
         np.interp(np.arange(0, grid.size - 1 + 1e-9, 1 / _BETWEEN), np.arange(grid.size), grid)
     )
-    omega = np.unique(np.minimum(omega, np.pi / dt * (1 - 1e-9))) if dt else omega
+    if dt:
+        omega = np.unique(np.minimum(omega, np.pi / dt * (1 - 1e-9)))
     return omega, response(system, omega)
 
 
@@ -344,7 +350,10 @@ def loop_gains(G: Controller, K: Controller, *, omega: np.ndarray | None = None)
         G.dt,
     )
     closed = lower_lft(e, K)  # the sensitivity, with all states
-    lines = np.zeros(0) if omega is None else require_real_array("omega", omega, ndim=1)
+    if omega is None:
+        lines = np.zeros(0)
+    else:
+        lines = require_real_array("omega", omega, ndim=1)
     at = np.union1d(structure_grid(closed)[1:], lines)
     if timebase(closed):
         at = at[at * timebase(closed) < np.pi * (1 - 1e-9)]
@@ -432,7 +441,9 @@ class StepResponse:
 
     def __str__(self) -> str:
         own = ", ".join(map(str, self.facts))
-        return own if self.worst is None else f"nominal plant: {own}\nworst plant: {self.worst}"
+        if self.worst is None:
+            return own
+        return f"nominal plant: {own}\nworst plant: {self.worst}"
 
 
 def step_of_plant(
@@ -449,7 +460,10 @@ def step_of_plant(
     n_y = G.noutputs
     if j >= n_y:
         raise ValueError(f"reference must be below the {n_y} outputs of the plant, got {j}")
-    dt = timebase(G) if is_constant(K) else timebase(K)
+    if is_constant(K):
+        dt = timebase(G)
+    else:
+        dt = timebase(K)
     if dt and not timebase(G) and not is_constant(G):
         G = sampled(G, dt, delay)
     elif delay:
@@ -467,11 +481,9 @@ def step_of_plant(
     )
     step = measure_step(t, out[j], u=out[n_y], final=final, cut=duration is None)
     kept = step.t.size
-    return (
-        step
-        if out.shape[0] == 2
-        else replace(step, y=out[:n_y, :kept], u=out[n_y:, :kept], reference=j)
-    )
+    if out.shape[0] == 2:
+        return step
+    return replace(step, y=out[:n_y, :kept], u=out[n_y:, :kept], reference=j)
 
 
 def simulate_step(
@@ -481,11 +493,17 @@ def simulate_step(
     (outputs, n).
     """
     A, B, C, D, dt = system.A, system.B, system.C, system.D, timebase(system)
-    s = to_s_plane(np.linalg.eigvals(A), dt) if A.size else np.zeros(0, complex)
+    if A.size:
+        s = to_s_plane(np.linalg.eigvals(A), dt)
+    else:
+        s = np.zeros(0, complex)
     slow, fast = np.min(-s.real, initial=np.inf), np.max(np.abs(s), initial=0.0)
     horizon = duration
     if horizon is None:
-        horizon = 8 / slow if slow < np.inf else 10 * dt
+        if slow < np.inf:
+            horizon = 8 / slow
+        else:
+            horizon = 10 * dt
     if dt:
         t = np.arange(int(np.clip(np.ceil(horizon / dt) + 1, 2, _MAX_SAMPLES))) * dt
         x = _propagate_states(A, B, np.zeros(A.shape[0]), t.size)
@@ -530,17 +548,29 @@ def measure_step(
     after settling.
     """
     size = abs(final)
-    relative = y / final if size else np.full(y.size, np.nan)
+    if size:
+        relative = y / final
+    else:
+        relative = np.full(y.size, np.nan)
     out = np.flatnonzero(np.abs(relative - 1) > _SETTLING_BAND)
-    last = int(out[-1]) if out.size else -1
+    if out.size:
+        last = int(out[-1])
+    else:
+        last = -1
     settled = np.nan  # outside the band at the end of the simulation
     if last < 0:
         settled = 0.0
     elif last < t.size - 1:
         settled = t[last] + (t[last + 1] - t[last])
     above = [np.flatnonzero(relative >= level) for level in (0.1, 0.9)]
-    rise = t[above[1][0]] - t[above[0][0]] if above[1].size else np.nan
-    keep = min(t.size, max(int(1.5 * (last + 2)), 40)) if cut else t.size
+    if above[1].size:
+        rise = t[above[1][0]] - t[above[0][0]]
+    else:
+        rise = np.nan
+    if cut:
+        keep = min(t.size, max(int(1.5 * (last + 2)), 40))
+    else:
+        keep = t.size
     return StepResponse(
         t=t[:keep],
         y=y[:keep],

@@ -151,7 +151,9 @@ class RobustnessReport(Findings):
         unstable loop.
         """
         seen = self.nominally_stable and self.is_single
-        return classical_margins(self.curves.omega, self.curves.L) if seen else ClassicalMargins()
+        if seen:
+            return classical_margins(self.curves.omega, self.curves.L)
+        return ClassicalMargins()
 
     @property
     def better_gain(self) -> str:
@@ -167,7 +169,9 @@ class RobustnessReport(Findings):
             return float(np.max(1 / np.maximum(np.abs(1 + factor * L) - factor * loose, 1e-9)))
 
         tried = {worst(1 + _GAIN_STEP): "higher", worst(1 - _GAIN_STEP): "lower"}
-        return tried[min(tried)] if min(tried) < (1 - _LEAST_GAIN) * worst(1.0) else ""
+        if min(tried) < (1 - _LEAST_GAIN) * worst(1.0):
+            return tried[min(tried)]
+        return ""
 
     @property
     def thin_margins(self) -> str:
@@ -185,11 +189,10 @@ class RobustnessReport(Findings):
         thin, better = self.thin_margins, self.better_gain
         if not (thin and self.is_single):
             return thin
-        cure = (
-            f"a {better} gain"
-            if better
-            else "more phase there; neither a higher nor a lower gain helps"
-        )
+        if better:
+            cure = f"a {better} gain"
+        else:
+            cure = "more phase there; neither a higher nor a lower gain helps"
         return f"{thin}. To lower |S|: {cure}"
 
     @property
@@ -203,13 +206,17 @@ class RobustnessReport(Findings):
             return Demand.MET
         # mu is an upper bound: above one it shows no violation
         missed = self.is_single and np.max(self.curves.rp) > 1
-        return Demand.NOT_MET if missed else Demand.NOT_PROVED
+        if missed:
+            return Demand.NOT_MET
+        return Demand.NOT_PROVED
 
     @property
     def missed_performance(self) -> str:
         """Text after the verdict for a robustly stable loop that misses the demand; else empty."""
         missed = self.verdict.is_robust and self.performance not in (None, Demand.MET)
-        return f", performance {self.performance}" if missed else ""
+        if missed:
+            return f", performance {self.performance}"
+        return ""
 
     @property
     def headline(self) -> str:
@@ -222,7 +229,9 @@ class RobustnessReport(Findings):
     def meaning(self) -> str:
         """Meaning of the verdict for the machine."""
         alone = self.verdict.is_robust and np.isnan(self.margins.rs)
-        return PLANT_ALONE if alone else describe_meaning(self.verdict, self.confidence)
+        if alone:
+            return PLANT_ALONE
+        return describe_meaning(self.verdict, self.confidence)
 
     @property
     def conditions(self) -> tuple[str, ...]:
@@ -231,12 +240,16 @@ class RobustnessReport(Findings):
         """
         if self.verdict is Verdict.STATISTICALLY_ROBUST and not self.confidence:
             return (CLAIM_HINT,)
-        return self.confidence if self.nominally_stable else ()
+        if self.nominally_stable:
+            return self.confidence
+        return ()
 
     @property
     def next_step(self) -> str:
         """The advice; empty if the loop is robust and meets its demand."""
-        return "" if self.verdict.is_robust and not self.missed_performance else self.advice
+        if self.verdict.is_robust and not self.missed_performance:
+            return ""
+        return self.advice
 
     @property
     def claims(self) -> list[Fact]:

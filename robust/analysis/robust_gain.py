@@ -123,7 +123,10 @@ def robgain(system: UncertainSystem, level: float) -> _RobustGain:
         gap=_GAP,
     )
     delta = found.delta[: system.loop.ninputs, :rows]
-    unstable = f"without a perturbation the system is {nominal}" if nominal.unstable else ""
+    if nominal.unstable:
+        unstable = f"without a perturbation the system is {nominal}"
+    else:
+        unstable = ""
     return _RobustGain(
         level=level,
         proved=0.0 if unstable else found.level,

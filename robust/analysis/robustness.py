@@ -150,11 +150,10 @@ def check(
     found = judge(Effort(certify=certify, proof=proof, solver=solver))
     level, noise = None, float("nan")
     if isinstance(loop, Loop) and found.nominally_stable:
-        level = (
-            None
-            if signals is None
-            else predict_level(loop.model, loop.controller, signals, delay=delay)
-        )
+        if signals is None:
+            level = None
+        else:
+            level = predict_level(loop.model, loop.controller, signals, delay=delay)
         noise = encoder_noise(loop)
     return RobustnessReport(
         **vars(found),
@@ -174,7 +173,10 @@ def _allowed_peak(w_P: control.StateSpace | None) -> float:
     The result only limits a warning, so a grid around the modes of 1/w_P and infinite frequency are
     enough.
     """
-    W = None if w_P is None else multivariable("w_P", w_P)
+    if w_P is None:
+        W = None
+    else:
+        W = multivariable("w_P", w_P)
     if W is None or not W.issiso() or W.D[0, 0] == 0:
         return USUAL_PEAK
     inverse = biproper_inverse(W)
@@ -277,6 +279,7 @@ def check_structure(
         )
     if not system.blocks:
         raise ValueError("system must have at least one block to check, got none")
-    gap = None if gap is None else require_positive("gap", gap)
+    if gap is not None:
+        gap = require_positive("gap", gap)
     effort = Effort(certify=certify, solver=solver, gap=gap)
     return RobustnessReport(**vars(judge_system(system, effort)))

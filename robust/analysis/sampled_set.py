@@ -71,11 +71,10 @@ class SampledSet:
     def describe(self, *, proved: bool) -> str:
         """Describe the treatment of the aliases and the largest part of them."""
         k = int(np.argmin(self.own_share))
-        how = (
-            "which is proved"
-            if proved
-            else f"as computed on {self.omega.size} frequencies in floating point"
-        )
+        if proved:
+            how = "which is proved"
+        else:
+            how = f"as computed on {self.omega.size} frequencies in floating point"
         return (
             f"the weights of the sampled set cover every alias, {how}; the aliases are at most "
             f"{100 * (1 - self.own_share[k]):.2g} % of the radius, at {format_hertz(self.omega[k])}"
@@ -198,7 +197,8 @@ def _sampled_grid(model: UncertaintyModel, nominal: control.StateSpace, dt: floa
     modes = np.concatenate([poles(part) for part in (model.nominal, *model.weights)])
     folded = np.abs((modes.imag + top) % step - top)
     lines = model.omega[model.omega < top]
-    lines = lines if lines.size else np.array([top / 10])
+    if not lines.size:
+        lines = np.array([top / 10])
     found = loop_grid(
         lines, poles(nominal), systems=[], dt=dt, delay=0.0, folded=modes.real + 1j * folded
     )
@@ -218,11 +218,10 @@ def _alias_indices_and_tails(model: UncertaintyModel, dt: float) -> tuple[np.nda
     of = partial(Aliases, dt=dt, delay=0.0, inverse=False, operator=False, F_includes_plant=through)
     parts = []
     for i, weight in enumerate(model.right if model.form == ELEMENTS else model.left):
-        plants = (
-            [reachable_entry(model.nominal, j, i) for j in range(model.n_outputs)]
-            if through
-            else [none]
-        )
+        if through:
+            plants = [reachable_entry(model.nominal, j, i) for j in range(model.n_outputs)]
+        else:
+            plants = [none]
         parts += [of(plant=plant, weight=weight) for plant in plants]
     n = max(int(part.single_indices[-1]) for part in parts)
     k = np.concatenate([[0], np.arange(-n, 0), np.arange(1, n + 1)])

@@ -103,15 +103,17 @@ def advise_on_margin(
     listed = ", ".join(
         f"{name} {100 * share:.0f} %" for share, name in shares[:4] if share >= 0.005
     )
-    where = (
-        f"where the radius consists of {listed}"
-        if shares
-        else "where the parts of the radius are unknown"
-    )
+    if shares:
+        where = f"where the radius consists of {listed}"
+    else:
+        where = "where the parts of the radius are unknown"
     on_line, there = np.abs(weight(np.array([model.omega[k], omega_rs]))).tolist()
     over, rise = on_line / float(model.radius[k]), 1.0
     if outside:
-        side, edge = ("below", "first") if omega_rs < low else ("above", "last")
+        if omega_rs < low:
+            side, edge = "below", "first"
+        else:
+            side, edge = "above", "last"
         rise = there / on_line
         where = (
             f"{side} the measured band. The radius there is extrapolated "
@@ -128,7 +130,10 @@ def advise_on_margin(
     elif over > _DECISIVE_EXCESS:
         cause = "weight"
     else:
-        cause = shares[0][1] if shares else ""
+        if shares:
+            cause = shares[0][1]
+        else:
+            cause = ""
     if cause == "weight" and model.weight.nstates >= MAX_CHOSEN_ORDER:
         sentences.append(
             f"The radius has a peak there that a weight of order {model.weight.nstates} does not"
@@ -201,7 +206,10 @@ def describe_confidence(
         confidence = 2 * confidence - 1
         joint = max(joint + model.alternative_form.joint.frf - 1, 0.0)
     percent = f"{100 * confidence:.4g} %"
-    estimated = "" if np.isnan(joint) else format_probability(joint)
+    if np.isnan(joint):
+        estimated = ""
+    else:
+        estimated = format_probability(joint)
     whole: tuple[str, ...] = ()
     if model.simultaneous:
         text = (
@@ -211,11 +219,10 @@ def describe_confidence(
         text += f" ({estimated} by estimate)" if estimated else ""
     else:
         text = f"each line of another realisation lies within the radius with {percent} probability"
-        whole = (
-            (f"a whole FRF lies under the weight with {estimated}{_compare_joint(joint)}",)
-            if estimated
-            else ()
-        )
+        if estimated:
+            whole = (f"a whole FRF lies under the weight with {estimated}{_compare_joint(joint)}",)
+        else:
+            whole = ()
     return (f"subject to the warnings, {text}" if model.warnings else text), *whole
 
 
@@ -309,11 +316,10 @@ def describe_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
             "the sum over the aliases is unbounded, because nothing filters the perturbation before"
             " the sampler"
         )
-    other = (
-        "power that the perturbation moves to other frequencies"
-        if model.perturbation == "operator"
-        else "the sum of the aliases"
-    )
+    if model.perturbation == "operator":
+        other = "power that the perturbation moves to other frequencies"
+    else:
+        other = "the sum of the aliases"
     rs = f"rs {found.total:.3f} at {format_hertz(found.omega)}"
     if found.total - found.without_aliases < _NEGLIGIBLE_SHARE * found.total:
         text = f"{other} adds less than {100 * _NEGLIGIBLE_SHARE:g} % to {rs}"
@@ -344,11 +350,10 @@ def _advise_on_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
             " one on, the set contains plants of any gain there, and these alias. Keep the weight"
             " below one there, or use a multiplicative form"
         )
-    other = (
-        "power that the perturbation moves to other frequencies"
-        if model.perturbation == "operator"
-        else "aliases of the perturbation above the Nyquist frequency"
-    )
+    if model.perturbation == "operator":
+        other = "power that the perturbation moves to other frequencies"
+    else:
+        other = "aliases of the perturbation above the Nyquist frequency"
     text = f"with the {other}, rs reaches {found.total:.4g} at {format_hertz(found.omega)} "
     text += f"({found.without_aliases:.4g} without)"
     if found.omega_source != found.omega:
@@ -364,10 +369,16 @@ def _advise_on_aliases(found: RsBreakdown, model: UncertaintyModel) -> str:
 
 def describe_loop(loop: Loop) -> str:
     model = loop.model
-    kind = f"sampled at {1 / loop.dt:.6g} Hz" if loop.dt else "continuous"
+    if loop.dt:
+        kind = f"sampled at {1 / loop.dt:.6g} Hz"
+    else:
+        kind = "continuous"
     parts = ["zero-order hold"] * bool(loop.dt and not model.nominal.dt)
     parts += [f"a delay of {loop.delay:g} s"] * (loop.delay > 0)
-    held = f", {' and '.join(parts)} in the plant" if parts else ""
+    if parts:
+        held = f", {' and '.join(parts)} in the plant"
+    else:
+        held = ""
     band = f"{format_hertz(model.omega[0])} to {format_hertz(model.omega[-1])}"
     return (
         f"{kind}{held}; plant {loop.G.nstates} states, controller {loop.K.nstates}; {model.form}"
@@ -505,13 +516,12 @@ def explain_mu(
         reached = (
             f"the upper bound of mu reaches {curves.peak:.4g} at {format_hertz(curves.omega_peak)}"
         )
-        parts = (
-            ""
-            if cut is None
-            else (
+        if cut is None:
+            parts = ""
+        else:
+            parts = (
                 f"; on parts of the box {cut.proved:.3g} times the set is proved, then {cut.reason}"
             )
-        )
         return f"{reached}, but no perturbation was found that breaks the loop{parts}"
     return _explain_open(f"mu stays below {curves.peak:.4g} on the grid", proofs, certify)
 
@@ -521,16 +531,19 @@ def explain_mu(
 
 def describe_meaning(verdict: Verdict, confidence: tuple[str, ...]) -> str:
     without = verdict is Verdict.STATISTICALLY_ROBUST and not confidence
-    return WITHOUT_CONFIDENCE if without else VERDICT_MEANINGS[verdict]
+    if without:
+        return WITHOUT_CONFIDENCE
+    return VERDICT_MEANINGS[verdict]
 
 
 def describe_thin_margins(margins: Margins, limit: float, *, phase: float | None) -> str:
     """Explain why a stable loop is close to instability; `phase` is the nominal phase margin [rad]
     for one channel.
     """
-    margin = (
-        "" if phase is None else f", and the nominal phase margin is {np.degrees(phase):.1f} deg"
-    )
+    if phase is None:
+        margin = ""
+    else:
+        margin = f", and the nominal phase margin is {np.degrees(phase):.1f} deg"
     return (
         f"thin margins: |S| reaches {margins.S_worst:.3g} over the set, at"
         f" {format_hertz(margins.omega_S_worst)}, above {limit:g}{margin}. Usual limits are |S| of"
@@ -556,7 +569,10 @@ def performance_facts(curves: ReportCurves, margins: Margins, demand: Demand | N
             )
         ]
     nominal, worst = (peak_of(curves.omega, one) for one in (curves.np_, curves.rp))
-    missed = f", missed by a factor {worst.value:.3g}" if 1 < worst.value < np.inf else ""
+    if 1 < worst.value < np.inf:
+        missed = f", missed by a factor {worst.value:.3g}"
+    else:
+        missed = ""
     return [
         Fact("max |w_P S|", nominal, meaning="nominal"),
         Fact("performance", worst, meaning=f"{met}{missed}"),
@@ -596,7 +612,10 @@ def describe_broken(margins: Margins) -> str:
 
 def describe_certificate(certificate: Certificate) -> str:
     """Describe the subject of a certificate, and its method or the reason why it fails."""
-    how = f"yes, {certificate.method}" if certificate.holds else f"no: {certificate.reason}"
+    if certificate.holds:
+        how = f"yes, {certificate.method}"
+    else:
+        how = f"no: {certificate.reason}"
     if certificate.holds and len(certificate.intervals) > 1:
         how += f" ({len(certificate.intervals)} of them)"
     if certificate.holds:

@@ -176,11 +176,10 @@ def worst_case(
         where = loop.peak(lambda points: loop.curves(points).worst_performance, omega, band)[1]
     there = loop.curves(where)
     phased = _phases_of_aliases(loop, where)
-    delta = (
-        complex(-1 / there.b[0])
-        if peak_b >= 1
-        else complex(worst_perturbation(there.a, there.b)[0])
-    )
+    if peak_b >= 1:
+        delta = complex(-1 / there.b[0])
+    else:
+        delta = complex(worst_perturbation(there.a, there.b)[0])
     delta *= np.exp(1j * where * _perturbation_lead(loop, delay)) / max(1.0, abs(delta))
     turn = FORMS[model.form].phase_offset(
         in_series(model.nominal, model.shaping), model.weight, where
@@ -301,7 +300,9 @@ def _phases_of_aliases(loop: Loop, omega: float) -> tuple[np.ndarray, np.ndarray
     if loop.aliases is None or loop.aliases.inverse:
         return None
     found = worst_alias_phases(loop.with_aliases(loop.curves(omega)))
-    return found if found[0].size > 1 else None
+    if found[0].size > 1:
+        return found
+    return None
 
 
 def _perturbation_lead(loop: Loop, delay: float) -> float:

@@ -176,7 +176,10 @@ def _merge_periods(cut: _PeriodPieces) -> tuple[int, np.ndarray] | None:
     fastest = np.abs(np.log(lasting)).max(initial=0.0)
     if not fastest * _MERGED_PER_CYCLE <= np.pi:
         return None
-    together = int(np.pi / (_MERGED_PER_CYCLE * fastest)) if fastest else 1
+    if fastest:
+        together = int(np.pi / (_MERGED_PER_CYCLE * fastest))
+    else:
+        together = 1
     n = cut.map.shape[0]
     pieces = cut.kernel.reshape(n, -1, n)
     # (sum of h_p) times the sum of int g^2; a piece contains h_p int g^2
@@ -219,7 +222,9 @@ def _lyapunov_norm(period: np.ndarray) -> tuple[np.ndarray, np.ndarray, float] |
         return None
     rate = float(np.linalg.norm(L @ scaled @ back, 2))
     rounding = np.finfo(float).eps * np.linalg.norm(L, 2) * np.linalg.norm(back, 2)
-    return (L / weights, weights[:, None] * back, rate) if rounding < 1e-3 * (1 - rate) else None
+    if rounding < 1e-3 * (1 - rate):
+        return L / weights, weights[:, None] * back, rate
+    return None
 
 
 def _cut_period(loop: FrictionLoop) -> _PeriodPieces | None:
@@ -231,7 +236,10 @@ def _cut_period(loop: FrictionLoop) -> _PeriodPieces | None:
     n = loop.F.shape[0]
     fastest = np.abs(np.linalg.eigvals(loop.F)).max(initial=0.0)
     if not loop.T:
-        T = np.pi / fastest if fastest else 1.0
+        if fastest:
+            T = np.pi / fastest
+        else:
+            T = 1.0
         spans, jumps = np.array([T]), np.eye(n)[None]
     else:
         T, spans, jumps = loop.T, loop.spans, loop.jumps
@@ -251,7 +259,10 @@ def _cut_period(loop: FrictionLoop) -> _PeriodPieces | None:
             map_, kernel = flow @ map_, np.hstack([flow @ kernel, push])
             ends.append(read @ map_)
             within.append(_kernel_norms(read, kernel))
-    kept = slice(None) if loop.T else slice(-1, None)
+    if loop.T:
+        kept = slice(None)
+    else:
+        kept = slice(-1, None)
     return _PeriodPieces(
         map=map_,
         kernel=kernel,

@@ -129,7 +129,8 @@ def friction_loop(machine: FrictionPlant, K: Controller, delay: float = 0.0) -> 
         return _continuous_loop(machine, K)
     whole = int(np.floor(delay / T + 1e-9))
     part = max(0.0, delay - whole * T)
-    part = 0.0 if part < 1e-9 * T else part
+    if part < 1e-9 * T:
+        part = 0.0
     if whole > _LONGEST_DELAY:
         raise ValueError(
             f"delay must be at most {_LONGEST_DELAY} samples of {T:g} s, got {delay:g} s"
@@ -204,7 +205,10 @@ def loop_frequencies(loop: FrictionLoop, n: int = 900) -> np.ndarray:
     if loop.T:
         poles = np.log(np.where(poles == 0, 1e-300, poles).astype(complex)) / loop.T
     sizes = np.abs(poles[np.abs(poles) > 0])
-    top = np.pi / loop.T if loop.T else 100 * sizes.max(initial=1.0)
+    if loop.T:
+        top = np.pi / loop.T
+    else:
+        top = 100 * sizes.max(initial=1.0)
     points = [np.geomspace(1e-5 * top, top, n // 2), np.linspace(top / n, top, n // 4)]
     for pole in poles[(poles.imag > 0) & (np.abs(poles) < top)]:
         width = max(abs(pole.real), 1e-6 * abs(pole))
@@ -326,5 +330,8 @@ def destabilizing_stiffness(
 
 def format_pole_modulus(size: float) -> str:
     """Format the modulus of a pole with enough digits to distinguish it from one."""
-    digits = 6 if size == 1 else int(np.clip(np.ceil(3 - np.log10(abs(size - 1))), 6, 16))
+    if size == 1:
+        digits = 6
+    else:
+        digits = int(np.clip(np.ceil(3 - np.log10(abs(size - 1))), 6, 16))
     return f"{size:.{digits}g}"

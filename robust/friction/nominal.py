@@ -102,7 +102,10 @@ def _undamped_roots(roots: np.ndarray) -> np.ndarray:
         for p, q in zip(real[:-1:2], real[1::2], strict=True)
         for sign in (1, -1)
     ]
-    left = real[-1:] if real.size % 2 else real[:0]
+    if real.size % 2:
+        left = real[-1:]
+    else:
+        left = real[:0]
     return np.concatenate([1j * np.sign(roots[swings].imag) * np.abs(roots[swings]), pairs, left])
 
 

@@ -68,7 +68,9 @@ class FrictionPlant:
     def places(self) -> tuple[str, ...]:
         """Phrase for the place of each port, for texts; empty for a single one."""
         names = self.port_names or tuple(f"port {i + 1}" for i in range(self.n_ports))
-        return tuple(f" at {name}" for name in names) if self.n_ports > 1 else ("",)
+        if self.n_ports > 1:
+            return tuple(f" at {name}" for name in names)
+        return ("",)
 
     @property
     def units(self) -> MechanicalUnits:
@@ -99,9 +101,9 @@ class FrictionPlant:
         # the pole -c/m of a free mass with viscous friction is no resonance: with filters placed by
         # it, loops were not proved that are proved without that friction
         size = np.where(np.abs(poles.imag) > ROUNDING * np.abs(poles).max(initial=0), residues, 0)
-        return (
-            float(np.abs(poles[np.argmax(size)])) if np.isfinite(size).all() and size.any() else 0.0
-        )
+        if np.isfinite(size).all() and size.any():
+            return float(np.abs(poles[np.argmax(size)]))
+        return 0.0
 
 
 def friction_plant(
@@ -290,11 +292,15 @@ def _plant_from_model(model: LinearSystem, port: bool, position_unit: str) -> Fr
     """
     units = mechanical_units(position_unit)
     G = multivariable("mass", model)
-    wanted = max(2, G.ninputs) if port else 1
+    if port:
+        wanted = max(2, G.ninputs)
+    else:
+        wanted = 1
     if (G.ninputs, G.noutputs) != (wanted, wanted):
-        hint = (
-            "(force, port force) to (measured, port displacement)" if port else "force to position"
-        )
+        if port:
+            hint = "(force, port force) to (measured, port displacement)"
+        else:
+            hint = "force to position"
         raise ValueError(
             f"mass must be a model from {hint}, got {G.ninputs} inputs and {G.noutputs} outputs"
         )
@@ -315,7 +321,10 @@ def _plant_from_model(model: LinearSystem, port: bool, position_unit: str) -> Fr
             " than zeros"
         )
     B, C = np.asarray(G.B, float), np.asarray(G.C, float)
-    places = C[1:] if port else C
+    if port:
+        places = C[1:]
+    else:
+        places = C
     size = np.linalg.norm(places, axis=1)[:, np.newaxis] * np.linalg.norm(B, axis=0)
     if np.any(np.abs(places @ B) > ROUNDING * size):
         raise ValueError(
@@ -324,7 +333,10 @@ def _plant_from_model(model: LinearSystem, port: bool, position_unit: str) -> Fr
             f" {units.velocity} per {units.force} of force. Fit it with at least two poles more"
             " than zeros"
         )
-    ports = B[:, 1:] if port else B
+    if port:
+        ports = B[:, 1:]
+    else:
+        ports = B
     push = np.diag(
         places @ G.A @ ports
     )  # acceleration of each port by a force at it, the inverse of a mass

@@ -83,4 +83,6 @@ def position_unit_of(unit: str) -> str:
     >>> position_unit_of("rad/Nm"), position_unit_of("m"), position_unit_of("")
     ('rad', 'm', 'm')
     """
-    return "rad" if unit.split("/")[0] == "rad" else "m"
+    if unit.split("/")[0] == "rad":
+        return "rad"
+    return "m"

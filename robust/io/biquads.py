@@ -189,18 +189,23 @@ def roots_and_gain(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray, 
     their digits.
     """
     dt = timebase(system)
-    shifted = (
-        control.StateSpace(system.A - np.eye(system.nstates), system.B, system.C, system.D, dt)
-        if dt
-        else system
-    )
+    if dt:
+        shifted = control.StateSpace(
+            system.A - np.eye(system.nstates), system.B, system.C, system.D, dt
+        )
+    else:
+        shifted = system
     z, p = (order_roots(roots(shifted)) for roots in (zeros, poles))
     size = np.concatenate(
         [np.abs(np.log1p(r[r != -1].astype(complex)) / dt if dt else r) for r in (z, p)]
     )
-    centre = float(np.exp(np.median(np.log(size[size > 0])))) if np.any(size > 0) else 1.0
+    if np.any(size > 0):
+        centre = float(np.exp(np.median(np.log(size[size > 0]))))
+    else:
+        centre = 1.0
     omega = centre * np.geomspace(0.1, 10, 21)
-    omega = np.minimum(omega, 0.99 * np.pi / dt) if dt else omega
+    if dt:
+        omega = np.minimum(omega, 0.99 * np.pi / dt)
     s = axis_offset(omega, dt)
     ratio = (
         response(system, omega) * np.prod(s[:, None] - p, axis=1) / np.prod(s[:, None] - z, axis=1)
@@ -221,15 +226,14 @@ def transfer_polynomials(system: control.StateSpace) -> dict[str, np.ndarray]:
     num, den = gain * np.atleast_1d(np.poly(z + one)).real, np.atleast_1d(np.poly(p + one)).real
     size = np.abs(np.concatenate([z, p]))
     size = size[size > 1e-12] / (dt or 1.0)
-    ends = (
-        (0.1 * size.min(initial=np.inf), 10 * size.max(initial=0.0)) if size.size else (0.1, 10.0)
-    )
+    if size.size:
+        ends = 0.1 * size.min(initial=np.inf), 10 * size.max(initial=0.0)
+    else:
+        ends = 0.1, 10.0
     omega = np.geomspace(ends[0], min(ends[1], 0.99 * np.pi / dt) if dt else ends[1], 120)
     s, wanted = axis_points(omega, dt), response(system, omega)
     with np.errstate(all="ignore"):
         error = np.abs(np.polyval(num, s) / np.polyval(den, s) - wanted)
-    return (
-        {"num": num, "den": den}
-        if np.all(error <= _SLOW_RESPONSE_TOLERANCE * np.abs(wanted))
-        else {}
-    )
+    if np.all(error <= _SLOW_RESPONSE_TOLERANCE * np.abs(wanted)):
+        return {"num": num, "den": den}
+    return {}

@@ -67,7 +67,10 @@ def save_certificate(
         how = [{"subject": certificate.subject, "found by": certificate.method}]
         write_claim(path, certificate.claim, found=how)  # type: ignore[arg-type]  # a certificate of any claim
         return
-    known = report.proofs if isinstance(report, RobustnessReport) else Proofs()
+    if isinstance(report, RobustnessReport):
+        known = report.proofs
+    else:
+        known = Proofs()
     proofs = [c for c in known.certificates if c.holds]
     found = [c.claim for c in proofs if isinstance(c.claim, LoopClaim)]
     scaled = {
@@ -228,7 +231,9 @@ def _differences_of_loop(claim: LoopClaim, model: UncertaintyModel | None) -> di
         return {}
     mine = stability_claim(model, 0.0, w_P=None, delay=0.0)
     names = differing_fields(claim, mine, ("plant", "weight", "reads", "inverse", "perturbation"))
-    return {"the model": f": other {', '.join(names)}"} if names else {}
+    if names:
+        return {"the model": f": other {', '.join(names)}"}
+    return {}
 
 
 def _differences_of_channels(
@@ -242,23 +247,22 @@ def _differences_of_channels(
         )
     if model is None or K is None:
         return {}
-    return {} if _is_loop_of(claim, model, K) else {"the loop of model and controller": ""}
+    if _is_loop_of(claim, model, K):
+        return {}
+    return {"the loop of model and controller": ""}
 
 
 def _differences_of_machine(claim: FrictionClaim, model: object) -> dict[str, str]:
     """Return a difference if a machine with friction is not the one of the certificate."""
     if model is None:
         return {}
-    machine = (
-        model
-        if isinstance(model, FrictionPlant)
-        else friction_plant(getattr(model, "nominal", model))
-    )
-    return (
-        {"the machine": ""}
-        if differing_fields(claim.machine, plant_matrices(machine), _SYSTEM)
-        else {}
-    )
+    if isinstance(model, FrictionPlant):
+        machine = model
+    else:
+        machine = friction_plant(getattr(model, "nominal", model))
+    if differing_fields(claim.machine, plant_matrices(machine), _SYSTEM):
+        return {"the machine": ""}
+    return {}
 
 
 # of the largest entry at a frequency; the effect of rounding stays below the slack on the level

@@ -91,4 +91,6 @@ def _given_names(labels: Sequence[str], letter: str) -> tuple[str, ...]:
     >>> _given_names(["force", "torque"], "u"), _given_names(["u[0]", "u[1]"], "u")
     (('force', 'torque'), ())
     """
-    return () if list(labels) == [f"{letter}[{k}]" for k in range(len(labels))] else tuple(labels)
+    if list(labels) == [f"{letter}[{k}]" for k in range(len(labels))]:
+        return ()
+    return tuple(labels)

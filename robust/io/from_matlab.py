@@ -50,11 +50,10 @@ def load_matlab_system(path: Path) -> control.StateSpace:
     }
     named = [home for home in found if home.rpartition(".")[2] == "K"] or list(found)
     if len(named) != 1:
-        what = (
-            f"{len(named)}, called {', '.join(home or 'nothing' for home in named)}"
-            if named
-            else "none"
-        )
+        if named:
+            what = f"{len(named)}, called {', '.join(home or 'nothing' for home in named)}"
+        else:
+            what = "none"
         raise ValueError(
             f"path must hold one controller as matrices or a struct, got {what} in {path.name!r};"
             f" {_CURE}"
@@ -71,11 +70,10 @@ def _is_numeric(array: np.ndarray | None) -> bool:
 
 def _sampling_time_of_fields(fields: Mapping[str, np.ndarray], name: str) -> float:
     """Return the sampling time [s]; raise without one, with a delay, or in other units."""
-    dt = (
-        float(fields["ts"].real.item())
-        if fields["ts"].size == 1 and _is_numeric(fields["ts"])
-        else -1.0
-    )
+    if fields["ts"].size == 1 and _is_numeric(fields["ts"]):
+        dt = float(fields["ts"].real.item())
+    else:
+        dt = -1.0
     if not dt >= 0:
         raise ValueError(
             f"Ts must be the sampling time [s] of the controller in {name!r}, 0 for continuous, got"
@@ -129,9 +127,18 @@ def _system_from_fields(fields: Mapping[str, np.ndarray], name: str) -> control.
 def _with_all_axes(matrices: list[np.ndarray], name: str) -> list[np.ndarray]:
     """Return A, B, C and D with the axes of length one that reading has removed."""
     A, B, C, D = matrices
-    n = 0 if not A.size else A.shape[0] if A.ndim == 2 else 1
-    n_u = B.size // n if n else np.atleast_2d(D).shape[1]
-    n_y = C.size // n if n else np.atleast_2d(D).shape[0]
+    if not A.size:
+        n = 0
+    elif A.ndim == 2:
+        n = A.shape[0]
+    else:
+        n = 1
+    if n:
+        n_u = B.size // n
+        n_y = C.size // n
+    else:
+        n_u = np.atleast_2d(D).shape[1]
+        n_y = np.atleast_2d(D).shape[0]
     shapes = ((n, n), (n, n_u), (n_y, n), (n_y, n_u))
     for letter, matrix, shape in zip("ABCD", matrices, shapes, strict=True):
         if matrix.size != np.prod(shape) or (matrix.ndim == 2 and matrix.shape != shape):

@@ -61,7 +61,9 @@ def _encode(content: object) -> Json:
     if np.isnan(number):
         return None
     if np.isinf(number):
-        return "inf" if number > 0 else "-inf"
+        if number > 0:
+            return "inf"
+        return "-inf"
     return number
 
 
@@ -70,7 +72,9 @@ def _decode(content: Json) -> ArrayField:
     try:
         if isinstance(content, list):
             return np.array([_decode(item) for item in content], dtype=float)
-        return np.nan if content is None else float(content)
+        if content is None:
+            return np.nan
+        return float(content)
     except ValueError:  # rows of different lengths
         raise ValueError(
             f"path must hold rows of the same length, got {short_form(content)}"
@@ -79,7 +83,10 @@ def _decode(content: Json) -> ArrayField:
 
 def encode_system(system: control.StateSpace | control.FrequencyResponseData) -> JsonObject:
     """Encode a state space or an FRF."""
-    dt = None if system.dt is None else float(system.dt)
+    if system.dt is None:
+        dt = None
+    else:
+        dt = float(system.dt)
     if isinstance(system, control.FrequencyResponseData):
         return {
             "kind": "frf",
@@ -215,7 +222,9 @@ def _decode_field(content: Json, kind: str) -> Any:
         return {name: _decode(part) for name, part in content.items()}
     if isinstance(content, dict):
         return decode_system(content)
-    return float(_decode(content)) if kind == "float" else _decode(content)
+    if kind == "float":
+        return float(_decode(content))
+    return _decode(content)
 
 
 def _decode_record(content: JsonObject, schema: str) -> RecordSummary:
@@ -283,7 +292,9 @@ def load_controller(path: PathLike) -> control.StateSpace:
 def load_system(path: PathLike) -> UncertaintyModel | control.StateSpace:
     """Return the model or the controller in a file; refuse any other kind."""
     content = parse_json_of(path, MODEL_SCHEMA, MATRIX_SCHEMA, CONTROLLER_SCHEMA)
-    return load_controller(path) if content["schema"] == CONTROLLER_SCHEMA else load_model(path)
+    if content["schema"] == CONTROLLER_SCHEMA:
+        return load_controller(path)
+    return load_model(path)
 
 
 def load_controller_context(path: PathLike) -> tuple[float | None, str]:

@@ -62,12 +62,16 @@ class PidGains:
         """Return Ti = Kp/Ki of the ideal form Kp (1 + 1/(Ti s) + Td s/(Tf s + 1)) [s]; inf without
         integral action.
         """
-        return self.kp / self.ki if self.ki else float("inf")
+        if self.ki:
+            return self.kp / self.ki
+        return float("inf")
 
     @property
     def derivative_time(self) -> float:
         """Return Td = Kd/Kp of the ideal form [s]; nan if kp is zero."""
-        return self.kd / self.kp if self.kp else float("nan")
+        if self.kp:
+            return self.kd / self.kp
+        return float("nan")
 
     @property
     def has_ideal_form(self) -> bool:
@@ -156,7 +160,10 @@ class PidGains:
     @property
     def forms(self) -> list[str]:
         """Return the parallel form, the ideal form and the difference equation, one line each."""
-        per_s, times_s = (f" {self.unit}/s", f" {self.unit} s") if self.unit else ("", "")
+        if self.unit:
+            per_s, times_s = f" {self.unit}/s", f" {self.unit} s"
+        else:
+            per_s, times_s = "", ""
         parts = [f"Kp = {self.kp:.6g}{f' {self.unit}' if self.unit else ''}"]
         parts += [f"Ki = {self.ki:.6g}{per_s or ' 1/s'}"] if self.ki else []
         parts += (
@@ -269,7 +276,10 @@ def format_gains(K: Controller, unit: str, *, plc: bool = False) -> str:
     """Format the gains of a PID, one row each, also by names of a PLC; else empty."""
     with suppress(ValueError):
         found = pid_gains(K, unit=unit)
-        loops = found if isinstance(found, tuple) else (found,)
+        if isinstance(found, tuple):
+            loops = found
+        else:
+            loops = (found,)
         return wrap_lines(
             "".join(
                 f"\nPID{f' {k + 1}' * (len(loops) > 1)} {row}"
@@ -339,7 +349,10 @@ def advice_on_structure(K: Controller, omega: np.ndarray) -> str:
         gains = pid_gains(K)
         if isinstance(gains, tuple) or not gains.ki:
             return ""
-        s = 2j / gains.dt * np.tan(omega * gains.dt / 2) if gains.dt else 1j * omega
+        if gains.dt:
+            s = 2j / gains.dt * np.tan(omega * gains.dt / 2)
+        else:
+            s = 1j * omega
         slope = gains.kd * s / (gains.filter_time * s + 1)
         size = np.abs(gains.kp + gains.ki / s + slope)
         share = float(np.max(abs(gains.kp) / size))
@@ -362,9 +375,16 @@ def _pid_coefficients(
 
     K = Kp + Kd/Tf + Ki/s - Kd/Tf^2/(s + 1/Tf), in the s of the trapezoidal rule if K is sampled.
     """
-    unit = 2 / dt if dt else 1.0
-    A, B, C, D = continuous_image(K) if K.nstates else (K.A, K.B, K.C, K.D)
-    p, V = np.linalg.eig(A) if K.nstates else (np.zeros(0), np.zeros((0, 0)))
+    if dt:
+        unit = 2 / dt
+    else:
+        unit = 1.0
+    if K.nstates:
+        A, B, C, D = continuous_image(K)
+        p, V = np.linalg.eig(A)
+    else:
+        A, B, C, D = K.A, K.B, K.C, K.D
+        p, V = np.zeros(0), np.zeros((0, 0))
     left, right = C @ V, np.linalg.solve(V, B)
     residues = unit * (left[0] * right[:, 0]).real
     sure = (
@@ -375,8 +395,14 @@ def _pid_coefficients(
     )
     residues = np.where(np.abs(residues) > sure, residues, 0.0)
     slow = np.argsort(np.abs(p))  # the integrator first
-    ki = float(residues[slow[0]]) if integrates else 0.0
-    kd = float(-residues[slow[-1]] * filter_time**2) if filter_time else 0.0
+    if integrates:
+        ki = float(residues[slow[0]])
+    else:
+        ki = 0.0
+    if filter_time:
+        kd = float(-residues[slow[-1]] * filter_time**2)
+    else:
+        kd = 0.0
     # for a sampled one D is the value at z = -1, from that at infinity and the rest
     terms = (
         abs(K.D[0, 0]) + abs(D[0, 0] - K.D[0, 0]) + (abs(kd) / filter_time if filter_time else 0.0)
@@ -411,13 +437,15 @@ def _require_same_response(
 def _pid_structure(K: control.StateSpace, dt: float) -> tuple[bool, float]:
     """Return whether a PID integrates, and its filter time [s]; raise for anything else."""
     p = poles(K).astype(complex)
-    s = 2 / dt * (p - 1) / (p + 1) if dt else p
+    if dt:
+        s = 2 / dt * (p - 1) / (p + 1)
+    else:
+        s = p
     size = np.abs(s)
-    zero = (
-        size * dt < _INTEGRATOR_TOLERANCE
-        if dt
-        else size <= _INTEGRATOR_TOLERANCE * np.max(size, initial=0.0)
-    )
+    if dt:
+        zero = size * dt < _INTEGRATOR_TOLERANCE
+    else:
+        zero = size <= _INTEGRATOR_TOLERANCE * np.max(size, initial=0.0)
     other = s[~zero]
     if (
         zero.sum() > 1

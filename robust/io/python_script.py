@@ -86,9 +86,15 @@ def export_python(model: UncertaintyModel, path: PathLike) -> None:
         "[0 1] * Delta", "Delta[1, 0]"
     )
     formula = formula.replace(") / (", ") * inverse(").replace(" / Ws", " * inverse(Ws)")
-    shape = (2, 1) if model.scaling else (1, 1)
+    if model.scaling:
+        shape = 2, 1
+    else:
+        shape = 1, 1
     if not single:
-        shape = (model.n_outputs * model.n_inputs,) * 2 if elements else model.block_shape[::-1]
+        if elements:
+            shape = (model.n_outputs * model.n_inputs,) * 2
+        else:
+            shape = model.block_shape[::-1]
     parts = {
         "TITLE": one_line(str(model)).replace('"', "'").replace("\\", "/"),
         "CLOCK": f"sampled every {dt:g} s" if dt else "continuous",

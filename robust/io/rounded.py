@@ -130,7 +130,9 @@ class RoundedController:
     def states(self) -> list[str]:
         """Return the names of the states; all states are zero at the start."""
         sections = [row.target for row in self.before if row.target[0] == "s"]
-        return [*sections, "integral", "carry"] if self.after else sections
+        if self.after:
+            return [*sections, "integral", "carry"]
+        return sections
 
     def __str__(self) -> str:
         return "\n".join(self.facts)
@@ -157,14 +159,23 @@ def round_controller(
             f"K must be accurate as second-order sections, got an error of {error:.2g} of |K|"
             f" at {omega:.3g} rad/s: lower its order with robust.reduce_controller"
         )
-    tracking = _tracking_gain(rest, gain, pole) if limited and gain else 0.0
+    if limited and gain:
+        tracking = _tracking_gain(rest, gain, pole)
+    else:
+        tracking = 0.0
     chain = [
         _round_statement(row, kind) for row in _chain(_order_sections(groups, scale, unit), scale)
     ]
-    after = [_round_statement(row, kind) for row in _integral(gain, pole, tracking)] if gain else []
+    if gain:
+        after = [_round_statement(row, kind) for row in _integral(gain, pole, tracking)]
+    else:
+        after = []
     found = _realise(K, chain, float(kind(gain)), float(kind(pole)))
     (error, omega), (total, noise) = largest_error(K, found), _bound_rounding(chain, unit)
-    share = noise / total if np.isfinite(noise) and total else 0.0
+    if np.isfinite(noise) and total:
+        share = noise / total
+    else:
+        share = 0.0
     if not max(error, share) <= NOTABLE_ERROR:
         data_warning(
             f"K changes by up to {error:.2g} of |K| with coefficients in {dtype}, and u by up to"
@@ -266,11 +277,15 @@ def _split_slowest(
     With a limit also the real lag with most of the gain at zero frequency: it winds up like an
     integrator.
     """
-    A, B, C = scale_states(K.A, K.B, K.C) if K.nstates else (K.A, K.B, K.C)
+    if K.nstates:
+        A, B, C = scale_states(K.A, K.B, K.C)
+    else:
+        A, B, C = K.A, K.B, K.C
     whole = control.StateSpace(A, B, C, K.D, K.dt, remove_useless_states=False), 0.0, 0.0
-    offsets, left, right = (
-        eig(A - np.eye(len(A)), left=True, right=True) if K.nstates else (np.zeros(0), A, A)
-    )
+    if K.nstates:
+        offsets, left, right = eig(A - np.eye(len(A)), left=True, right=True)
+    else:
+        offsets, left, right = np.zeros(0), A, A
     n_integrators = int(_are_integrators(offsets).sum())
     real = np.flatnonzero(
         (offsets.imag == 0)
@@ -294,13 +309,17 @@ def _split_slowest(
     )
     gain, pole = float((C @ mode)[0, 0]), 0.0 if n_integrators else float(offsets[k].real)
     dominates = not pole or (limited and abs(gain / pole) > 2 * abs(_static_gain(rest)))
-    return (rest, gain, pole) if dominates else whole
+    if dominates:
+        return rest, gain, pole
+    return whole
 
 
 def _are_integrators(offsets: np.ndarray) -> np.ndarray:
     """Return (n,) True for poles, given minus one, that are at one except for rounding."""
     one, two = (np.abs(offsets) < tolerance for tolerance in _INTEGRATOR_TOLERANCES)
-    return two if two.sum() > 1 else one
+    if two.sum() > 1:
+        return two
+    return one
 
 
 def _static_gain(system: control.StateSpace) -> float:
@@ -314,8 +333,13 @@ def _tracking_gain(rest: control.StateSpace, gain: float, pole: float) -> float:
     tracking time is Ti. A zero that is negative or unstable is replaced by z = 0.
     """
     static = _static_gain(rest)
-    ratio = gain / static if static else np.inf
-    return ratio if 0 < ratio < 1 + pole else 1 + pole
+    if static:
+        ratio = gain / static
+    else:
+        ratio = np.inf
+    if 0 < ratio < 1 + pole:
+        return ratio
+    return 1 + pole
 
 
 def _chain(

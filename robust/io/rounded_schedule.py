@@ -45,9 +45,10 @@ def round_schedule(K: LpvModel, *, dtype: str, limit: ArrayLike | None = None) -
             f"limit must be left out for a schedule, which has no anti-windup here, got {limit}"
         )
     if K.D.shape[1:] != (1, 1) or not K.dt:
-        what = (
-            "continuous" if not K.dt else f"with {K.D.shape[2]} inputs and {K.D.shape[1]} outputs"
-        )
+        if not K.dt:
+            what = "continuous"
+        else:
+            what = f"with {K.D.shape[2]} inputs and {K.D.shape[1]} outputs"
         raise ValueError(
             "K must be discrete with one input and one output to be written as code, got a schedule"
             f" that is {what}"

@@ -155,8 +155,11 @@ def literal(number: float, dtype: str = "float64") -> str:
     ('5.0', '1.0E-05', '1.0E+20', '0.1')
     """
     mantissa, _, exponent = str(np.dtype(dtype).type(number)).upper().partition("E")
-    mantissa = mantissa if "." in mantissa else f"{mantissa}.0"
-    return f"{mantissa}E{exponent}" if exponent else mantissa
+    if "." not in mantissa:
+        mantissa = f"{mantissa}.0"
+    if exponent:
+        return f"{mantissa}E{exponent}"
+    return mantissa
 
 
 class _Language(NamedTuple):
@@ -281,7 +284,10 @@ def _export(
     require_kind("unit", unit, str)
     rounder = round_schedule if isinstance(K, LpvModel) else round_controller
     rounded: RoundedController = rounder(K, dtype=dtype, limit=limit)  # type: ignore[arg-type]
-    units = f" K is in {one_line(inverse_unit(unit))}, u over e." if unit else ""
+    if unit:
+        units = f" K is in {one_line(inverse_unit(unit))}, u over e."
+    else:
+        units = ""
     dt, kind = rounded.K.dt, language.types[dtype]
     lines = [
         (
@@ -318,11 +324,16 @@ def _render_statements(rounded: RoundedController, language: _Language) -> dict[
         read = (language.state if name in states else "{}").format(name)
         if isinstance(value, str):
             return f"+ {value} * {read}"
-        factor = "" if abs(value) == 1 else f"{number(abs(value))} * "
+        if abs(value) == 1:
+            factor = ""
+        else:
+            factor = f"{number(abs(value))} * "
         return ("- " if value < 0 else "+ ") + factor + read
 
     def plain(value: float) -> str:
-        return f"-{number(-value)}" if value < 0 else number(value)
+        if value < 0:
+            return f"-{number(-value)}"
+        return number(value)
 
     def signed(value: float) -> str:
         return ("- " if value < 0 else "+ ") + number(abs(value))

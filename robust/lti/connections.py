@@ -25,7 +25,9 @@ def in_series(*systems: control.StateSpace, dt: float | None = None) -> control.
         total = control.StateSpace(
             A, B, C, system.D @ total.D, system.dt if is_constant(total) else step
         )
-    return total if dt is None else control.StateSpace(total.A, total.B, total.C, total.D, dt)
+    if dt is None:
+        return total
+    return control.StateSpace(total.A, total.B, total.C, total.D, dt)
 
 
 def in_parallel(F: control.StateSpace, G: control.StateSpace) -> control.StateSpace:

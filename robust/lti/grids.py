@@ -42,7 +42,10 @@ def loop_grid(
     The poles of the loop are given on its time base dt, each system has its own. A delay [s] makes
     ripples. `folded` : poles in the s plane at the alias frequencies of modes above Nyquist.
     """
-    top = np.pi / dt if dt else np.inf
+    if dt:
+        top = np.pi / dt
+    else:
+        top = np.inf
     roots = [to_s_plane(loop_poles, dt)]
     for system in systems:
         if system.nstates:
@@ -57,10 +60,14 @@ def loop_grid(
     size = size[(size > centre / _MAX_MODE_RATIO) & (size < _MAX_MODE_RATIO * centre)]
     low, high = size.min() / 100, min(size.max() * 100, top)
     sharp = s[(np.abs(s.real) < 0.5 * np.abs(s)) & (s.imag > 0)]
-    keep = lines if lines.size <= 2000 else lines[:: lines.size // 2000 + 1]
-    ripples = (
-        np.arange(1, _RIPPLES * _POINTS) * (2 * np.pi / (_POINTS * delay)) if delay else np.zeros(0)
-    )
+    if lines.size <= 2000:
+        keep = lines
+    else:
+        keep = lines[:: lines.size // 2000 + 1]
+    if delay:
+        ripples = np.arange(1, _RIPPLES * _POINTS) * (2 * np.pi / (_POINTS * delay))
+    else:
+        ripples = np.zeros(0)
     omega = np.concatenate(
         [keep, np.geomspace(low, high, 500), cluster_at_modes(sharp, 41), ripples]
     )
@@ -78,12 +85,21 @@ def structure_grid(N: control.StateSpace) -> np.ndarray:
     to Nyquist.
     """
     dt = timebase(N)
-    p = N.poles().astype(complex) if N.nstates else np.ones(1, complex)
+    if N.nstates:
+        p = N.poles().astype(complex)
+    else:
+        p = np.ones(1, complex)
     s = to_s_plane(p, dt)
     s = s[np.isfinite(s) & (np.abs(s) > 0)]
-    size = np.abs(s) if s.size else np.ones(1)
+    if s.size:
+        size = np.abs(s)
+    else:
+        size = np.ones(1)
     size = size[(size > 1e-9 * np.median(size)) & (size < _MAX_MODE_RATIO * np.median(size))]
-    top = np.pi / dt if dt else np.inf
+    if dt:
+        top = np.pi / dt
+    else:
+        top = np.inf
     low, high = size.min() / 30, min(size.max() * 30, top)
     sharp = s[(np.abs(s.real) < 0.3 * np.abs(s)) & (s.imag > 0)]
     omega = np.unique(np.concatenate([np.geomspace(low, high, 120), cluster_at_modes(sharp, 21)]))
@@ -134,12 +150,16 @@ def plant_features(G: control.StateSpace, dt: float, otherwise: tuple[float, ...
     """Return frequencies [rad/s] of the poles and zeros of a plant below Nyquist; `otherwise` if it
     has none.
     """
-    lines = np.array(otherwise) if otherwise else np.array([0.1 / dt if dt else 1.0])
+    if otherwise:
+        lines = np.array(otherwise)
+    else:
+        lines = np.array([0.1 / dt if dt else 1.0])
     if G.nstates:
         s = to_s_plane(np.concatenate([poles(G), zeros(G)]), dt)
         size = np.abs(s[np.isfinite(s) & (np.abs(s) > 0)])
         below = size < (np.pi / dt if dt else np.inf) * 0.999
-        lines = size[below] if np.any(below) else lines
+        if np.any(below):
+            lines = size[below]
     return np.unique(lines)
 
 

@@ -83,7 +83,9 @@ def timebase(system: control.StateSpace) -> float:
     """Return the sampling time [s], zero for continuous time; a system without a stated one counts
     as continuous.
     """
-    return 0.0 if system.dt is None else float(system.dt)
+    if system.dt is None:
+        return 0.0
+    return float(system.dt)
 
 
 def is_constant(system: control.StateSpace) -> bool:
@@ -113,7 +115,9 @@ def one_sampling_time(steps: Iterable[float | None]) -> float:
             "dt must be one sampling time for all, got"
             f" {' and '.join(f'{step:g} s' for step in stated)}"
         )
-    return stated[0] if stated else 0.0
+    if stated:
+        return stated[0]
+    return 0.0
 
 
 def common_sampling_time(*systems: AnySystem) -> float | None:
@@ -141,7 +145,10 @@ def require_sampling_time(
         or abs(mine - wanted) <= SAMPLING_TOLERANCE * max(mine, wanted)
     ):
         return
-    got = f"{mine:g} s" if mine else "a continuous one"
+    if mine:
+        got = f"{mine:g} s"
+    else:
+        got = "a continuous one"
     if wanted:
         if not mine:
             got += f": robust.lti.discretize({name}, {wanted:g}) samples it"
@@ -159,7 +166,10 @@ def response(system: control.StateSpace, omega: np.ndarray) -> np.ndarray:
 def make_response(system: control.StateSpace) -> Callable[[np.ndarray], np.ndarray]:
     """Return the `response` of a system as a function, prepared for many calls."""
     dt = timebase(system)
-    A = system.A - np.eye(system.nstates) if dt else system.A
+    if dt:
+        A = system.A - np.eye(system.nstates)
+    else:
+        A = system.A
     return partial(_siso_response, _make_evaluator(A, system.B, C=system.C, D=system.D), dt)
 
 
@@ -181,7 +191,9 @@ def replace_infinite(response: np.ndarray) -> np.ndarray:
 
 def axis_points(omega: np.ndarray, dt: float) -> np.ndarray:
     """Return s = j omega, or z on the unit circle for a sampled system."""
-    return np.exp(1j * omega * dt) if dt else 1j * omega
+    if dt:
+        return np.exp(1j * omega * dt)
+    return 1j * omega
 
 
 def balance_matrix(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -237,7 +249,10 @@ def _evaluate_direct(
     if n == 0:
         return out
     finite = np.isfinite(points)
-    known = slice(None) if finite.all() else finite
+    if finite.all():
+        known = slice(None)
+    else:
+        known = finite
     inside = points[known]
     if n > _SCHUR_STATES and points.size > 4:
         out[known] += _evaluate_by_schur(A, B, C=C, points=inside)
@@ -303,13 +318,17 @@ def frf_on_lines(nominal: control.FrequencyResponseData, omega: np.ndarray) -> n
 
 def poles(system: control.StateSpace) -> np.ndarray:
     """Return the eigenvalues of A."""
-    return np.linalg.eigvals(system.A) if system.nstates else np.zeros(0, complex)
+    if system.nstates:
+        return np.linalg.eigvals(system.A)
+    return np.zeros(0, complex)
 
 
 def is_stable(system: control.StateSpace) -> bool:
     """Return whether every pole lies strictly inside the stability region."""
     p = poles(system)
-    return bool(np.all(np.abs(p) < 1)) if timebase(system) else bool(np.all(p.real < 0))
+    if timebase(system):
+        return bool(np.all(np.abs(p) < 1))
+    return bool(np.all(p.real < 0))
 
 
 def zeros(system: control.StateSpace) -> np.ndarray:
@@ -359,4 +378,6 @@ def frequency_response_matrices(matrices: Matrices, omega: np.ndarray, dt: float
 def axis_offset(omega: np.ndarray, dt: float) -> np.ndarray:
     """Return (W,) s = j omega, or z - 1 for a sampled system."""
     omega = np.atleast_1d(np.asarray(omega, dtype=float))
-    return np.expm1(1j * omega * dt) if dt else 1j * omega
+    if dt:
+        return np.expm1(1j * omega * dt)
+    return 1j * omega

@@ -88,11 +88,10 @@ def _select_modes(
 
     T, Z, k = schur(one.A, output="real" if is_real else "complex", sort=belongs)
     # T = [T11 T12; 0 T22] made block diagonal: T11 X - X T22 = -T12
-    X = (
-        solve_sylvester(T[:k, :k], -T[k:, k:], -T[:k, k:])
-        if 0 < k < len(T)
-        else np.zeros((k, len(T) - k))
-    )
+    if 0 < k < len(T):
+        X = solve_sylvester(T[:k, :k], -T[k:, k:], -T[:k, k:])
+    else:
+        X = np.zeros((k, len(T) - k))
     forth = Z.conj().T @ one.b
     at, n = np.linalg.eigvals(T[:k, :k]), one.numerator
     by_zero = _CANCELLED * np.abs(

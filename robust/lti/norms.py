@@ -60,7 +60,9 @@ def continuous_image(system: control.StateSpace) -> Matrices:
     keeps the norm.
     """
     matrices = (system.A, system.B, system.C, system.D)
-    return to_continuous(*matrices) if timebase(system) else matrices
+    if timebase(system):
+        return to_continuous(*matrices)
+    return matrices
 
 
 def to_half_plane(matrices: Matrices, a: float, b: float) -> Matrices:
@@ -158,7 +160,9 @@ def modal_coordinates(A: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         elif value.imag > 0:
             columns += [vector.real, vector.imag]
     back = np.column_stack(columns)
-    return None if np.linalg.cond(back) > 1e10 else (np.linalg.inv(back), back)
+    if np.linalg.cond(back) > 1e10:
+        return None
+    return np.linalg.inv(back), back
 
 
 def largest_gain(matrices: Matrices, omega: np.ndarray) -> np.ndarray:
@@ -236,16 +240,23 @@ def hinf_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> tuple[f
     (10.012523, 0.9975)
     """
     dt = timebase(system)
-    p = np.linalg.eigvals(system.A) if system.nstates else np.zeros(0)
+    if system.nstates:
+        p = np.linalg.eigvals(system.A)
+    else:
+        p = np.zeros(0)
     if np.any(np.abs(p) >= 1) if dt else np.any(p.real >= 0):
         return np.inf, np.nan
     matrices = well_conditioned(continuous_image(system))
-    p = np.linalg.eigvals(matrices[0]) if system.nstates else p
+    if system.nstates:
+        p = np.linalg.eigvals(matrices[0])
     starts = np.concatenate([[0.0, np.inf], np.abs(p.imag), np.abs(p)])
     gains = largest_gain(matrices, starts)
     peak, norm = float(starts[gains.argmax()]), float(gains.max())
     for _ in range(30):
-        higher = _find_gain_above(matrices, norm, tolerance) if norm else None
+        if norm:
+            higher = _find_gain_above(matrices, norm, tolerance)
+        else:
+            higher = None
         if higher is None:
             break
         norm, peak = higher
@@ -309,11 +320,10 @@ def stabilising_riccati(
     if not Q.any() and not S.any() and np.linalg.eigvals(A).real.max() < 0:
         return np.zeros((n, n))  # rounding would give it a sign
     quick = quick and np.linalg.cond(R) < _WELL_CONDITIONED
-    solvers = (
-        (_riccati_by_hamiltonian, _riccati_by_pencil)
-        if quick
-        else (_riccati_by_pencil, _riccati_by_hamiltonian)
-    )
+    if quick:
+        solvers = _riccati_by_hamiltonian, _riccati_by_pencil
+    else:
+        solvers = _riccati_by_pencil, _riccati_by_hamiltonian
     for solve in solvers:
         try:
             with warnings.catch_warnings():
@@ -360,7 +370,10 @@ def _riccati_by_hamiltonian(
     n = A.shape[0]
     F = A - B @ np.linalg.solve(R, S.T)
     G, H = B @ np.linalg.solve(R, B.T), Q - S @ np.linalg.solve(R, S.T)
-    size = np.sqrt(np.linalg.norm(H) / np.linalg.norm(G)) if H.any() and G.any() else 1.0
+    if H.any() and G.any():
+        size = np.sqrt(np.linalg.norm(H) / np.linalg.norm(G))
+    else:
+        size = 1.0
     _, Z, n_stable = schur(np.block([[F, -G * size], [-H / size, -F.T]]), sort="lhp")
     if n_stable != n:
         raise ValueError("eigenvalues on the imaginary axis")

@@ -52,7 +52,10 @@ def multivariable(name: str, system: object) -> control.StateSpace:
             for part in ("nominal", "G")
             if isinstance(getattr(system, part, None), control.StateSpace)
         ]
-        cure = f" Give its {parts[-1]}." if parts else ""
+        if parts:
+            cure = f" Give its {parts[-1]}."
+        else:
+            cure = ""
         raise ValueError(f"{name} must be a control.StateSpace, got {short_form(system)}.{cure}")
     return _require_complete(name, system)
 
@@ -83,8 +86,14 @@ def _realise_transfer_matrix(name: str, system: control.TransferFunction) -> con
     entries = [from_polynomials(name, num, den=den, dt=system.dt) for num, den in fractions]
     D = np.array([entry.D[0, 0] for entry in entries]).reshape(shape)
     speeds = np.abs(np.concatenate([np.roots(den) for _, den in fractions]))
-    speeds = speeds[speeds > 0] if speeds.any() else np.ones(1)
-    speed = 1.0 if timebase(system) else float(np.exp(np.mean(np.log(speeds))))
+    if speeds.any():
+        speeds = speeds[speeds > 0]
+    else:
+        speeds = np.ones(1)
+    if timebase(system):
+        speed = 1.0
+    else:
+        speed = float(np.exp(np.mean(np.log(speeds))))
     modes = [
         EntryModes(row, column, part.A, part.B[:, 0], part.C[0], numerator)
         for (row, column), (num, den) in zip(np.ndindex(shape), fractions, strict=True)
@@ -124,12 +133,12 @@ def _split_at_zero(
     num, den = (one * speed ** (np.arange(one.size)[::-1] - float(order)) for one in (num, den))
     k = order - int(np.flatnonzero(den)[-1])
     rest = den[: den.size - k]
-    series = (
-        lfilter(np.append(num[::-1], np.zeros(k)), rest[::-1], np.eye(1, k)[0])
-        if k
-        else np.zeros(0)
-    )
-    others = np.polysub(num, np.polymul(series[::-1], rest))[: -k or None] if k else num
+    if k:
+        series = lfilter(np.append(num[::-1], np.zeros(k)), rest[::-1], np.eye(1, k)[0])
+        others = np.polysub(num, np.polymul(series[::-1], rest))[: -k or None]
+    else:
+        series = np.zeros(0)
+        others = num
     chain = control.StateSpace(
         np.eye(k, k=-1), np.eye(k, 1), series[None, ::-1], [[0.0]], remove_useless_states=False
     )
@@ -178,11 +187,9 @@ def state_space(name: str, system: object) -> control.StateSpace:
 
 def _controller_hint(thing: object) -> str:
     """Return the hint that a design has its controller in the field K, else ""."""
-    return (
-        "; its controller is its field K"
-        if isinstance(getattr(thing, "K", None), control.StateSpace)
-        else ""
-    )
+    if isinstance(getattr(thing, "K", None), control.StateSpace):
+        return "; its controller is its field K"
+    return ""
 
 
 def split_diagonal(name: str, K: control.StateSpace) -> list[control.StateSpace]:
@@ -268,7 +275,10 @@ def from_polynomials(
     # scale = geometric mean of the nonzero roots: the polynomial in s / scale has coefficients near
     # one
     last = np.flatnonzero(den)[-1]
-    scale = abs(den[last]) ** (1 / last) if last else 1.0
+    if last:
+        scale = abs(den[last]) ** (1 / last)
+    else:
+        scale = 1.0
     powers = scale ** -np.arange(1.0, n + 1)
     tail, head = den[1:] * powers, (num[1:] - num[0] * den[1:]) * powers
     A = np.zeros((n, n))
@@ -279,11 +289,10 @@ def from_polynomials(
     _, unit = np.frexp(
         np.abs(C).max()
     )  # scaled exactly, so that the squares of the numbers do not overflow
-    level = (
-        np.sqrt(np.ldexp(np.linalg.norm(np.ldexp(C, -unit)), unit) / np.linalg.norm(B))
-        if np.any(C)
-        else 1.0
-    )
+    if np.any(C):
+        level = np.sqrt(np.ldexp(np.linalg.norm(np.ldexp(C, -unit)), unit) / np.linalg.norm(B))
+    else:
+        level = 1.0
     return control.StateSpace(A * scale, B * level * scale, C / level, D, dt)
 
 
@@ -334,7 +343,10 @@ def pair_roots(roots: np.ndarray) -> tuple[list[tuple[complex, ...]], list[compl
     real, upper = _split_conjugates(roots, 1e-12)
     alone = list(real)
     pairs: list[tuple[complex, ...]] = [(complex(r), complex(np.conj(r))) for r in upper]
-    rest = [complex(alone.pop(0))] if len(alone) % 2 else []
+    if len(alone) % 2:
+        rest = [complex(alone.pop(0))]
+    else:
+        rest = []
     return (
         pairs + [(complex(a), complex(b)) for a, b in zip(alone[::2], alone[1::2], strict=True)],
         rest,
@@ -375,10 +387,16 @@ def stable_weight(name: str, system: Weight, *, dt: float, n: int = 1) -> contro
     """Return a stable weight on n signals, continuous or with the sampling time of the loop, or
     refuse it.
     """
-    w = repeat_over_channels(name, system, n) if n > 1 else state_space(name, system)
+    if n > 1:
+        w = repeat_over_channels(name, system, n)
+    else:
+        w = state_space(name, system)
     step = timebase(w)
     if step and not is_constant(w) and abs(step - dt) > 1e-9 * step:
-        loop = f"{dt:g} s" if dt else "which is continuous"
+        if dt:
+            loop = f"{dt:g} s"
+        else:
+            loop = "which is continuous"
         raise ValueError(
             f"{name} must be continuous or have the sampling time of the loop, {loop}, got"
             f" {step:g} s"
@@ -411,15 +429,17 @@ def frequency_response(
     several channels.
     """
     if not isinstance(plant, control.FrequencyResponseData):
-        plant = state_space(name, plant) if shape == (1, 1) else multivariable(name, plant)
+        if shape == (1, 1):
+            plant = state_space(name, plant)
+        else:
+            plant = multivariable(name, plant)
     dt = common_sampling_time(*other)
     require_sampling_time(name, plant, reference="the nominal", wanted=dt)
     if (plant.noutputs, plant.ninputs) != shape:
-        wanted = (
-            "one input and one output"
-            if shape == (1, 1)
-            else f"{shape[1]} inputs and {shape[0]} outputs"
-        )
+        if shape == (1, 1):
+            wanted = "one input and one output"
+        else:
+            wanted = f"{shape[1]} inputs and {shape[0]} outputs"
         raise ValueError(f"{name} must have {wanted}, got {plant.ninputs} and {plant.noutputs}")
     if isinstance(plant, control.FrequencyResponseData):
         omega, G = np.asarray(plant.omega, dtype=float), np.asarray(plant.frdata, dtype=complex)

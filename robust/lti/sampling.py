@@ -64,7 +64,8 @@ def sampled(system: LinearSystem, dt: float, delay: float = 0.0) -> control.Stat
     delay = require_nonnegative("delay", delay)
     whole = int(np.floor(delay / dt + 1e-9))
     rest = max(0.0, delay - whole * dt)
-    rest = 0.0 if rest < 1e-9 * dt else rest
+    if rest < 1e-9 * dt:
+        rest = 0.0
     A, B, C, D = system.A, system.B, system.C, system.D
     n, m = B.shape
 
@@ -96,7 +97,10 @@ def sampled(system: LinearSystem, dt: float, delay: float = 0.0) -> control.Stat
     Bd[n : n + m] = np.eye(m)
     Ad[n + m :, n:-m] = np.eye((n_memory - 1) * m)
     Cd[:, :n] = C
-    newest = late if rest > 0 else held(dt)[1]
+    if rest > 0:
+        newest = late
+    else:
+        newest = held(dt)[1]
     if whole == 0:
         Bd[:n] = newest
     else:
@@ -237,7 +241,10 @@ def discretize(K: LinearSystem, dt: float, *, prewarp: float = 0.0) -> control.S
     (1.0, 0.818181818)
     """
     several = isinstance(K, control.StateSpace) and (K.ninputs, K.noutputs) != (1, 1)
-    K = multivariable("K", K) if several else state_space("K", K)
+    if several:
+        K = multivariable("K", K)
+    else:
+        K = state_space("K", K)
     dt, prewarp = require_positive("dt", dt), require_nonnegative("prewarp", prewarp)
     if timebase(K):
         raise ValueError(f"K must be continuous, got one sampled at {timebase(K):g} s")
@@ -246,7 +253,10 @@ def discretize(K: LinearSystem, dt: float, *, prewarp: float = 0.0) -> control.S
             f"prewarp must lie below the Nyquist frequency {np.pi / dt:g} rad/s, got {prewarp:g}"
             " rad/s"
         )
-    scale = prewarp / np.tan(prewarp * dt / 2) if prewarp else 2 / dt
+    if prewarp:
+        scale = prewarp / np.tan(prewarp * dt / 2)
+    else:
+        scale = 2 / dt
     image = to_discrete(K.A / scale, K.B / np.sqrt(scale), K.C / np.sqrt(scale), K.D)
     return with_names(control.StateSpace(*image, dt), K.input_labels, K.output_labels)
 
@@ -280,5 +290,10 @@ def hold_correction(omega: np.ndarray, hold: str, *, fs: float, dt: float) -> np
     """
     if hold == "unknown" or (hold == "zoh" and abs(dt * fs - 1) < _SAMPLING_TOLERANCE):
         return np.ones(np.size(omega), dtype=complex)
-    put_in = hold_response(omega, dt) if dt else np.ones(np.size(omega), dtype=complex)
-    return put_in / hold_response(omega, 1 / fs) if hold == "zoh" else put_in
+    if dt:
+        put_in = hold_response(omega, dt)
+    else:
+        put_in = np.ones(np.size(omega), dtype=complex)
+    if hold == "zoh":
+        return put_in / hold_response(omega, 1 / fs)
+    return put_in

@@ -82,7 +82,9 @@ def delay_pole_count(L: control.StateSpace, delay: float) -> float:
     direct = abs(float(L.D[0, 0]))
     found = crossings((L.A, L.B, L.C, L.D), 1.0)
     if direct > 1 or found is None:
-        return np.inf if direct > 1 + 1e-9 else np.nan
+        if direct > 1 + 1e-9:
+            return np.inf
+        return np.nan
     clusters = _merge_intervals(*found)
     if not clusters:
         return 0.0
@@ -145,7 +147,10 @@ def connected_components(A: np.ndarray) -> list[np.ndarray]:
     reach = ((A != 0) | np.eye(len(A), dtype=bool)).astype(np.float32)
     for _ in range(len(A).bit_length()):  # paths of twice the length each time
         reach = (reach @ reach > 0).astype(np.float32)
-    first = np.argmax(reach * reach.T, axis=1) if len(A) else np.zeros(0, int)
+    if len(A):
+        first = np.argmax(reach * reach.T, axis=1)
+    else:
+        first = np.zeros(0, int)
     return [np.flatnonzero(first == k) for k in np.unique(first)]
 
 
@@ -154,7 +159,10 @@ def assess_stability(system: control.StateSpace) -> StabilityResult:
     undecided.
     """
     poles, moved = poles_with_rounding(system)
-    excess = np.abs(poles) - 1 if timebase(system) else poles.real
+    if timebase(system):
+        excess = np.abs(poles) - 1
+    else:
+        excess = poles.real
     if not poles.size or np.all(excess < -moved):
         return StabilityResult(state=Stability.STABLE)
     worst = int(np.argmax(excess + moved))
@@ -177,7 +185,9 @@ def unstable_poles(K: control.StateSpace, dt: float) -> int:
 
 def unstable_pole_values(K: control.StateSpace, dt: float) -> np.ndarray:
     p = poles(K)
-    return p[np.abs(p) > 1 + 1e-9] if dt else p[p.real > 1e-9 * (1 + np.abs(p))]
+    if dt:
+        return p[np.abs(p) > 1 + 1e-9]
+    return p[p.real > 1e-9 * (1 + np.abs(p))]
 
 
 def winding_number(
@@ -245,9 +255,15 @@ def describe_unresolved(omega: np.ndarray, F: np.ndarray, size: np.ndarray, who:
     lines (--f-min, --f-max), or a nominal model (robust model)
     """
     turn = np.abs(np.angle(F[1:] / F[:-1]))
-    k = int(np.argmax(turn)) if turn.size else 0
+    if turn.size:
+        k = int(np.argmax(turn))
+    else:
+        k = 0
     between = " and ".join(map(format_hertz, omega[k : k + 2]))
-    most = f"it turns by {np.degrees(turn[k]):.0f} deg between {between}, and " if turn.size else ""
+    if turn.size:
+        most = f"it turns by {np.degrees(turn[k]):.0f} deg between {between}, and "
+    else:
+        most = ""
     first, last = (
         f"{size[i]:.3g} on the {word}, {format_hertz(omega[i])}"
         for i, word in ((0, "first line"), (-1, "last"))
@@ -298,11 +314,9 @@ def count_half_turns(F: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
 def integrator_poles(system: control.StateSpace, dt: float) -> int:
     """Return the number of poles at zero frequency."""
     p = poles(system)
-    return (
-        int(np.sum(np.abs(p - 1) < 1e-6))
-        if dt
-        else int(np.sum(np.abs(p) < 1e-9 * (1 + np.abs(p).max(initial=0))))
-    )
+    if dt:
+        return int(np.sum(np.abs(p - 1) < 1e-6))
+    return int(np.sum(np.abs(p) < 1e-9 * (1 + np.abs(p).max(initial=0))))
 
 
 def _is_resolved(F: np.ndarray, x: np.ndarray) -> bool:

@@ -33,11 +33,15 @@ def _split_modes(
     others.
     """
     n, size = A.shape[0], _AXIS_TOLERANCE * max(float(np.linalg.norm(A)), 1e-300)
-    T, Z, k = (
-        schur(A, output="real", sort=lambda re, im=0.0: re >= -size) if n else (A, np.eye(0), 0)
-    )
+    if n:
+        T, Z, k = schur(A, output="real", sort=lambda re, im=0.0: re >= -size)
+    else:
+        T, Z, k = A, np.eye(0), 0
     # T = [T11 T12; 0 T22] made block diagonal: T11 X - X T22 = -T12
-    X = solve_sylvester(T[:k, :k], -T[k:, k:], -T[:k, k:]) if 0 < k < n else np.zeros((k, n - k))
+    if 0 < k < n:
+        X = solve_sylvester(T[:k, :k], -T[k:, k:], -T[:k, k:])
+    else:
+        X = np.zeros((k, n - k))
     forth, back = Z.T.copy(), Z.copy()
     forth[:k] = forth[:k] - X @ forth[k:]
     back[:, k:] = back[:, k:] + back[:, :k] @ X

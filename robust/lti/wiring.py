@@ -135,7 +135,9 @@ def shared_timebase(parts: Sequence[control.StateSpace]) -> float:
             "systems must have one sampling time (0: continuous), got"
             f" {join_names([f'{step:g} s' for step in steps])}"
         )
-    return steps[-1] if steps else 0.0
+    if steps:
+        return steps[-1]
+    return 0.0
 
 
 def _same_name(rows: Sequence[str], columns: Sequence[str]) -> np.ndarray:

@@ -211,17 +211,18 @@ class LpvModel(LpvMatrices):
         return f"{self.over} from {self.points[0]:g} to {self.points[-1]:g} {self.unit}".rstrip()
 
     def __str__(self) -> str:
-        clock = f"{1 / self.dt:g} Hz" if self.dt else "continuous"
+        if self.dt:
+            clock = f"{1 / self.dt:g} Hz"
+        else:
+            clock = "continuous"
         text = (
             f"order {self.order}, {clock}, polynomials of degree {len(self.A) - 1} of"
             f" {self.describe_range()}"
         )
         text += "" if self.weight is None else f"; {self.form} weight"
-        return (
-            text
-            if np.isnan(self.held_out)
-            else f"{text}\n  left-out point: {self.held_out:.2g} of the weight"
-        )
+        if np.isnan(self.held_out):
+            return text
+        return f"{text}\n  left-out point: {self.held_out:.2g} of the weight"
 
 
 def constant_model(name: str, system: object, like: LpvModel) -> LpvModel:
@@ -252,7 +253,10 @@ def require_points(
         raise ValueError(
             f"at must have one operating point for each {what}, got {at.size} for {count}"
         )
-    degree = at.size - 1 if degree is None else require_integer("degree", degree, least=0)
+    if degree is None:
+        degree = at.size - 1
+    else:
+        degree = require_integer("degree", degree, least=0)
     if degree > at.size - 1:
         raise ValueError(
             f"degree must be at most {at.size - 1} for {at.size} operating points, got {degree}"
@@ -280,5 +284,8 @@ def to_theta(point: ArrayLike, at: np.ndarray) -> np.ndarray:
 
 def _require_increasing(at: np.ndarray) -> None:
     if at.ndim != 1 or at.size < 2 or not np.isfinite(at).all() or not np.all(np.diff(at) > 0):
-        got = "one" if np.size(at) == 1 else f"{np.asarray(at).tolist()}"
+        if np.size(at) == 1:
+            got = "one"
+        else:
+            got = f"{np.asarray(at).tolist()}"
         raise ValueError(f"at must be at least two operating points that increase, got {got}")

@@ -243,4 +243,6 @@ def _held_out(
             response(fits[k].G, omega), response(plant.at(points[k]), omega)
         )
         found.append(float(np.max(np.abs(error) / W)))
-    return float(np.nanmax(found)) if len(found) > 1 else np.nan
+    if len(found) > 1:
+        return float(np.nanmax(found))
+    return np.nan

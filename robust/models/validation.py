@@ -148,11 +148,10 @@ class Validation:
 
     def __str__(self) -> str:
         """Return the result in a few lines."""
-        where = (
-            f", worst at {format_hertz(float(self.omega[np.argmax(self.distance)]))}"
-            if self.n_outside_set
-            else ""
-        )
+        if self.n_outside_set:
+            where = f", worst at {format_hertz(float(self.omega[np.argmax(self.distance)]))}"
+        else:
+            where = ""
         shares, entry, entries, what = "", "", "", "lines beyond both discs"
         rows = [f"validation: {self.n_outside_set} of {self.n_lines} lines outside the set{where}"]
         if self.p_values is not None and self.entries_outside is not None:
@@ -203,7 +202,10 @@ class Validation:
             "it scatters more than both records": self.p_level,
         }
         changed = [what for what, p in seen.items() if p < _CHANGED]
-        words = ", and ".join(changed) if changed else "no significant change"
+        if changed:
+            words = ", and ".join(changed)
+        else:
+            words = "no significant change"
         if np.isnan(self.distance).all():
             return f"{words} (at {100 * _CHANGED:g} %)"
         holds = "contains every line" if not self.n_outside_set else "does not contain every line"
@@ -302,7 +304,10 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
     tried = []
     for first in firsts:
         lines = shared_lines(first.omega, second.omega)
-        p = confidence ** (1 / lines.size) if simultaneous else confidence
+        if simultaneous:
+            p = confidence ** (1 / lines.size)
+        else:
+            p = confidence
         pair = first.on_lines(lines), second.on_lines(lines)
         tried.append(
             _compare_matrix_records(*pair, p) if several else _compare_records(model, *pair, p)
@@ -353,17 +358,17 @@ def shared_lines(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     low = max(first[0], second[0]) * (1 - _SAME_LINE)
     high = min(first[-1], second[-1]) * (1 + _SAME_LINE)
     inside = [omega[(omega >= low) & (omega <= high)] for omega in (first, second)]
-    fewer, other = (
-        (inside[0], second)
-        if 0 < inside[0].size < inside[1].size or not inside[1].size
-        else (inside[1], first)
-    )
+    if 0 < inside[0].size < inside[1].size or not inside[1].size:
+        fewer, other = inside[0], second
+    else:
+        fewer, other = inside[1], first
     last = np.clip(np.searchsorted(other, fewer * (1 - _SAME_LINE)), 0, other.size - 1)
     begin = np.where(np.abs(other[last] - fewer) <= _SAME_LINE * fewer, last, last - 1)
     keep, read = np.zeros(fewer.size, dtype=bool), -1
     for k in range(fewer.size):
         keep[k] = begin[k] > read
-        read = last[k] if keep[k] else read
+        if keep[k]:
+            read = last[k]
     return np.asarray(fewer[keep])
 
 
@@ -385,7 +390,8 @@ def fit_shape_and_level(
     """Return shape and level of whitened differences z (n,) along directions x (3, n), on n lines
     or fewer.
     """
-    n_lines = z.size if n_lines is None else n_lines
+    if n_lines is None:
+        n_lines = z.size
     if n_lines < _MIN_SHARED_LINES:
         return {"p_value": float("nan")}
     score, fisher = (x.conj() @ z).real, (x.conj() @ x.T).real

@@ -84,12 +84,18 @@ def block_structure(name: str, blocks: Blocks) -> BlockStructure:
 
 def _check_block(name: str, block: object) -> tuple[int, int, str]:
     """Return rows, columns and kind of one block, or refuse it."""
-    parts = block if isinstance(block, (tuple, list)) and len(block) in (2, 3) else ()
+    if isinstance(block, (tuple, list)) and len(block) in (2, 3):
+        parts = block
+    else:
+        parts = ()
     if not parts or not all(isinstance(n, (int, np.integer)) and n >= 1 for n in parts[:2]):
         raise ValueError(
             f"{name} must be (rows, cols) with whole numbers of at least 1, got {short_form(block)}"
         )
-    kind = parts[2] if len(parts) == 3 else "full"
+    if len(parts) == 3:
+        kind = parts[2]
+    else:
+        kind = "full"
     if kind not in KINDS:
         raise ValueError(
             f"{name} must be of the kind 'full', 'repeated' or 'real', got {short_form(kind)}"

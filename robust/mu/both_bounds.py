@@ -90,7 +90,10 @@ class StructuredBounds:
             where = " at every frequency"
         elif W > 1 and not attained:
             where = f" on {W} lines"
-        at = "" if self.omega is None else f", largest at {self.omega[k]:.4g} rad/s"
+        if self.omega is None:
+            at = ""
+        else:
+            at = f", largest at {self.omega[k]:.4g} rad/s"
         text = f"{self.quantity} between {self.lower.max():.4g} and {self.upper[k]:.4g}{where}{at}"
         return "; ".join(filter(None, (text, self.reason)))
 
@@ -254,7 +257,10 @@ def _at_every_frequency(
     else:
         at = int(np.searchsorted(omega, margin.omega))
         cols, rows = found.delta.shape[:2]
-        above = proved if margin.level or np.isinf(reached) else float(np.max(upper))
+        if margin.level or np.isinf(reached):
+            above = proved
+        else:
+            above = float(np.max(upper))
         found = replace(
             found,
             omega=np.insert(omega, at, margin.omega),
@@ -262,11 +268,10 @@ def _at_every_frequency(
             upper=np.insert(upper, at, max(above, reached)),
             delta=np.insert(found.delta, at, margin.delta[:cols, :rows], axis=2),
         )
-    reason = (
-        margin.reason
-        if margin.level or not margin.reason
-        else f"not proved between lines: {margin.reason}"
-    )
+    if margin.level or not margin.reason:
+        reason = margin.reason
+    else:
+        reason = f"not proved between lines: {margin.reason}"
     return replace(found, certificates=_exact_certificates(N, blocks, margin), reason=reason)
 
 
@@ -277,7 +282,9 @@ def _exact_certificates(
     if len(margin.certificates) == 1 and not margin.n_unstable:
         system, given = scaled_system(margin, margin.level), blocks_with_kinds(blocks)
         exact = certify_intervals(system, given, 1 - SLACK, most=_EXACT_INTERVALS)
-        return (replace(exact, level=1.0),) if exact.holds else margin.certificates
+        if exact.holds:
+            return (replace(exact, level=1.0),)
+        return margin.certificates
     return margin.certificates
 
 
@@ -293,11 +300,10 @@ def _sampled_response(
             )
     if isinstance(N, control.FrequencyResponseData):
         own = np.asarray(N.omega, dtype=float)
-        where = (
-            np.arange(own.size)
-            if omega is None
-            else np.searchsorted(own, omega).clip(0, own.size - 1)
-        )
+        if omega is None:
+            where = np.arange(own.size)
+        else:
+            where = np.searchsorted(own, omega).clip(0, own.size - 1)
         if omega is not None and not np.allclose(own[where], omega, rtol=1e-9, atol=0):
             raise ValueError(
                 f"omega must hold frequencies of N, which has {own.size} from {own.min():.4g} to"
@@ -307,15 +313,17 @@ def _sampled_response(
     if isinstance(N, control.lti.LTI):
         system = multivariable("N", N)
         if not system.nstates:
-            return (
-                (None, system.D[:, :, None])
-                if omega is None
-                else (omega, response_by_channel(system, omega))
-            )
-        at = structure_grid(system)[1:] if omega is None else omega
+            if omega is None:
+                return None, system.D[:, :, None]
+            return omega, response_by_channel(system, omega)
+        if omega is None:
+            at = structure_grid(system)[1:]
+        else:
+            at = omega
         return at, response_by_channel(system, at)
     M = np.asarray(N)
-    M = M[:, :, None] if M.ndim == 2 else M
+    if M.ndim == 2:
+        M = M[:, :, None]
     if omega is not None and (M.ndim != 3 or M.shape[2] != omega.size):
         raise ValueError(
             f"omega must have one frequency for each matrix of N, got {omega.size} for shape"

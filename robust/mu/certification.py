@@ -103,7 +103,8 @@ def certify(
         found = certify_intervals(N, given, slack)
     if not found.holds and not found.violated:
         other = certify_by_intervals(N, blocks, level)
-        found = other if other.holds else found
+        if other.holds:
+            found = other
     return replace(found, level=level)
 
 
@@ -151,4 +152,6 @@ def certify_by_intervals(
 def _middle_of_poles(H: TransferMatrix) -> float:
     """Return the geometric mean of the moduli of the poles on the axis; one if there are none."""
     sizes = np.abs(polynomial_roots(H.characteristic))
-    return float(np.exp(np.mean(np.log(sizes[sizes > 0])))) if sizes.any() else 1.0
+    if sizes.any():
+        return float(np.exp(np.mean(np.log(sizes[sizes > 0]))))
+    return 1.0

@@ -63,7 +63,10 @@ class PerturbedLoop:
         for grows, row, col in zip(growing, s.rows, s.cols, strict=True):
             grown[col, row] = grows
         A = N.A[np.ix_(kept, kept)]
-        beyond = boundary_excess(np.linalg.eigvals(A), N) if kept.size else np.zeros(0)
+        if kept.size:
+            beyond = boundary_excess(np.linalg.eigvals(A), N)
+        else:
+            beyond = np.zeros(0)
         return cls(
             A=A,
             B=N.B[kept],
@@ -78,7 +81,9 @@ class PerturbedLoop:
     def sized(self, E: np.ndarray, size: float) -> np.ndarray:
         """Return the perturbations with the growing blocks at a size; real if possible."""
         delta = np.where(self.growing, size * E, E)
-        return delta if delta.imag.any() else delta.real
+        if delta.imag.any():
+            return delta
+        return delta.real
 
     def closed(self, delta: np.ndarray) -> np.ndarray:
         """Return (K, n, n) state matrices."""
@@ -115,7 +120,10 @@ class PerturbedLoop:
         reads = np.linalg.solve(
             np.eye(self.D.shape[0]) - self.D @ delta, (right[each, :, which] @ self.C.T)[:, :, None]
         )[:, :, 0]
-        turn = pole / np.maximum(np.abs(pole), 1e-300) if self.dt else np.ones(len(delta))
+        if self.dt:
+            turn = pole / np.maximum(np.abs(pole), 1e-300)
+        else:
+            turn = np.ones(len(delta))
         turn = np.where(beyond[each, which] < 0, turn, -turn)
         return align_perturbation(drive.conj(), reads, turn=turn, s=self.s)
 
@@ -130,9 +138,8 @@ class PerturbedLoop:
         moved = E.copy()
         for share in MOVES:
             tried = (1 - share) * E + share * np.nan_to_num(corner)
-            tried = (
-                tried if set(self.s.kinds) == {"real"} else normalize_perturbation(tried, self.s)
-            )
+            if set(self.s.kinds) != {"real"}:
+                tried = normalize_perturbation(tried, self.s)
             reached = self.excess(tried, size)
             moved[reached > now], now = tried[reached > now], np.maximum(now, reached)
         return moved, now
@@ -145,9 +152,10 @@ class PerturbedLoop:
             return 0.0
         for _ in range(50):
             middle = (inner + outer) / 2
-            inner, outer = (
-                (inner, middle) if self.excess(E[None], middle)[0] > 0 else (middle, outer)
-            )
+            if self.excess(E[None], middle)[0] > 0:
+                inner, outer = inner, middle
+            else:
+                inner, outer = middle, outer
             if outer - inner <= 1e-12 * outer:
                 break
         return outer
@@ -179,7 +187,8 @@ def find_crossing(
     """
     if not N.nstates or least >= limit:
         return None
-    growing = np.ones(len(s.kinds), bool) if growing is None else growing
+    if growing is None:
+        growing = np.ones(len(s.kinds), bool)
     loop = PerturbedLoop.of(N, s, growing)
     if not loop.A.size:
         return None
@@ -239,14 +248,15 @@ def _search_directions(n: int) -> np.ndarray:
     inside.
     """
     rng = np.random.default_rng(0)
-    corners = (
-        np.array(list(product((-1.0, 1.0), repeat=n)))
-        if n <= _MAX_CORNER_PARAMETERS
-        else np.sign(rng.standard_normal((64, n)))
-    )
+    if n <= _MAX_CORNER_PARAMETERS:
+        corners = np.array(list(product((-1.0, 1.0), repeat=n)))
+    else:
+        corners = np.sign(rng.standard_normal((64, n)))
     inside = rng.uniform(-1, 1, (_N_DIRECTIONS, n))
     inside /= np.abs(inside).max(axis=1, keepdims=True)
-    return np.concatenate([corners, np.eye(n), -np.eye(n), inside]) if n > 1 else corners
+    if n > 1:
+        return np.concatenate([corners, np.eye(n), -np.eye(n), inside])
+    return corners
 
 
 def _improve(
@@ -260,7 +270,10 @@ def _improve(
             below = (1 - closer) * size
             best = starts[np.argsort(-loop.excess(starts, below))[: _N_ASCENTS - 1]]
             tried, excess = loop.uphill(np.concatenate([E[None], best]), below)
-            E = tried[int(excess.argmax())] if excess.max() > 0 else tried[0]
+            if excess.max() > 0:
+                E = tried[int(excess.argmax())]
+            else:
+                E = tried[0]
             if excess.max() <= 0:
                 break
             size = loop.crossing_size(E, 0.0, below)
@@ -282,7 +295,10 @@ def verified_crossing(
     poles = np.linalg.eigvals(loop.closed(delta)[0])
     pole = poles[np.abs(boundary_excess(poles, loop)).argmin()]
     omega = to_s_plane(np.array([pole]), loop.dt)[0].imag
-    delta, omega = (delta.conj(), -omega) if omega < 0 else (delta, omega)
+    if omega < 0:
+        delta, omega = delta.conj(), -omega
+    else:
+        delta, omega = delta, omega
     if np.isrealobj(delta) and not loop.n_unstable:
         beyond = loop.closed(loop.sized(E[None], 1.001 * size))[0]
         n = len(beyond)
@@ -292,4 +308,6 @@ def verified_crossing(
         M = response_by_channel(N, np.array([omega]))[:, :, 0]
         sizes = np.linalg.svd(np.eye(len(M)) - M @ delta[0], compute_uv=False)
         fine = bool(sizes[-1] <= _SINGULAR * max(1.0, float(sizes[0])))
-    return Crossing(size=float(size), delta=delta[0], omega=float(omega)) if fine else None
+    if fine:
+        return Crossing(size=float(size), delta=delta[0], omega=float(omega))
+    return None

@@ -255,7 +255,8 @@ def _interior_point_step(
         dY = []
         for k, (multiplier, inv) in enumerate(zip(Y, inverse, strict=True)):
             change = multiplier @ dZ[k] @ inv
-            change = change if correction is None else change + correction[k]
+            if correction is not None:
+                change = change + correction[k]
             dY.append(
                 centre[:, None, None] * inv
                 - multiplier

@@ -186,7 +186,9 @@ class _IntervalSearch:
     def omega_of(self, x: float) -> float:
         """Return the frequency [rad/s] of x."""
         dt = self.claim.system.dt
-        return float(2 / dt * np.arctan(x)) if dt else x
+        if dt:
+            return float(2 / dt * np.arctan(x))
+        return x
 
     def is_narrow(self, low: float, high: float) -> bool:
         speeds = np.abs(self.poles)
@@ -199,7 +201,9 @@ class _IntervalSearch:
             return 6 * low or float(np.exp(np.log(np.maximum(np.abs(self.poles), 1e-300)).mean()))
         if not low:
             return high / 6
-        return float(np.sqrt(low * high)) if high > 2 * low else (low + high) / 2
+        if high > 2 * low:
+            return float(np.sqrt(low * high))
+        return (low + high) / 2
 
     def prove(self, low: float, high: float) -> tuple[IntervalProof | None, tuple[float, float]]:
         """Return the proof of one interval, or None; and the largest bound there over the level,
@@ -212,7 +216,10 @@ class _IntervalSearch:
         bound = upper_bound(response, self.claim.blocks, target=1.0)
         alpha, beta, gamma, delta = _mobius(low, high)
         v = _WITHIN[bound.value.argmax()]
-        there = (delta * v - beta) / (alpha - gamma * v) if alpha > gamma * v else np.inf
+        if alpha > gamma * v:
+            there = (delta * v - beta) / (alpha - gamma * v)
+        else:
+            there = np.inf
         reached = float(bound.value.max()), self.omega_of(there)
         assert bound.scaling is not None  # for an upper bound
         tried = [
@@ -262,12 +269,14 @@ class _IntervalSearch:
         skew, X, K, r, c = -1j * D_R.conj().T @ G @ D_L, [], [], 0, 0
         least = floor * float(np.abs(np.diag(left)).max())
         for rows, cols, kind in self.claim.blocks:
-            own = (
-                left[r : r + 1, r : r + 1].real + 0j
-                if kind == "full"
-                else left[r : r + rows, r : r + rows]
-            )
-            between = skew[c : c + cols, r : r + rows] if kind == "real" else np.zeros_like(own)
+            if kind == "full":
+                own = left[r : r + 1, r : r + 1].real + 0j
+            else:
+                own = left[r : r + rows, r : r + rows]
+            if kind == "real":
+                between = skew[c : c + cols, r : r + rows]
+            else:
+                between = np.zeros_like(own)
             X.append((own + own.conj().T) / 2 + least * np.eye(len(own)))
             K.append((between - between.conj().T) / 2)
             r, c = r + rows, c + cols
@@ -355,11 +364,16 @@ def _riccati_storage(
         F = A - B @ np.linalg.solve(corner, side.conj().T)
         G = B @ np.linalg.solve(corner, B.conj().T)
         H = top - side @ np.linalg.solve(corner, side.conj().T)
-        scale = np.sqrt(np.linalg.norm(H) / np.linalg.norm(G)) if H.any() and G.any() else 1.0
+        if H.any() and G.any():
+            scale = np.sqrt(np.linalg.norm(H) / np.linalg.norm(G))
+        else:
+            scale = 1.0
         _, Z, stable = schur(
             np.block([[F, -G * scale], [-H / scale, -F.conj().T]]), output="complex", sort="lhp"
         )
         P = np.linalg.solve(Z[:n, :n].T, Z[n:, :n].T).T * scale
     except (np.linalg.LinAlgError, ValueError):
         return None
-    return (P + P.conj().T) / 2 if stable == n and np.isfinite(P).all() else None
+    if stable == n and np.isfinite(P).all():
+        return (P + P.conj().T) / 2
+    return None

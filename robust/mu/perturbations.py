@@ -250,11 +250,10 @@ def _ascend(
         for share in MOVES:
             candidate = normalize_perturbation((1 - share) * now + share * smallest, s)
             values = np.linalg.eigvals(N @ candidate)
-            each = (
-                np.abs(values)
-                if turned
-                else values.real - price[todo][:, None] * np.abs(values.imag)
-            )
+            if turned:
+                each = np.abs(values)
+            else:
+                each = values.real - price[todo][:, None] * np.abs(values.imag)
             better = each.max(axis=1) > best
             best, moved[better] = np.maximum(best, each.max(axis=1)), candidate[better]
             if turned and (best > before * (1 + _GROWTH)).all():  # the whole way is usually best
@@ -295,7 +294,10 @@ def _smallest_perturbation(mode: _Mode, s: BlockStructure) -> tuple[np.ndarray, 
     each = np.arange(W)
     theta, kink = np.zeros(W), np.zeros(W, bool)
     if n_real:
-        grid = np.linspace(-np.pi / 2, np.pi / 2, _N_ANGLES + 2)[1:-1] if b.any() else np.zeros(0)
+        if b.any():
+            grid = np.linspace(-np.pi / 2, np.pi / 2, _N_ANGLES + 2)[1:-1]
+        else:
+            grid = np.zeros(0)
         # a_j exp(-j theta) is imaginary there
         kinks = np.mod(np.angle(a) + np.pi, np.pi) - np.pi / 2
         angles = np.concatenate([kinks, np.broadcast_to(grid, (W, grid.size))], axis=1)
@@ -372,11 +374,10 @@ def normalize_perturbation(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
     for kind, row, col in zip(s.kinds, s.rows, s.cols, strict=True):
         block = delta[:, col, row]
         if kind != "real":
-            size = (
-                np.abs(block[:, :1, :1])
-                if kind == "repeated"
-                else np.linalg.norm(block, axis=(1, 2), keepdims=True)
-            )
+            if kind == "repeated":
+                size = np.abs(block[:, :1, :1])
+            else:
+                size = np.linalg.norm(block, axis=(1, 2), keepdims=True)
             delta[:, col, row] = block / np.where(size > 0, size, 1.0)
     return delta
 

@@ -282,7 +282,10 @@ def _scalings_of_loops(
             initial=np.inf,
             where=np.abs(inside).max(axis=(1, 2)) > 0,
         )
-        coupling = max(1.0, float(np.abs(N).max() / least)) if np.isfinite(least) else 1.0
+        if np.isfinite(least):
+            coupling = max(1.0, float(np.abs(N).max() / least))
+        else:
+            coupling = 1.0
         unit = (_ONE_WAY * min(coupling, _MAX_COUPLING)) ** -float(depth[own[0]])
         D_L[:, rows[:, None], rows], D_R[:, cols[:, None], cols] = unit * found[0], unit * found[1]
         G[:, cols[:, None], rows] = found[2]
@@ -451,7 +454,10 @@ def refine_grid(
     mu = mu_bound_at(N, blocks, omega=omega)
     for _ in range(_N_REFINEMENTS):  # around the largest value, five times closer each time
         k = int(mu.argmax())
-        low = omega[k - 1] if k > 1 else omega[1] / 10
+        if k > 1:
+            low = omega[k - 1]
+        else:
+            low = omega[1] / 10
         more = np.geomspace(low, omega[min(k + 1, omega.size - 1)], 11)[1:-1]
         more = np.setdiff1d(more, omega)
         both = np.concatenate([omega, more])

@@ -78,7 +78,10 @@ def bound_set_gain(
         if not proved:  # no scaling proves it here, or only by less than rounding
             todo += [(low, high, x)] * (not found.value[0] < 1)
             gain = float(gain_bound(M.transpose(1, 2, 0), blocks)[0])
-            lower, peak = (gain, here) if gain > lower else (lower, peak)
+            if gain > lower:
+                lower, peak = gain, here
+            else:
+                lower, peak = lower, peak
             level = max(level, lower) * (1 + _TOLERANCE)
     return GainBound(upper=level, lower=lower, omega=peak)
 

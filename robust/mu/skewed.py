@@ -96,7 +96,8 @@ def skewed_margin(
     """
     s, nominal = block_structure("blocks", blocks), decide_stability(N)
     K = len(s.kinds)
-    growing = np.ones(K, bool) if growing is None else growing
+    if growing is None:
+        growing = np.ones(K, bool)
     search = SkewedMargin(
         N=N,
         blocks=blocks,
@@ -159,7 +160,10 @@ def _level_on_grid(search: SkewedMargin) -> tuple[np.ndarray, float]:
         if np.isinf(high):
             level = 8 * low
         else:
-            level = np.sqrt(low * high) if low else high / 8
+            if low:
+                level = np.sqrt(low * high)
+            else:
+                level = high / 8
     peaks = np.argsort(-bound(low or high))[:4]
     if low:
         omega, mu = refine_grid(scaled_system(search, low), search.blocks, omega=omega)
@@ -205,22 +209,20 @@ def _close_gap(search: SkewedMargin, start: float, gap: float) -> SkewedMargin:
     kept = search
     for share in _WHOLE_SHARES:
         level = share * min(start, search.broken, _MAX_FACTOR)
-        proof = (
-            certify_by_intervals(
+        if level:
+            proof = certify_by_intervals(
                 scaled_system(search, level), search.blocks, 1.0, most=_BOX_INTERVALS
             )
-            if level
-            else None
-        )
+        else:
+            proof = None
         if proof is not None and proof.holds:
             kept = replace(search, level=level, certificates=(proof,))
             break
     low, top = kept.level, np.inf
-    reason = (
-        "the bound by scalings is no tighter, and no real block can be subdivided"
-        if not search.real.size
-        else ""
-    )
+    if not search.real.size:
+        reason = "the bound by scalings is no tighter, and no real block can be subdivided"
+    else:
+        reason = ""
     while search.broken > low * (1 + gap) and low < _MAX_FACTOR and not reason:
         level = _next_level(low, min(search.broken, top), gap)
         tried = _prove_level(replace(search, level=level, left=(search.left + 1) // 2))
@@ -248,8 +250,12 @@ def _next_level(low: float, broken: float, gap: float) -> float:
     """
     near = min(broken, _MAX_FACTOR) / (1 + 0.9 * gap)
     if np.isinf(broken):
-        return min(2 * low, _MAX_FACTOR) if low else 1.0
-    return near if near < 1.5 * low or not low else float(np.sqrt(low * near))
+        if low:
+            return min(2 * low, _MAX_FACTOR)
+        return 1.0
+    if near < 1.5 * low or not low:
+        return near
+    return float(np.sqrt(low * near))
 
 
 def _prove_level(search: SkewedMargin) -> SkewedMargin:

@@ -29,7 +29,12 @@ def draw_picture(
     from matplotlib.figure import Figure
 
     # a fixed frame: finding one for each picture would take longer than to draw it
-    width, height = (5.6, 6.2) if square else (7.6, 6.2) if tall else (7.6, 5.0)
+    if square:
+        width, height = 5.6, 6.2
+    elif tall:
+        width, height = 7.6, 6.2
+    else:
+        width, height = 7.6, 5.0
     figure = Figure(figsize=(width, height))
     left = 0.14 if square else 0.11
     draw(*content, ax=figure.add_axes((left, 0.1, 0.98 - left, 0.84)), **options)

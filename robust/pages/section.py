@@ -42,7 +42,10 @@ class Fact:
     def amount(self) -> str:
         """Return the value with its unit and frequency; empty if there is none."""
         number, place = self.value if isinstance(self.value, Peak) else (self.value, np.nan)
-        at = "" if np.isnan(place) else f" at {format_hertz(place)}"
+        if np.isnan(place):
+            at = ""
+        else:
+            at = f" at {format_hertz(place)}"
         if isinstance(number, str):
             return number and f"{number} {self.unit}".rstrip() + at
         if np.isnan(number):

@@ -22,7 +22,10 @@ def format_facts(facts: Iterable[Fact]) -> str:
     width = max([_NARROWEST, *(len(fact.name) + 2 for fact in shown)])
     rows = []
     for fact, amount in shown.items():
-        text = f"{amount}: {fact.meaning}" if fact.meaning else amount
+        if fact.meaning:
+            text = f"{amount}: {fact.meaning}"
+        else:
+            text = amount
         lines = [
             row
             for line in text.splitlines()

@@ -113,7 +113,10 @@ def plot_friction_force(
     K0, Fs = _force_numbers(read)
     at_most = "" if isinstance(read, FrictionFit) else "at most "
     widest = max(float(np.ptp(x)) for x, _ in loops.values())
-    reach = min(widest, _SLIP_LENGTHS * Fs / K0) if K0 * Fs > 0 and np.isfinite(K0 * Fs) else widest
+    if K0 * Fs > 0 and np.isfinite(K0 * Fs):
+        reach = min(widest, _SLIP_LENGTHS * Fs / K0)
+    else:
+        reach = widest
     if isinstance(read, FrictionFit) and np.isfinite(K0 * Fs):
         x = np.linspace(-reach, reach, 401)
         virgin = np.sign(x) * np.minimum(
@@ -197,7 +200,10 @@ def plot_rest(
     distances = np.array([1e6 * distance for *_, distance in cases])
     known = np.append(distances, [] if asked is None else 1e6 * asked)
     known = known[np.isfinite(known) & (known > 0)]
-    low, high = (known.min() / 10, known.max() * 30) if known.size else (0.1, 10.0)
+    if known.size:
+        low, high = known.min() / 10, known.max() * 30
+    else:
+        low, high = 0.1, 10.0
     words = {
         "weight": "proved: comes to rest",
         "limit": "may move for ever",
@@ -207,13 +213,19 @@ def plot_rest(
         kind = "weight" if verdict is FrictionVerdict.PROVED else "limit"
         if verdict is None:
             kind = "noise"
-        end = max(size, low) if np.isfinite(size) else high
+        if np.isfinite(size):
+            end = max(size, low)
+        else:
+            end = high
         ax.barh(
             row, end - low, 0.4, left=low, color=COLOR[kind], alpha=0.6, label=words.pop(kind, None)
         )
         if not size:
             ax.plot(low, row, "o", ms=9, color=COLOR[kind], clip_on=False)
-        where = "no bound known" if not np.isfinite(size) else format_length(distance, unit)
+        if not np.isfinite(size):
+            where = "no bound known"
+        else:
+            where = format_length(distance, unit)
         texts = {(row, end if np.isfinite(size) else low): where if size else "at the set point"}
         for (height, left), text in ({(row - 0.36, low): name} | texts).items():
             ax.annotate(

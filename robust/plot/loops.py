@@ -82,7 +82,10 @@ def _draw_gains(ax: Axes, gains: LoopGains) -> Axes:
     ax.axhline(0, color="0.5", lw=0.8)
     title = "Nominal loop" if gains.stable else "Nominal loop, not stable"
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="singular values [dB]", title=title)
-    low, high = (f[0], f[-1]) if gains.band is None else to_hertz(gains.band)
+    if gains.band is None:
+        low, high = f[0], f[-1]
+    else:
+        low, high = to_hertz(gains.band)
     mark_band(ax, (low, high), top=f[-1])
     fit_vertical_axis(ax)
     return finish_axes(ax)
@@ -102,9 +105,15 @@ def _mark_measured_band(
 ) -> None:
     """Mark the measured band of curves over omega [rad/s], and frequencies [rad/s] of events."""
     f = to_hertz(omega)
-    low, high = (f[0], f[-1]) if band is None else to_hertz(np.asarray(band))
+    if band is None:
+        low, high = f[0], f[-1]
+    else:
+        low, high = to_hertz(np.asarray(band))
     # a plant known on its lines only has nothing above
-    top = f[-1] if f[-1] > high * (1 + 1e-9) else np.inf
+    if f[-1] > high * (1 + 1e-9):
+        top = f[-1]
+    else:
+        top = np.inf
     mark_band(ax, (low, high), happens=[to_hertz(w) for w in happens], top=top)
 
 
@@ -142,11 +151,10 @@ def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
             report.margins.omega_rs,
             report.margins.omega_rp,
         )
-    inside = (
-        (f >= ax.get_xlim()[0]) & (f <= ax.get_xlim()[1])
-        if single or report.given.band is not None
-        else f > 0
-    )
+    if single or report.given.band is not None:
+        inside = (f >= ax.get_xlim()[0]) & (f <= ax.get_xlim()[1])
+    else:
+        inside = f > 0
     drawn = [
         curve[there][np.isfinite(curve[there]) & (curve[there] > 0) & inside]
         for curve, *_ in curves
@@ -213,7 +221,10 @@ def plot_nyquist(report: RobustnessReport, *, n_discs: int = 25, ax: Axes | None
             )
         ]:
             touched = abs(centre[k] + 1) <= radius[k]
-            color = COLOR["limit"] if touched else COLOR["weight"]
+            if touched:
+                color = COLOR["limit"]
+            else:
+                color = COLOR["weight"]
             ax.add_patch(
                 Circle((centre[k].real, centre[k].imag), radius[k], fill=False, lw=0.8, color=color)
             )
@@ -246,7 +257,10 @@ def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
     ax = axes_or_new(ax)
     f = to_hertz(family.omega)
     for k, (S, stable) in enumerate(zip(family.S, family.stable, strict=True)):
-        color = COLOR["noise"] if stable else COLOR["limit"]
+        if stable:
+            color = COLOR["noise"]
+        else:
+            color = COLOR["limit"]
         ax.plot(
             f,
             to_decibel(np.abs(S)),
@@ -273,11 +287,10 @@ def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
         label="worst case of the set",
     )
     unstable = int(np.sum(~family.stable))
-    title = (
-        f"{family.stable.size} plants of the set, {unstable} of them unstable"
-        if unstable
-        else f"{family.stable.size} plants of the set"
-    )
+    if unstable:
+        title = f"{family.stable.size} plants of the set, {unstable} of them unstable"
+    else:
+        title = f"{family.stable.size} plants of the set"
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="|S| [dB]", title=title)
     finite = np.where(np.isfinite(family.worst), family.worst, np.max(np.abs(family.nominal)))
     _mark_measured_band(ax, family.omega, family.band, family.omega[np.argmax(finite)])
@@ -316,7 +329,10 @@ def plot_step(
             t, rows = np.append(one.t, end), np.atleast_2d(one.y)
             for j, row in enumerate(rows):
                 steps = j == one.reference
-                legend = f"{label}: overshoot {100 * one.overshoot:.0f} %" if steps else None
+                if steps:
+                    legend = f"{label}: overshoot {100 * one.overshoot:.0f} %"
+                else:
+                    legend = None
                 ax.plot(
                     t,
                     np.append(row, row[-1]),

@@ -146,12 +146,18 @@ def plot_set(
     tuple of two matplotlib Axes, or (n_y, n_u) ndarray of them
     """
     require_kind("model", model, UncertaintyModel)
-    blas = [] if bla is None else as_list(bla)
+    if bla is None:
+        blas = []
+    else:
+        blas = as_list(bla)
     for one in blas:
         (require_single if model.is_single else require_matrix)("bla", one)
     if not model.measured_only:
         blas = [bla_behind_hold(one, timebase(model.nominal)) for one in blas]
-    omega = model.omega if model.measured_only else _widened_band(model)
+    if model.measured_only:
+        omega = model.omega
+    else:
+        omega = _widened_band(model)
     if not model.is_single:
         return _draw_entries(model, blas, omega=omega, ax=ax)
     top, bottom = bode_axes(ax)

@@ -32,13 +32,19 @@ def plot_schedule(model: LpvModel, *, ax: Axes | None = None) -> Axes:
     require_kind("model", model, LpvModel)
     ax = axes_or_new(ax)
     omega = np.unique(np.concatenate([structure_grid(model.at(p)) for p in model.points]))
-    omega = omega[(omega > 0) & (omega <= np.pi / model.dt)] if model.dt else omega[omega > 0]
+    if model.dt:
+        omega = omega[(omega > 0) & (omega <= np.pi / model.dt)]
+    else:
+        omega = omega[omega > 0]
     low, high = model.points[[0, -1]]
     fine = np.linspace(low, high, (_BETWEEN + 1) * (model.points.size - 1) + 1)
     for p, given in (*((p, False) for p in fine), *((p, True) for p in model.points)):
         size = np.linalg.norm(response_by_channel(model.at(p), omega), ord=2, axis=(0, 1))
         share = (p - low) / (high - low)
-        label = f"{p:g} {model.unit}".rstrip() if given else None
+        if given:
+            label = f"{p:g} {model.unit}".rstrip()
+        else:
+            label = None
         ax.plot(
             to_hertz(omega),
             size,

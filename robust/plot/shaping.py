@@ -90,13 +90,14 @@ def plot_loop_bounds(
 def _describe_check(report: RobustnessReport) -> str:
     """Return stability, worst demand and crossover in one line."""
     if not report.nominally_stable:
-        return "unstable" if report.verdict is Verdict.NOT_ROBUST else "stability is not decided"
+        if report.verdict is Verdict.NOT_ROBUST:
+            return "unstable"
+        return "stability is not decided"
     over = np.flatnonzero(np.abs(report.curves.L) > 1)
-    crossover = (
-        f", crossover {format_hertz(report.curves.omega[over[-1]])}"
-        if over.size
-        else ", no crossover"
-    )
+    if over.size:
+        crossover = f", crossover {format_hertz(report.curves.omega[over[-1]])}"
+    else:
+        crossover = ", no crossover"
     return (
         f"nominally stable; max rs {np.max(report.curves.rs):.2f}, max rp"
         f" {np.max(report.curves.rp):.2f}{crossover}"

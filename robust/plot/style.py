@@ -48,7 +48,10 @@ def fit_vertical_axis(ax: Axes, most: float = 80.0) -> None:
         x, y = np.asarray(line.get_xdata(), dtype=float), np.asarray(line.get_ydata(), dtype=float)
         if x.size > 2:
             seen.append(y[(x >= start) & (x <= end) & np.isfinite(y)])
-    values = np.concatenate(seen) if seen else np.zeros(0)
+    if seen:
+        values = np.concatenate(seen)
+    else:
+        values = np.zeros(0)
     if values.size and np.ptp(values) > 0:
         high = values.max()
         low = max(values.min(), high - most)

@@ -54,7 +54,10 @@ def plot_limits(design: Any, *, ax: Axes | None = None) -> Axes:
     }
     for one in ordered:
         colour, style = colours[id(one.limit)], _PLANT_STYLES[one.plant % len(_PLANT_STYLES)]
-        of_plant = f", plant {one.plant}" if len(design.plant.models) > 1 else ""
+        if len(design.plant.models) > 1:
+            of_plant = f", plant {one.plant}"
+        else:
+            of_plant = ""
         label = f"{'hard' if one.hard else 'soft'} {one.limit}{of_plant}"
         f = to_hertz(one.omegas)
         ax.plot(

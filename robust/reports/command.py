@@ -73,23 +73,24 @@ def load_blas(
             )
         if not own:
             require_file_of(path, "nlfrf-bla")
-        one = (
-            repeat_warnings(load_bla(path))
-            if own
-            else _read_frf(
+        if own:
+            one = repeat_warnings(load_bla(path))
+        else:
+            one = _read_frf(
                 path,
                 relative_std=relative_std,
                 n_averages=n_averages,
                 channel=channel,
                 columns=columns,
             )
-        )
         if found and is_single(one) != is_single(found[0]):
             raise ValueError(
                 f"bla must be all BLAs or all matrices, got {path} with {type(one).__name__}"
             )
         found.append(one)
-    return found[0] if len(found) == 1 else found
+    if len(found) == 1:
+        return found[0]
+    return found
 
 
 def _read_frf(
@@ -136,8 +137,14 @@ def fit_nominal_model(
     """
     if n_poles is None and n_zeros is not None:
         raise ValueError(f"poles must be given with zeros, got {n_zeros} zeros alone")
-    omega_c = None if bandwidth is None else 2 * np.pi * require_positive("bandwidth", bandwidth)
-    levels = blas if isinstance(blas, list) else [blas]
+    if bandwidth is None:
+        omega_c = None
+    else:
+        omega_c = 2 * np.pi * require_positive("bandwidth", bandwidth)
+    if isinstance(blas, list):
+        levels = blas
+    else:
+        levels = [blas]
     if n_poles is None and (omega_c is not None or len(levels) == 1):
         scan = scan_orders(
             blas, delay="auto" if delay is None else delay, dt=dt, stable=stable, omega_c=omega_c
@@ -155,7 +162,12 @@ def fit_nominal_model(
             for level in levels
         ]
         best = max((scan.fit for scan in scans), key=lambda fit: fit.G.nstates)
-        tau = delay if delay is not None else "estimate" if best.delay else 0.0
+        if delay is not None:
+            tau = delay
+        elif best.delay:
+            tau = "estimate"
+        else:
+            tau = 0.0
         fit = fit_nominal(blas, n_poles=best.G.nstates, delay=tau, dt=dt, stable=stable)
         return (
             fit,
@@ -205,9 +217,10 @@ def format_gains_of(path: Path, K: control.StateSpace, unit: str) -> str:
     if path.suffix.lower() != ".toml":
         return format_gains(K, unit)
     settings = load_pid(path)
-    filters = (
-        f"\nPID behind it: {', '.join(map(str, settings.filters))}" if settings.filters else ""
-    )
+    if settings.filters:
+        filters = f"\nPID behind it: {', '.join(map(str, settings.filters))}"
+    else:
+        filters = ""
     return format_gains(settings.pid.system(settings.dt), unit) + filters
 
 
@@ -259,7 +272,10 @@ def load_loops(
                 DesignWarning,
                 stacklevel=2,
             )
-        delay = (stored or 0.0) if given is None else require_delay(given, K.dt)
+        if given is None:
+            delay = stored or 0.0
+        else:
+            delay = require_delay(given, K.dt)
         if stored is not None and abs(delay - stored) > 1e-9:
             warnings.warn(
                 f"{path} was designed for a computation delay of {stored:g} s, but --delay is"
@@ -309,7 +325,10 @@ def read_last_column(path: Path) -> np.ndarray:
     ]
     separator = next((mark for mark in ";\t" if any(mark in line for line in lines)), ",")
     rows = [[cell.strip() for cell in line.split(separator)] for line in lines]
-    names = rows.pop(0) if rows and not _is_number(rows[0][-1].replace(",", ".")) else None
+    if rows and not _is_number(rows[0][-1].replace(",", ".")):
+        names = rows.pop(0)
+    else:
+        names = None
     if not rows:
         raise ValueError(f"{path} must have numbers in its last column, got no rows")
     if separator == "," and all(
@@ -353,11 +372,9 @@ def demand_weight(
     if bandwidth is None:
         return None
     w_P = performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
-    return (
-        discretize(w_P, model.nominal.dt)
-        if has_several_channels(model) and model.nominal.dt
-        else w_P
-    )
+    if has_several_channels(model) and model.nominal.dt:
+        return discretize(w_P, model.nominal.dt)
+    return w_P
 
 
 def crossover_limits(
@@ -369,7 +386,9 @@ def crossover_limits(
     if bandwidth is None:
         return None
     least, most = 2 * np.pi * bandwidth, 2 * np.pi * bandwidth * within
-    return (least, most) if most <= plant.omega[-1] else least
+    if most <= plant.omega[-1]:
+        return least, most
+    return least
 
 
 def describe_bandwidth(
@@ -417,8 +436,14 @@ def signals_from_options(
     """Return the signals for the level of the loop: height of a step, two rms, end of a band [Hz];
     None without any.
     """
-    end = float("nan") if up_to is None else 2 * np.pi * require_positive("up-to", up_to)
-    reference = None if step is None else StepSignal(step)
+    if up_to is None:
+        end = float("nan")
+    else:
+        end = 2 * np.pi * require_positive("up-to", up_to)
+    if step is None:
+        reference = None
+    else:
+        reference = StepSignal(step)
     disturbance_noise, measurement_noise = (
         None if rms is None else NoiseSignal(require_nonnegative(name, rms), omega_max=end)
         for name, rms in (("disturbance", disturbance), ("noise", noise))

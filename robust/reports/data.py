@@ -113,11 +113,9 @@ def _describe_stray_energy(record: Record) -> str:
         return "every line of the band was excited"
     with np.errstate(divide="ignore"):
         below = 10 * np.log10(np.mean(power[grid.excited]) / np.max(power[detection]))
-    return (
-        f"detection lines are more than {_NEGLIGIBLE_DECIBELS:g} dB below the excited ones"
-        if below > _NEGLIGIBLE_DECIBELS
-        else f"the largest detection line is {below:.0f} dB below the excited ones"
-    )
+    if below > _NEGLIGIBLE_DECIBELS:
+        return f"detection lines are more than {_NEGLIGIBLE_DECIBELS:g} dB below the excited ones"
+    return f"the largest detection line is {below:.0f} dB below the excited ones"
 
 
 def describe_directions(bla: Bla) -> str:
@@ -246,7 +244,10 @@ def roots_of_plant(G: control.StateSpace) -> list[Fact]:
     shown as a delay.
     """
     single, dt = G.ninputs == G.noutputs == 1, timebase(G)
-    rest, delay = without_pade(G) if single and not dt else (G, 0.0)
+    if single and not dt:
+        rest, delay = without_pade(G)
+    else:
+        rest, delay = G, 0.0
     rows = [Fact("poles", describe_roots(poles(rest), dt))]
     rows += [Fact("zeros", describe_roots(zeros(rest), dt))] * single
     late = f"{1e3 * delay:.4g} ms, by an all-pass of order {G.nstates - rest.nstates} (Padé)"

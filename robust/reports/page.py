@@ -189,4 +189,6 @@ Thing = TypeVar("Thing")
 
 
 def _as_list(thing: Thing | Sequence[Thing] | None) -> list[Thing]:
-    return [] if thing is None else as_list(thing)
+    if thing is None:
+        return []
+    return as_list(thing)

@@ -18,7 +18,10 @@ def rows_of_value(thing: object) -> str:
 
 def describe_system(system: control.StateSpace) -> str:
     """Return a system in one line."""
-    kind = f"sampled at {1 / timebase(system):g} Hz" if timebase(system) else "continuous"
+    if timebase(system):
+        kind = f"sampled at {1 / timebase(system):g} Hz"
+    else:
+        kind = "continuous"
     return f"{system.nstates} states, {kind}"
 
 
@@ -53,5 +56,8 @@ def describe_demand(w_P: Weight) -> str:
         omega = omega[omega * timebase(w_P) < np.pi]
     size = np.abs(response(w_P, omega))
     above = np.flatnonzero(size >= 1)
-    at = f", |S| below one up to {format_hertz(omega[above[-1]])}" if above.size else ""
+    if above.size:
+        at = f", |S| below one up to {format_hertz(omega[above[-1]])}"
+    else:
+        at = ""
     return f"|S| at most {1 / size[0]:.3g} at low and {1 / size[-1]:.3g} at high frequency{at}"

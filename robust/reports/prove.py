@@ -70,7 +70,10 @@ class MachineFiles:
 
     def prove(self, files: Sequence[Path], *, nominal: Path | None = None) -> str:
         """Return the command line of `robust prove`, with --nominal if a nominal is given."""
-        around = [] if nominal is None else ["--nominal", nominal]
+        if nominal is None:
+            around = []
+        else:
+            around = ["--nominal", nominal]
         return _join("robust", "prove", *files, self.controller, *around)
 
     def prove_model(self, model: Path = _NOMINAL) -> str:
@@ -125,7 +128,10 @@ def read_basis(given: MachineFiles) -> _FrictionBasis:
     if models:
         return _basis_of_model(models, given)
     records, blas = _load_levels(measured, given)
-    found = _class_of_records(records, given) if records else _class_of_blas(blas, given)
+    if records:
+        found = _class_of_records(records, given)
+    else:
+        found = _class_of_blas(blas, given)
     friction = found.friction
     if given.stiffness is not None:
         if len(friction) > 1:
@@ -173,7 +179,9 @@ def _load_level(path: Path, load: LoadOptions) -> nlfrf.Bla | nlfrf.Record:
     schema = nlfrf.inspect_file(path).schema
     is_bla = schema and "record" not in schema
     level: nlfrf.Bla | nlfrf.Record = load_bla(path) if is_bla else nlfrf.load_record(path, **load)
-    return repeat_warnings(level) if schema else level
+    if schema:
+        return repeat_warnings(level)
+    return level
 
 
 def _class_of_records(

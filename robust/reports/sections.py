@@ -84,9 +84,10 @@ def loop_section(
 def check_section(report: RobustnessReport) -> Section:
     """Return the section with the numbers behind the verdict, and with the proofs."""
     curves = "Stability and performance" if report.is_single else "Bounds of mu"
-    facts = (
-        [] if report.nominally_stable else [Fact("nominal loop", "not stable: no margin is given")]
-    )
+    if report.nominally_stable:
+        facts = []
+    else:
+        facts = [Fact("nominal loop", "not stable: no margin is given")]
     return Section(
         "check",
         "Check and proof",
@@ -103,19 +104,24 @@ def worst_case_section(
     """Return the section on the worst plant of the set."""
     name, title = "worst", "Worst case"
     if model.measured_only or not report.nominally_stable:
-        why = (
-            "the nominal loop is not stable"
-            if not report.nominally_stable
-            else "the plant is known on its lines only"
-        )
+        if not report.nominally_stable:
+            why = "the nominal loop is not stable"
+        else:
+            why = "the plant is known on its lines only"
         return Section(name, title, f"None can be given: {why}.")
     worst = worst_case(model, K, delay=delay)
-    peak = f"|S| = {worst.achieved:.3g}" if worst.stable else "an unstable loop"
+    if worst.stable:
+        peak = f"|S| = {worst.achieved:.3g}"
+    else:
+        peak = "an unstable loop"
     size = np.linalg.norm(np.atleast_2d(worst.delta), 2)
     family = sample_loops(model, K, _N_PLANTS, delay=delay, rng=0)
     lost = int(np.sum(~family.stable))
     nominal = step_of_plant(model.nominal, K, delay=delay)
-    worst_step = step_of_plant(worst.plant, K, delay=delay) if worst.stable else None
+    if worst.stable:
+        worst_step = step_of_plant(worst.plant, K, delay=delay)
+    else:
+        worst_step = None
     facts = (
         Fact(
             "worst plant",

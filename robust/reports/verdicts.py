@@ -41,11 +41,10 @@ def _verdict_rows(
         f"surely, with any friction of the given force, from a kick of {proof.kick_sure:.3g}"
         f" {proof.units.velocity}"
     )
-    fails = (
-        away
-        if np.isfinite(proof.kick_sure)
-        else "unknown: there is no kick after which it surely does"
-    )
+    if np.isfinite(proof.kick_sure):
+        fails = away
+    else:
+        fails = "unknown: there is no kick after which it surely does"
     if proof.verdict.is_proved:
         fails = "never, with a friction of the class"
     return (

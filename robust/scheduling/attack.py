@@ -44,13 +44,15 @@ class _Wave:
         nearly.
         """
         cycles = max(1, round(_SAMPLES * dt / period))
-        count = max(2, round(cycles * period / dt)) if dt else _VERTICES
+        if dt:
+            count = max(2, round(cycles * period / dt))
+        else:
+            count = _VERTICES
         phase = np.arange(count) * cycles / count % 1
-        wave = (
-            np.sin(2 * np.pi * phase)
-            if self.shape == "sine"
-            else 4 * np.abs((phase + 0.25) % 1 - 0.5) - 1
-        )
+        if self.shape == "sine":
+            wave = np.sin(2 * np.pi * phase)
+        else:
+            wave = 4 * np.abs((phase + 0.25) % 1 - 0.5) - 1
         theta = np.clip(self.centre + amplitude * wave, -1, 1)
         return Trajectory(theta=theta, step=dt or period / count, delta=self.delta)
 
@@ -138,14 +140,20 @@ def _refine(loop: _FrozenLoop, wave: _Wave, period: float, amplitude: float) -> 
         nonlocal best
         low, high, least = 0.0, 1 - abs(wave.centre), np.inf
         for _ in range(10):
-            middle = (low + high) / 2 if np.isfinite(least) or low else min(amplitude, high)
+            if np.isfinite(least) or low:
+                middle = (low + high) / 2
+            else:
+                middle = min(amplitude, high)
             one = wave.trajectory(np.exp(log_period), middle, loop.dt)
             if loop.radius(one) > _GROWS:
                 high, least = middle, one.rate
-                best = one if one.rate < best.rate else best
+                if one.rate < best.rate:
+                    best = one
             else:
                 low = middle
-        return least if np.isfinite(least) else 10 * best.rate
+        if np.isfinite(least):
+            return least
+        return 10 * best.rate
 
     minimize_scalar(
         rate,
@@ -186,7 +194,9 @@ class _FrozenLoop:
     def steps(self, theta: np.ndarray, step: float, delta: float) -> np.ndarray:
         """Return (N, n, n) transition matrices of steps in which theta is held."""
         A = self.at(theta, delta)
-        return A if self.dt else _exponentials(A * step)
+        if self.dt:
+            return A
+        return _exponentials(A * step)
 
     def periods(self, centre: float = 0.0, delta: float = 0.0) -> np.ndarray:
         """Return periods [s] about half and one period of each mode with theta held at the centre,
@@ -196,17 +206,23 @@ class _FrozenLoop:
         if self.dt:
             poles = np.log(poles[np.abs(poles) > 1e-3] + 0j) / self.dt
         turning = poles.imag[poles.imag > 0.05 * np.abs(poles)]
-        turning = turning if turning.size else np.abs(poles)
+        if not turning.size:
+            turning = np.abs(poles)
         near = np.pi / turning[:, None] * np.concatenate([_NEAR, 2 * _NEAR])
         found = np.union1d(
             near, np.geomspace(np.pi / 2 / turning.max(), 4 * np.pi / turning.min(), _PERIODS)
         )
-        return found[(found >= 2 * self.dt) & (found <= _LONGEST * self.dt)] if self.dt else found
+        if self.dt:
+            return found[(found >= 2 * self.dt) & (found <= _LONGEST * self.dt)]
+        return found
 
     def radius(self, trajectory: Trajectory) -> float:
         """Return the spectral radius over a period, with theta in the middle of each step."""
         theta, delta = trajectory.theta, trajectory.delta
-        middle = theta if trajectory.held else (theta + np.roll(theta, -1)) / 2
+        if trajectory.held:
+            middle = theta
+        else:
+            middle = (theta + np.roll(theta, -1)) / 2
         steps = self.steps(middle, trajectory.step, delta)
         if (
             self.dt and not trajectory.held
@@ -214,7 +230,10 @@ class _FrozenLoop:
             n = self._plant_states
             steps = np.concatenate([steps[:, :n], self.at(theta, delta)[:, n:]], axis=1)
         while len(steps) > 1:  # neighbours, later ones from the left
-            odd = steps[-1:] if len(steps) % 2 else steps[:0]
+            if len(steps) % 2:
+                odd = steps[-1:]
+            else:
+                odd = steps[:0]
             even = steps[: len(steps) - len(odd)]
             steps = np.concatenate([even[1::2] @ even[::2], odd])
         return _radius(steps[0])

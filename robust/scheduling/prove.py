@@ -113,17 +113,27 @@ class ScheduleProof:
         return self.certificate.verify(time_cap=time_cap)
 
     def __str__(self) -> str:
-        unit = f"{self.plant.unit}/s" if self.plant.unit else "per second"
-        speed = "jumping at will" if np.isinf(self.rate) else f"at most {self.rate:g} {unit}"
-        clock = f"at {1 / self.K.dt:g} Hz" if self.K.dt else "in continuous time"
+        if self.plant.unit:
+            unit = f"{self.plant.unit}/s"
+        else:
+            unit = "per second"
+        if np.isinf(self.rate):
+            speed = "jumping at will"
+        else:
+            speed = f"at most {self.rate:g} {unit}"
+        if self.K.dt:
+            clock = f"at {1 / self.K.dt:g} Hz"
+        else:
+            clock = "in continuous time"
         lines = [
             f"{self.plant.describe_range()}, {speed}, controller of order {self.K.order} {clock}"
         ]
         whom = "" if self.plant.weight is None else ", for every operator within the weight"
         one, no = self.certificate, "refuted" if self.certificate.violated else "not decided"
-        how = (
-            f"proved, rigorous (P of degree {self.degree})" if one.holds else f"{no}: {one.reason}"
-        )
+        if one.holds:
+            how = f"proved, rigorous (P of degree {self.degree})"
+        else:
+            how = f"{no}: {one.reason}"
         lines.append(f"  {one.subject}{whom}: {how}")
         if self.provable not in (0, self.rate):
             lines.append(
@@ -190,13 +200,22 @@ class BrokenRate:
         """Describe the trajectory in one line."""
         if not self.rate:
             return f"unstable with the operating point held at {self.points[0]:.3g} (proved)"
-        speed = "jumping" if np.isinf(self.rate) else f"at {self.rate:.3g} {unit}"
+        if np.isinf(self.rate):
+            speed = "jumping"
+        else:
+            speed = f"at {self.rate:.3g} {unit}"
         up = np.diff(self.points, append=self.points[:1]) > 0
         times = int(np.count_nonzero(up & ~np.roll(up, 1)))
-        whom = f" with Delta = {self.delta:+g}" if self.delta else ""
+        if self.delta:
+            whom = f" with Delta = {self.delta:+g}"
+        else:
+            whom = ""
         low, high = self.points.min(), self.points.max()
         seconds = self.points.size * self.step
-        much = f"{times} times in {seconds:.3g} s" if times > 1 else f"in {seconds:.3g} s"
+        if times > 1:
+            much = f"{times} times in {seconds:.3g} s"
+        else:
+            much = f"in {seconds:.3g} s"
         return f"grows {speed}{whom}: to and fro from {low:.3g} to {high:.3g}, {much} (proved)"
 
 
@@ -288,15 +307,19 @@ def prove_schedule(
         if found is not None:
             break
     break_it = growing_jumps if claim.jumps else slowest_growth
-    broken = break_it(claim) if limit or found is None else None
+    if limit or found is None:
+        broken = break_it(claim)
+    else:
+        broken = None
     provable = claim.speed if found is not None else 0.0
     if limit and not claim.jumps:
         any_rate = found is not None and not used and not sampled
-        provable = (
-            np.inf
-            if any_rate
-            else _largest_rate(claim, used, provable, np.inf if broken is None else broken.rate)
-        )
+        if any_rate:
+            provable = np.inf
+        else:
+            provable = _largest_rate(
+                claim, used, provable, np.inf if broken is None else broken.rate
+            )
     outcome = Outcome.HOLDS if found is not None else Outcome.UNDECIDED
     if found is None and broken is not None and broken.rate <= claim.speed:
         outcome, reason = Outcome.VIOLATED, "a trajectory grows"
@@ -342,9 +365,13 @@ def _claim(
         raise ValueError(f"level must be given with gain {gain!r}, got none")
     level = require_positive("level", 1.0 if level is None else level)
     dt, samples = controller.dt, require_nonnegative("delay", delay)
-    samples = samples / dt if dt else samples
+    if dt:
+        samples = samples / dt
     if abs(samples - round(samples)) > _WHOLE or (not dt and samples):
-        wanted = f"a whole number of samples of {dt:g} s" if dt else "zero for a continuous K"
+        if dt:
+            wanted = f"a whole number of samples of {dt:g} s"
+        else:
+            wanted = "zero for a continuous K"
         raise ValueError(f"delay must be {wanted}, got {delay:g} s")
     if not plant.order:
         raise ValueError("plant must have states, got a gain")
@@ -367,8 +394,14 @@ def _weight(plant: LpvModel, dt: float) -> Matrices | None:
     if weight is None:
         return None
     if weight.nstates and not np.isclose(timebase(weight), dt, rtol=1e-9, atol=0):
-        wanted = f"have the sampling time of K, {dt:g} s" if dt else "be continuous like K"
-        found = f"{timebase(weight):g} s" if timebase(weight) else "a continuous one"
+        if dt:
+            wanted = f"have the sampling time of K, {dt:g} s"
+        else:
+            wanted = "be continuous like K"
+        if timebase(weight):
+            found = f"{timebase(weight):g} s"
+        else:
+            found = "a continuous one"
         raise ValueError(f"weight must {wanted}, got {found}")
     return replace(to_matrices(weight), dt=dt)
 
@@ -388,12 +421,19 @@ def _largest_rate(claim: ScheduleClaim, degree: int, proved: float, broken: floa
     percent.
     """
     low, high = proved, min(broken, claim.rate * _WIDEST)
-    trial = 2 * low if low else claim.rate / 2
+    if low:
+        trial = 2 * low
+    else:
+        trial = claim.rate / 2
     while high > _STEP * low and trial > claim.rate / _WIDEST:
-        trial = min(trial, np.sqrt(low * high)) if low else trial
+        if low:
+            trial = min(trial, np.sqrt(low * high))
         if search_schedule(replace(claim, rate=float(trial)), degree)[0] is None:
             high = trial
-            trial = np.sqrt(low * high) if low else trial / 2
+            if low:
+                trial = np.sqrt(low * high)
+            else:
+                trial = trial / 2
         else:
             low, trial = trial, 2 * trial
     return float(low)

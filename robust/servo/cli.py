@@ -197,7 +197,9 @@ def _read_axis(path: Path) -> nlfrf.rig.ServoAxis:
         raise ValueError(
             f"axis must be a preset or a .toml file, got {path.name!r}: for a trace give --first"
         )
-    return axis_file.load_axis(path) if path.suffix else nlfrf.servo_axis(str(path))
+    if path.suffix:
+        return axis_file.load_axis(path)
+    return nlfrf.servo_axis(str(path))
 
 
 @servo_app.command(name="check")

@@ -87,11 +87,15 @@ class Parameter:
 
     def to_coordinate(self, number: float) -> float:
         """Return the coordinate of the search for a number."""
-        return float(np.log(self.sign * number)) if self.sign else number / self.scale
+        if self.sign:
+            return float(np.log(self.sign * number))
+        return number / self.scale
 
     def from_coordinate(self, x: Coordinate) -> Coordinate:
         """Return the number of the block for a real or complex coordinate."""
-        return self.sign * np.exp(x) if self.sign else x * self.scale
+        if self.sign:
+            return self.sign * np.exp(x)
+        return x * self.scale
 
     def coordinate_bounds(self) -> tuple[float, float]:
         low, high = sorted(self.to_coordinate(number) for number in (self.lower, self.upper))
@@ -99,7 +103,10 @@ class Parameter:
 
     def label(self, block: str) -> str:
         """Return the name, with that of the block in front."""
-        place = "[" + ", ".join(map(str, self.index)) + "]" if self.index else ""
+        if self.index:
+            place = "[" + ", ".join(map(str, self.index)) + "]"
+        else:
+            place = ""
         return f"{block}.{self.name}{place}"
 
 
@@ -209,7 +216,9 @@ class TunableBlock(ABC):
 
     def check_number(self, name: str, number: float) -> float:
         """Return a valid parameter value, else raise."""
-        return require_positive(name, number) if name in self.LIMITS else require_real(name, number)
+        if name in self.LIMITS:
+            return require_positive(name, number)
+        return require_real(name, number)
 
     def present(self) -> list[str]:
         """Return the names of the numbers of this block; a part that is left out has none."""
@@ -230,9 +239,15 @@ class TunableBlock(ABC):
 
     def parameter(self, name: str, index: tuple[int, ...], start: float, dt: float) -> Parameter:
         """Return one free number with its bounds; refuse a start outside them."""
-        sign = 0 if self.matrix_block else int(np.sign(start))
+        if self.matrix_block:
+            sign = 0
+        else:
+            sign = int(np.sign(start))
         reach = _RANGE_RATIO * (abs(start) or 1.0)
-        low, high = (start / _RANGE_RATIO, start * _RANGE_RATIO) if sign else (-reach, reach)
+        if sign:
+            low, high = start / _RANGE_RATIO, start * _RANGE_RATIO
+        else:
+            low, high = -reach, reach
         low, high = min(low, high), max(low, high)
         least, most = self.natural_bounds(name, dt)
         low, high = max(low, least), min(high, most)
@@ -486,7 +501,9 @@ class Pid(TunableBlock):
     def present(self) -> list[str]:
         """Return the names of the nonzero gains, and the filter of a derivative."""
         gains = [name for name in ("kp", "ki", "kd") if np.any(getattr(self, name))]
-        return [*gains, "filter_time"] if np.any(self.kd) else gains
+        if np.any(self.kd):
+            return [*gains, "filter_time"]
+        return gains
 
     def state_space(self, numbers: Numbers, dt: float = 0.0) -> Matrices:
         """Return the PID as a system with its parts in parallel.
@@ -502,7 +519,10 @@ class Pid(TunableBlock):
             kd, tau = numbers["kd"], numbers["filter_time"]
             rows.append((-1 / tau, 1 / tau, -kd / tau))
             D = D + kd / tau
-        A = np.diag(np.array([row[0] for row in rows])) if rows else np.zeros((0, 0))
+        if rows:
+            A = np.diag(np.array([row[0] for row in rows]))
+        else:
+            A = np.zeros((0, 0))
         B = np.array([[row[1]] for row in rows]).reshape(len(rows), 1)
         C = np.array([[row[2] for row in rows]]).reshape(1, len(rows))
         return A, B, C, np.array([[D]])
@@ -607,11 +627,9 @@ class Notch(Filter):
 
     def check_number(self, name: str, number: float) -> float:
         """Return a valid parameter value, else raise. The depth may be zero."""
-        return (
-            require_nonnegative(name, number)
-            if name == "depth"
-            else super().check_number(name, number)
-        )
+        if name == "depth":
+            return require_nonnegative(name, number)
+        return super().check_number(name, number)
 
     def polynomials(self, numbers: Numbers) -> Coefficients:
         """Return the coefficients of numerator and denominator in p = s/omega."""
@@ -715,7 +733,9 @@ class Lag(Filter):
 
     def present(self) -> list[str]:
         """Return the names of the numbers; an infinite gain is not one of them."""
-        return ["omega", "gain"] if np.all(np.isfinite(self.gain)) else ["omega"]
+        if np.all(np.isfinite(self.gain)):
+            return ["omega", "gain"]
+        return ["omega"]
 
     def polynomials(self, numbers: Numbers) -> Coefficients:
         """Return the coefficients of numerator and denominator in p = s/omega."""
@@ -831,11 +851,9 @@ class Biquad(Filter):
 
     def check_number(self, name: str, number: float) -> float:
         """Return a valid parameter value, else raise; the damping of the numerator may be zero."""
-        return (
-            require_nonnegative(name, number)
-            if name == "numerator_zeta"
-            else super().check_number(name, number)
-        )
+        if name == "numerator_zeta":
+            return require_nonnegative(name, number)
+        return super().check_number(name, number)
 
     def polynomials(self, numbers: Numbers) -> Coefficients:
         """Return the coefficients of numerator and denominator in p = s/omega."""
@@ -930,11 +948,10 @@ class StateSpace(TunableBlock):
         }
         for name, start in starts.items():
             given = getattr(self, name)
-            given = (
-                start
-                if given is None
-                else require_real_array(name, np.atleast_2d(np.asarray(given)), ndim=2)
-            )
+            if given is None:
+                given = start
+            else:
+                given = require_real_array(name, np.atleast_2d(np.asarray(given)), ndim=2)
             if given.shape != start.shape:
                 raise ValueError(
                     f"{name} must be {start.shape[0]} by {start.shape[1]}, got {given.shape[0]} by"

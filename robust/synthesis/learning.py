@@ -257,7 +257,10 @@ class Learning:
         at = np.concatenate([low, omega[inside]])
         found = self.filter(at)
         sizes = np.abs(found[:2])
-        n = max(round(float(np.log2(sizes[0] / sizes[1]))), 0) if sizes.all() else 0
+        if sizes.all():
+            n = max(round(float(np.log2(sizes[0] / sizes[1]))), 0)
+        else:
+            n = 0
         found = found * (1 - np.exp(-1j * at * self.dt)) ** n
         L = np.zeros(omega.size, dtype=complex)
         L[inside], L[0] = found[2:], found[0].real
@@ -267,11 +270,15 @@ class Learning:
         omega, (low, high) = self.omega, self.loop.band
         seen = f"on {omega.size} frequencies up to Nyquist"
         shrinks = omega[np.maximum.accumulate(np.divide(*np.abs(self.disc(omega)[::-1]))) < 1]
-        end = format_hertz(shrinks[-1]) if shrinks.size else "no frequency"
+        if shrinks.size:
+            end = format_hertz(shrinks[-1])
+        else:
+            end = "no frequency"
         top, zero = format_hertz(min(self.omega_Q, self.loop.omega_max)), 2 * self.omega_Q
-        last = (
-            f" and nothing above {format_hertz(zero)} (Q = 0)" if zero < self.loop.omega_max else ""
-        )
+        if zero < self.loop.omega_max:
+            last = f" and nothing above {format_hertz(zero)} (Q = 0)"
+        else:
+            last = ""
         where = "at every frequency: proved, rigorous"
         if not self.proved:
             where = f"{seen}, not proved between them: {self.reason}"

@@ -182,13 +182,15 @@ def _read_gain(
     except ValueError:
         number, own = np.nan, ""
     wanted = f"{unit or '1'}{per}"
-    factor = 1.0 if unit is None else unit_factor(own, wanted)
+    if unit is None:
+        factor = 1.0
+    else:
+        factor = unit_factor(own, wanted)
     if not np.isfinite(number * factor):
-        such = (
-            'of u over y, such as "800 N/m"'
-            if unit is None
-            else f"{wanted}, as Kp has {unit or 'no unit'}"
-        )
+        if unit is None:
+            such = 'of u over y, such as "800 N/m"'
+        else:
+            such = f"{wanted}, as Kp has {unit or 'no unit'}"
         raise ValueError(
             f"{name} must be a number with its unit, {such}, got {short_form(written)}"
         )

@@ -97,7 +97,10 @@ class Reduction:
                 f"order {self.order}, not reduced ({format_count(self.n_tried, 'candidate')}):"
                 f" {self.reason}"
             )
-        end = "all proofs are kept" if self.kept else f"not all proofs are kept: {self.reason}"
+        if self.kept:
+            end = "all proofs are kept"
+        else:
+            end = f"not all proofs are kept: {self.reason}"
         facts = []
         for label, report in (("before", self.before), ("reduced", self.report)):
             found = [report.headline]
@@ -175,7 +178,10 @@ def reduce_controller(
     given, model = model, _plant_as_set(model)
     alone = model is not given  # the plant was given without a set
     several = has_several_channels(model)
-    K = multivariable("K", K) if several else state_space("K", K)
+    if several:
+        K = multivariable("K", K)
+    else:
+        K = state_space("K", K)
     delay = require_nonnegative("delay", delay)
     max_candidates = require_integer("max_candidates", max_candidates, least=1)
     if order is not None and require_integer("order", order, least=0) >= K.nstates:
@@ -191,9 +197,10 @@ def reduce_controller(
         if order in (None, n) and n < K.nstates:
             by_order.setdefault(n, []).append((method, small))
     n_tried = 0
-    reason = (
-        "no controller of lower order keeps the proofs" if K.nstates else "a gain has no states"
-    )
+    if K.nstates:
+        reason = "no controller of lower order keeps the proofs"
+    else:
+        reason = "a gain has no states"
     for n in sorted(by_order):
         if n_tried >= max_candidates:
             reason = f"{n_tried} candidates were tried below order {n}"
@@ -224,7 +231,8 @@ def reduce_controller(
                     n_tried=n_tried,
                     full_order=K.nstates,
                 )
-    before = _without_set(before) if alone else before
+    if alone:
+        before = _without_set(before)
     return Reduction(
         K=K,
         order=K.nstates,
@@ -269,9 +277,10 @@ def _plant_as_set(model: FrfSource | LinearSystem) -> FrfSource:
 def _without_set(report: RobustnessReport) -> RobustnessReport:
     """Return the report on a plant that stands for a set, in words for a plant."""
     stable = report.proofs.robustly_stable
-    what = (
-        "Stability and the performance demand" if report.proofs.robust_performance else "Stability"
-    )
+    if report.proofs.robust_performance:
+        what = "Stability and the performance demand"
+    else:
+        what = "Stability"
     return replace(
         report,
         margins=replace(report.margins, rs=np.nan, S_worst=np.nan, broken=np.nan, worst=None),
@@ -341,11 +350,10 @@ def _rank_candidates(
         except ValueError:  # a loop without a solution
             continue
         change = _change_of_T(model, whole, small=K, before=before)
-        performs = (
-            report.margins.rp >= 1
-            if before.proofs.robust_performance
-            else change <= _MAX_CHANGE_OF_T
-        )
+        if before.proofs.robust_performance:
+            performs = report.margins.rp >= 1
+        else:
+            performs = change <= _MAX_CHANGE_OF_T
         if (report.margins.rs > 1 and performs) or every:
             size = report.margins.rp if before.proofs.robust_performance else -change
             found.append((report.nominally_stable, float(np.nan_to_num(size)), method, K))
@@ -387,4 +395,6 @@ def _change_of_T(
             1 - response(small, before.curves.omega) / before.curves.K
         )  # (W,) (K - K_r) G S
         change = np.abs(before.curves.S * d / (1 - d))
-    return float(np.nanmax(change)) if np.isfinite(change).any() else np.inf
+    if np.isfinite(change).any():
+        return float(np.nanmax(change))
+    return np.inf

@@ -249,7 +249,9 @@ def _reference_loop(model: UncertaintyModel, K: Controller, delay: float) -> Loo
 def _on_time_base(reference: Weight, dt: float, n: int = 1) -> control.StateSpace:
     """Return the stable reference model for n channels, on the time base of the loop."""
     T_ref = stable_weight("reference", reference, dt=dt, n=n)
-    return discretize(T_ref, dt) if dt and not timebase(T_ref) and not is_constant(T_ref) else T_ref
+    if dt and not timebase(T_ref) and not is_constant(T_ref):
+        return discretize(T_ref, dt)
+    return T_ref
 
 
 def _matching_plant(

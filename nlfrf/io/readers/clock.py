@@ -73,9 +73,13 @@ def unit_in_name(name: str) -> str | None:
     name = NUMBER_SUFFIX.sub("", name)
     if bracket := UNIT_SUFFIX.search(name):
         is_unit = parse_bracket(name[: bracket.start(1) - 1], bracket[1]) is not None
-        return bracket[1].strip() if is_unit or is_time_name(name) else None
+        if is_unit or is_time_name(name):
+            return bracket[1].strip()
+        return None
     found = _TIME_NAME.fullmatch(name.rsplit(".", 1)[-1].strip())
-    return found[1] if found and found[1] and is_time_name(name) else None
+    if found and found[1] and is_time_name(name):
+        return found[1]
+    return None
 
 
 def split_clock_name(name: str) -> tuple[str, str]:
@@ -87,14 +91,24 @@ def split_clock_name(name: str) -> tuple[str, str]:
     """
     head, _, unit = name.strip().rpartition("_")
     known = head and (seconds_per_unit(unit) is not None or hertz_per_unit(unit) is not None)
-    key, unit = (head, unit) if known else (name, "")
+    if known:
+        key, unit = head, unit
+    else:
+        key, unit = name, ""
     return key.replace("_", "").replace(" ", "").lower(), unit
 
 
 def seconds_per_unit(unit: str) -> float | None:
     """Return the seconds in a unit of time, 1 without a unit; None if it is unknown."""
-    found = parse_unit(unit) if suits("time", parse_unit(unit)) else parse_unit(unit.lower())
-    return found.factor if found and suits("time", found) else None if unit.strip() else 1.0
+    if suits("time", parse_unit(unit)):
+        found = parse_unit(unit)
+    else:
+        found = parse_unit(unit.lower())
+    if found and suits("time", found):
+        return found.factor
+    if unit.strip():
+        return None
+    return 1.0
 
 
 def hertz_per_unit(unit: str) -> float | None:
@@ -106,7 +120,9 @@ def hertz_per_unit(unit: str) -> float | None:
     """
     found = parse_unit(_RATE_UNIT.sub(r"\1Hz", unit.strip()))
     if found is None or unit.strip().startswith("m"):
-        return None if unit.strip() else 1.0
+        if unit.strip():
+            return None
+        return 1.0
     if not suits("frequency", found) and found.powers != (("s", -1),):
         return None
     return float(f"{found.factor / (TURN if found.powers[0][0] == 'rad' else 1.0):.12g}")
@@ -124,7 +140,8 @@ def sampling_frequency(t: np.ndarray) -> float:
     16384.0
     """
     t = t.astype(float, copy=False)
-    t = t if all_finite(t) else t[np.isfinite(t)]
+    if not all_finite(t):
+        t = t[np.isfinite(t)]
     if t.size < 2:
         return 0.0
     sample = np.arange(0, t.size - 1, max(1, t.size // BLOCK_ENTRIES))
@@ -136,10 +153,14 @@ def sampling_frequency(t: np.ndarray) -> float:
     if least < -_MAX_BACKWARD_STEP * usual or usual < 0:
         return 0.0
     # otherwise the times are only printed coarsely
-    most = 1.5 * usual if least > 0.5 * usual and n_gaps < 0.1 * (t.size - 1) else np.inf
+    if least > 0.5 * usual and n_gaps < 0.1 * (t.size - 1):
+        most = 1.5 * usual
+    else:
+        most = np.inf
     n, span, highest, squares = 0, 0.0, -np.inf, 0.0
     for steps in _iterate_steps(t):
-        steps = steps if most == np.inf else steps[steps <= most]
+        if most != np.inf:
+            steps = steps[steps <= most]
         n = n + steps.size
         span = span + float(steps.sum())
         squares = squares + float(np.sum((steps - usual) ** 2))
@@ -167,7 +188,10 @@ def is_rising(stream: np.ndarray) -> bool:
         return False
     steps = np.diff(stream[:BLOCK_ENTRIES])
     steps = steps[np.isfinite(steps)]
-    usual = float(np.median(steps)) if steps.size else 0.0
+    if steps.size:
+        usual = float(np.median(steps))
+    else:
+        usual = 0.0
     return usual > 0 and float(np.median(np.abs(steps - usual))) < _MAX_UNEVEN_STEP * usual
 
 

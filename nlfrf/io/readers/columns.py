@@ -18,16 +18,18 @@ def contents(path: Path) -> Contents:
     from pyarrow import feather, float64, int64, parquet
 
     # as a single file: a set of files needs different names of columns
-    table = (
-        parquet.ParquetFile(path).read()
-        if path.suffix.lower() == ".parquet"
-        else feather.read_table(path)
-    )
+    if path.suffix.lower() == ".parquet":
+        table = parquet.ParquetFile(path).read()
+    else:
+        table = feather.read_table(path)
     found: Contents = ({}, {}, {}, {})
     arrays, units, clocks, notes = found
     for i, (column, about) in enumerate(zip(table.columns, table.schema, strict=True)):
         kind = column.type
-        name = about.name if about.name not in {*arrays, *notes} else f"{about.name}.{i + 1}"
+        if about.name not in {*arrays, *notes}:
+            name = about.name
+        else:
+            name = f"{about.name}.{i + 1}"
         if kinds.is_timestamp(kind) or kinds.is_duration(kind):
             ticks = column.cast(int64()).to_numpy()
             arrays[name] = (ticks - ticks[:1]) * {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[

@@ -172,13 +172,18 @@ class _LazyStream:
 
     def __getitem__(self, where: object) -> np.ndarray:
         if self.column is not None:
-            where = (where, self.column) if self.axis else (self.column, where)
+            if self.axis:
+                where = where, self.column
+            else:
+                where = self.column, where
         part = np.asarray(self.source[where])
         if self.scaling is None:
             return part
         scale, offset, missing = self.scaling
         scaled = part.astype(float) * scale + offset
-        return scaled if missing is None else np.where(part == missing, np.nan, scaled)
+        if missing is None:
+            return scaled
+        return np.where(part == missing, np.nan, scaled)
 
 
 def _find_scaling(
@@ -195,8 +200,11 @@ def _find_scaling(
             scale = float(attributes.get(scale_key, 1.0))
             offset = float(attributes.get(offset_key, 0.0))
     missing = attributes.get("_fillvalue")
-    missing = missing if _is_finite_number(missing) else None
-    return None if (scale, offset, missing) == (1.0, 0.0, None) else (scale, offset, missing)
+    if not _is_finite_number(missing):
+        missing = None
+    if (scale, offset, missing) == (1.0, 0.0, None):
+        return None
+    return scale, offset, missing
 
 
 def _dataset_streams(
@@ -221,12 +229,18 @@ def _dataset_streams(
     if node.dtype.kind not in "fiubc":
         return {}
     if attributes.get("matlab_class") == "char":
-        text = node[()] if node.size < _MAX_TEXT else np.empty(0, int)
+        if node.size < _MAX_TEXT:
+            text = node[()]
+        else:
+            text = np.empty(0, int)
         return {name: np.array("".join(map(chr, np.ravel(text).tolist())))}
     names: list[str] = next(
         (attributes[key] for key in _COLUMN_ATTRIBUTES if isinstance(attributes.get(key), list)), []
     )
-    scaling = _find_scaling(node, attributes) if node.dtype.kind in "fiu" else None
+    if node.dtype.kind in "fiu":
+        scaling = _find_scaling(node, attributes)
+    else:
+        scaling = None
     if node.ndim == 2 and names and len(names) in node.shape:
         axis = 1 if node.shape[1] == len(names) else 0
         return {
@@ -244,11 +258,8 @@ def _plain_attributes(node: h5py.Dataset | h5py.Group) -> Attributes:
             held = node.attrs[key]
         except (OSError, TypeError, ValueError):  # a type unknown to h5py
             continue
-        held = (
-            held.item()
-            if isinstance(held, np.generic | np.ndarray) and np.size(held) == 1
-            else held
-        )
+        if isinstance(held, np.generic | np.ndarray) and np.size(held) == 1:
+            held = held.item()
         if isinstance(held, bytes):
             held = held.decode(errors="replace")
         if isinstance(held, np.ndarray) and held.dtype.kind in "OSU" and held.ndim == 1:

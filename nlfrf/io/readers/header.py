@@ -185,7 +185,10 @@ def _place_names_and_units(
         f"is one of {len(names)} names above {width} columns: give each column its name, or use"
         " col1, col2, ..."
     )
-    unplaced = dict.fromkeys(filter(None, names), why) if first is None else {}
+    if first is None:
+        unplaced = dict.fromkeys(filter(None, names), why)
+    else:
+        unplaced = {}
     if unplaced:
         return [""] * width, [], unplaced
     shift = first or 0
@@ -202,7 +205,9 @@ def _bare_unit(unit: str, name: str, abscissa: str) -> str:
     one.
     """
     unit = unit or (abscissa if is_time_name(name) else "")
-    return "" if unit == "-" else unit.strip("[]()").strip()
+    if unit == "-":
+        return ""
+    return unit.strip("[]()").strip()
 
 
 def _sort_rows(
@@ -280,14 +285,20 @@ def _split_header_line(line: str, delimiter: str, width: int) -> list[str]:
     if not bare or set(bare) <= set("-=+| \t" + delimiter):
         return []
     marked = line.lstrip(" ")[0] in COMMENT_MARKS and bare[0] != delimiter
-    bare = bare.lstrip("#%!*/ ") if marked else line
+    if marked:
+        bare = bare.lstrip("#%!*/ ")
+    else:
+        bare = line
     cells = split_cells(bare, delimiter)
     if len(cells) != width and (
         delimiter == " " or len(cells) == 1
     ):  # such names are separated by several blanks
         wider = re.split(r"\s{2,}|\t", bare.strip(' "'))
-        cells = wider if len(wider) == width else cells
-    return [] if marked and len(cells) == 1 < width else cells
+        if len(wider) == width:
+            cells = wider
+    if marked and len(cells) == 1 < width:
+        return []
+    return cells
 
 
 def _find_role(cells: Sequence[str]) -> Role | None:
@@ -296,14 +307,19 @@ def _find_role(cells: Sequence[str]) -> Role | None:
     >>> [_find_role(row) for row in (["Unit", "V", "A"], ["dt", "0.001"], ["dt", "u", "y"])]
     [<Role.UNITS: 2>, <Role.STEP: 5>, None]
     """
-    label = cells[0].rstrip(":") if cells else ""
+    if cells:
+        label = cells[0].rstrip(":")
+    else:
+        label = ""
     others = [cell for cell in cells[1:] if cell and cell != cells[0]]
     found = (
         role
         for role, name, cell in _RULES
         if name.fullmatch(label) and all(map(cell.fullmatch, others))
     )
-    return next(found, None) if others else None
+    if others:
+        return next(found, None)
+    return None
 
 
 def _slice_row(row: Sequence[str], start: int, width: int) -> list[str]:
@@ -352,7 +368,10 @@ def _find_names(rows: list[list[str]], kinds: list[Kind]) -> tuple[list[str], li
     ):  # "End Comments"
         rows = rows[:-1]
     over, above = [[], [], *(_names_in(earlier, kinds) for earlier in rows[:-1])][-2:]
-    row = rows[-1] if rows else []
+    if rows:
+        row = rows[-1]
+    else:
+        row = []
     if above and {*row[len(above) :]} <= {"", "-"}:
         row = _slice_row(row, 0, len(above))
         clocks = [
@@ -410,9 +429,13 @@ def _names_in(row: list[str], kinds: list[Kind]) -> list[str]:
         return []
     if least <= len(names) <= len(kinds):
         are_numbered = len({*numbers}) == len(numbers) and all(map(str.isdigit, numbers))
-        return names if are_numbered or len(numbers) < 0.5 * len(names) else []
+        if are_numbered or len(numbers) < 0.5 * len(names):
+            return names
+        return []
     near = range(max(2, least - _MAX_UNPAIRED), len(kinds) + _MAX_UNPAIRED + 1)
-    return names if len(names) in near and not numbers and all(names) else []
+    if len(names) in near and not numbers and all(names):
+        return names
+    return []
 
 
 def _place_names(names: list[str], kinds: list[Kind]) -> int | None:
@@ -438,7 +461,9 @@ def _place_names(names: list[str], kinds: list[Kind]) -> int | None:
         if unnamed <= {Kind.EMPTY} and (not first or (True, Kind.NUMBERS) not in pairs):
             costs[first] = sum(kind in _MISMATCHED_KINDS[counter] for counter, kind in pairs)
     best = [first for first, cost in costs.items() if cost == min(costs.values())]
-    return best[0] if len(best) == 1 else None
+    if len(best) == 1:
+        return best[0]
+    return None
 
 
 def _is_units_row(row: list[str], above: list[str]) -> bool:
@@ -478,13 +503,12 @@ def find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -
     clocks: dict[str, _Clock] = {}
     for i, line in enumerate(lines):
         found = _CLOCK_TEXT.search(line)
-        value = (
-            _CLOCK_VALUE.match(
+        if found:
+            value = _CLOCK_VALUE.match(
                 re.sub(r"^\s*[\[(]([^\])]*)[\])](.*)", r"\2 \1", line[found.end() :])
             )
-            if found
-            else None
-        )
+        else:
+            value = None
         if found is None or value is None:
             continue
         unit = value["unit"] or ""
@@ -499,7 +523,10 @@ def find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -
         ):
             continue
         if 0 < number < np.inf:
-            fs = number if found["rate"] else float(f"{1 / number:.12g}")
+            if found["rate"]:
+                fs = number
+            else:
+                fs = float(f"{1 / number:.12g}")
             unit = "s" if found["rate"] or found[0] == "Delta_X" else unit  # by LabVIEW
             clocks[line[: found.start()].strip("#%!;/* ") or f"line {i + 1}"] = _Clock(
                 fs, found[0].strip(), unit
@@ -517,7 +544,9 @@ def find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -
     outputs = [one for name, one in clocks.items() if _OUTPUT.search(name)] or [*clocks.values()]
     if len({f"{one.fs:.9g}" for one in outputs}) > 1:
         return _Clock(rates=tuple((name, one.fs) for name, one in clocks.items()))
-    return outputs[0] if outputs else _Clock()
+    if outputs:
+        return outputs[0]
+    return _Clock()
 
 
 def _parse_number(text: str, delimiter: str, decimal: str) -> float:
@@ -530,7 +559,10 @@ def _parse_number(text: str, delimiter: str, decimal: str) -> float:
     """
     text = re.sub(r"[ '’\u00a0\u202f]", "", text).rstrip(",")
     if delimiter == "," and "," in text:  # one cell per channel
-        text = text.split(",")[0] if len(set(text.split(","))) == 1 else ""
+        if len(set(text.split(","))) == 1:
+            text = text.split(",")[0]
+        else:
+            text = ""
     marks = sorted({".", ","} & set(text), key=text.rfind)
     if len(marks) == 2:
         text = text.replace(marks[0], "").replace(marks[1], ".")
@@ -539,7 +571,10 @@ def _parse_number(text: str, delimiter: str, decimal: str) -> float:
     elif marks:
         whole, _, rest = text.partition(marks[0])
         known = marks[0] == decimal or len(rest) != 3 or whole.lstrip("+-") in ("", "0")
-        text = f"{whole}.{rest}" if known else ""
+        if known:
+            text = f"{whole}.{rest}"
+        else:
+            text = ""
     try:
         return float(text)
     except ValueError:

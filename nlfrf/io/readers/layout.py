@@ -121,7 +121,10 @@ def find_layout(text: str) -> Layout:
     padded = delimiter != " " and any(
         f"{delimiter} " in line or line.startswith(" ") for line in lines[first:]
     )
-    left = 0 if any(best.filled[: best.numeric.index(True)]) else best.numeric.index(True)
+    if any(best.filled[: best.numeric.index(True)]):
+        left = 0
+    else:
+        left = best.numeric.index(True)
     return Layout(
         **vars(best),
         n_header_lines=sum(n for _, n in head[:first]),
@@ -171,7 +174,10 @@ def _first_lines(text: str) -> list[str]:
         if place < 0:
             break
         end = place + 1
-    part = text if place < 0 else text[:end]
+    if place < 0:
+        part = text
+    else:
+        part = text[:end]
     return [line.rstrip("\r") for line in part.split("\n")][: _N_HEAD_LINES + 1]
 
 
@@ -200,7 +206,10 @@ def split_cells(line: str, delimiter: str) -> list[str]:
     if '"' in line:
         row = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
     else:
-        row = line.split(delimiter) if line else []
+        if line:
+            row = line.split(delimiter)
+        else:
+            row = []
     return [
         cell.strip("'") if cell.startswith("'") else cell for cell in map(str.strip, row)
     ]  # keep the mark of Z'

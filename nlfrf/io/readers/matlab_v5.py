@@ -92,7 +92,10 @@ def _add_dspace_recording(recording: mat_struct, found: Contents) -> None:
         if isinstance(unit, str) and unit.strip() not in ("", "-"):
             units[name] = unit.strip()
         index = np.ravel(getattr(channel, "XIndex", 0))
-        own = times.get(int(index[0])) if index.size == 1 and index.dtype.kind in "iuf" else None
+        if index.size == 1 and index.dtype.kind in "iuf":
+            own = times.get(int(index[0]))
+        else:
+            own = None
         as_long = [
             time
             for time in [own, *times.values()]
@@ -116,13 +119,21 @@ def _add_scope(name: str, scope: mat_struct, found: Contents) -> None:
         if values.dtype.kind not in "fiub":
             continue
         rows = np.squeeze(values)
-        rows = rows.T if rows.ndim == 2 and rows.shape[0] == time.size else np.atleast_2d(rows)
+        if rows.ndim == 2 and rows.shape[0] == time.size:
+            rows = rows.T
+        else:
+            rows = np.atleast_2d(rows)
         label = getattr(signal, "label", "")
-        label = label if isinstance(label, str) else ""
+        if not isinstance(label, str):
+            label = ""
         for k, row in enumerate(rows if rows.ndim == 2 else ()):
-            which = "" if len(rows) == 1 else f".{k + 1}"
+            if len(rows) == 1:
+                which = ""
+            else:
+                which = f".{k + 1}"
             full = f"{name}.{label}{which}"
-            full = full if label and full not in arrays else f"{name}.{i + 1}{which}"
+            if not (label and full not in arrays):
+                full = f"{name}.{i + 1}{which}"
             arrays[full] = row
             if label:
                 labels[full] = f"{label}{which}"

@@ -43,11 +43,17 @@ def contents(path: Path) -> Contents:
         for g, i, name in listed:
             signal = file.get(group=g, index=i)
             samples = np.asarray(signal.samples)
-            unique = name if often[name] == 1 else f"group{g}.{name}"
+            if often[name] == 1:
+                unique = name
+            else:
+                unique = f"group{g}.{name}"
             if samples.dtype.kind not in "fiub" or samples.ndim != 1:
                 notes[unique] = "holds no numbers"
                 continue
-            times = "time" if len(file.groups) == 1 else f"group{g}.time"
+            if len(file.groups) == 1:
+                times = "time"
+            else:
+                times = f"group{g}.time"
             arrays.setdefault(times, np.asarray(signal.timestamps, dtype=float))
             units.setdefault(times, "s")
             arrays[unique], clocks[unique] = samples, times

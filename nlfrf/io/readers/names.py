@@ -191,11 +191,17 @@ def parse_unit(written: str) -> Unit | None:
         r"/\s*\(([^()]*)\)", lambda some: "/" + some[1].strip().translate(turned), written
     )
     flat = re.sub(r"^\(([^()]*)\)", r"\1", flat)
-    factors = re.findall(_FACTOR, flat) if re.fullmatch(f"(?:{_FACTOR})+", flat) else []
+    if re.fullmatch(f"(?:{_FACTOR})+", flat):
+        factors = re.findall(_FACTOR, flat)
+    else:
+        factors = []
     scale, powers = 1.0, Counter[str]()
     for mark, number, exponent, symbol, power in factors:
         n = int(power or exponent or 1) * (-1 if mark in ("/", "per") else 1)
-        one = find_symbol(symbol) if symbol else (float(number), "", "")
+        if symbol:
+            one = find_symbol(symbol)
+        else:
+            one = float(number), "", ""
         if one is None or (number and mark in ("/", "per")):
             return None
         scale *= one[0] ** n
@@ -203,17 +209,19 @@ def parse_unit(written: str) -> Unit | None:
             {base: n * int(k or 1) for base, k in re.findall(r"([a-z]+)(-?\d*)", one[1], re.I)}
         )
     has_symbol = any(symbol for _, _, _, symbol, _ in factors)
-    return (
-        Unit(scale, tuple(sorted((base, n) for base, n in powers.items() if n)), 0.0, written)
-        if has_symbol
-        else None
-    )
+    if has_symbol:
+        return Unit(
+            scale, tuple(sorted((base, n) for base, n in powers.items() if n)), 0.0, written
+        )
+    return None
 
 
 def _parse_powers(written: str) -> tuple[tuple[str, int], ...]:
     """Return the powers of base units in a unit, none if it is unknown."""
     unit = parse_unit(written)
-    return unit.powers if unit else ()
+    if unit:
+        return unit.powers
+    return ()
 
 
 def parse_bracket(head: str, inside: str) -> Unit | None:
@@ -221,7 +229,9 @@ def parse_bracket(head: str, inside: str) -> Unit | None:
     V(in), I(m).
     """
     unit, of = parse_unit(inside), {"V": "V", "I": "A"}.get(head)
-    return None if of and unit and unit.powers != _parse_powers(of) else unit
+    if of and unit and unit.powers != _parse_powers(of):
+        return None
+    return unit
 
 
 def _normalize(written: str) -> str:
@@ -354,12 +364,18 @@ def parse_name(name: str, stated: str = "", *, is_complex: bool = False) -> Colu
     if len(name) > _MAX_LENGTH:
         return ColumnName(unknown=(name,))
     written = _normalize(re.sub(r"\.\d+$", "", name)).strip()
-    unit_text, written = (written, "") if _is_scale(written) else (stated, written)
+    if _is_scale(written):
+        unit_text, written = written, ""
+    else:
+        unit_text, written = stated, written
     for pattern, other in _REWRITTEN:
         written = re.sub(pattern, other, written, flags=re.I)
     while (inner := _FUNCTION.sub(_rewrite_function, written)) != written:
         written = inner
-    unit_text, written = (unit_text, written) if unit_text else _split_unit(written)
+    if unit_text:
+        unit_text, written = unit_text, written
+    else:
+        unit_text, written = _split_unit(written)
     found: defaultdict[str, list[str]] = defaultdict(list)
     depth, brackets, last, is_first = 0, 0, "", True
     for token in _WORD.findall(_GLUED.sub(" ", written)):
@@ -402,12 +418,21 @@ def _combine(found: defaultdict[str, list[str]], unit_text: str, is_complex: boo
         )  # several Bode plotters write the amplitude of the excitation, too
     if is_complex:
         quantity, named, found["unknown"] = "complex", [], found["no_name"]
-    part = next((one for one in named if one != "std"), "") if quantity == "std" else ""
+    if quantity == "std":
+        part = next((one for one in named if one != "std"), "")
+    else:
+        part = ""
     logs = [one for one in found["unit"] if parse_unit(one) != unit] + found["log"]
     if quantity == "frequency":
         called = {one.lower() for one in found["frequency"]}
-        default = "rad/s" if called & {"w", "omega", "ω", "wout"} else "Hz" if "f" in called else ""
-        unit = unit if unit_text else parse_unit(default)
+        if called & {"w", "omega", "ω", "wout"}:
+            default = "rad/s"
+        elif "f" in called:
+            default = "Hz"
+        else:
+            default = ""
+        if not unit_text:
+            unit = parse_unit(default)
         if logs and all(one.lower() in ("log", "log10", "lg") for one in logs):
             unit, logs = (unit or Unit(TURN))._replace(decades=1.0), []
     if quantity == "magnitude" and found["squared"]:
@@ -485,14 +510,19 @@ def convert(column: ColumnName, x: np.ndarray) -> np.ndarray:
     x = x * (-column.sign if turns else column.sign)
     x = unit.factor * (10 ** (unit.decades * x) if unit.decades else x)
     if column.quantity == "phase":
-        return -x if column.inverse else x
+        if column.inverse:
+            return -x
+        return x
     with np.errstate(divide="ignore", invalid="ignore"):
         if column.quantity == "frequency":
             x = x / TURN
         elif column.scale != 1:
             x = x ** (1 / column.scale)
-        x = 1 / x if column.inverse and column.quantity in ("magnitude", "complex") else x
-    return np.conj(x) if column.is_conjugate and column.quantity == "complex" else x
+        if column.inverse and column.quantity in ("magnitude", "complex"):
+            x = 1 / x
+    if column.is_conjugate and column.quantity == "complex":
+        return np.conj(x)
+    return x
 
 
 def _rewrite_function(found: re.Match[str]) -> str:
@@ -503,7 +533,9 @@ def _rewrite_function(found: re.Match[str]) -> str:
     is_unit = parse_unit(argument) and (argument in "°%" or len(argument) > 1)
     is_written = argument.islower() and found[1].lower() in ("phase", "angle", "mag", "magnitude")
     is_word = is_unit or (len(argument) > 1 and (is_written or argument.lower() in ROLES))
-    return f" {found[1]} [{argument}] " if is_word else f" {found[1]} ⟪{argument}⟫ "
+    if is_word:
+        return f" {found[1]} [{argument}] "
+    return f" {found[1]} ⟪{argument}⟫ "
 
 
 def _split_unit(written: str) -> tuple[str, str]:
@@ -531,7 +563,10 @@ def _is_scale(word: str) -> bool:
     """Return whether a word is a unit of ratios, angles or frequencies, which names contain without
     brackets, too.
     """
-    unit = parse_unit(word) if len(word) > 1 or word in "°%" else None
+    if len(word) > 1 or word in "°%":
+        unit = parse_unit(word)
+    else:
+        unit = None
     return unit is not None and (
         unit.decades > 0 or suits("phase", unit) or suits("frequency", unit) or word == "%"
     )

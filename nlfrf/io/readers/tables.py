@@ -152,13 +152,16 @@ def _clocks_of_table(
     elif header.clock.rates and not any(map(is_time_name, arrays)):
         more = {f"{name}.sample rate": np.array(fs) for name, fs in header.clock.rates}
     elif header.clock.fs and not any(map(is_time_name, arrays)):
-        label = (
-            header.clock.label
-            if STEP_NAME.fullmatch(split_clock_name(header.clock.label)[0])
-            else "sampling time"
-        )
-        clocks = {"": header.clock.fs} if header.clock.unit else {}
-        more = {} if header.clock.unit else {label: np.array(1 / header.clock.fs)}
+        if STEP_NAME.fullmatch(split_clock_name(header.clock.label)[0]):
+            label = header.clock.label
+        else:
+            label = "sampling time"
+        if header.clock.unit:
+            clocks = {"": header.clock.fs}
+            more = {}
+        else:
+            clocks = {}
+            more = {label: np.array(1 / header.clock.fs)}
     return clocks, more
 
 
@@ -169,13 +172,18 @@ def _own_time_columns(names: list[str]) -> dict[str, float | str]:
     ({'u': 'time (ms)', 'y': 'time (ms).3'}, {})
     """
     axes: dict[str, float | str] = {}
-    time = names[0] if names else ""
+    if names:
+        time = names[0]
+    else:
+        time = ""
     for name in names[1:] if is_time_name(time) else ():
         if NUMBER_SUFFIX.sub("", name) == names[0]:
             time = name
         else:
             axes[name] = time
-    return axes if len({*axes.values()}) > 1 else {}
+    if len({*axes.values()}) > 1:
+        return axes
+    return {}
 
 
 def count_lines(start: bytes, path: Path | None) -> int:
@@ -262,7 +270,10 @@ def _numbers_of_texts(frame: pd.DataFrame, layout: Layout) -> tuple[pd.DataFrame
     first = frame[frame.columns[0]].fillna("").str.strip()
     as_written = frame.copy()
     for i in numbers:
-        column = frame[i] if layout.decimal == "." else frame[i].str.replace(",", ".")
+        if layout.decimal == ".":
+            column = frame[i]
+        else:
+            column = frame[i].str.replace(",", ".")
         frame[i] = pd.to_numeric(column.str.strip(), errors="coerce")
     bare = frame[numbers].isna().all(axis=1)
     kept = ~(bare & first.str.slice(0, 1).isin(COMMENT_MARKS))
@@ -281,11 +292,9 @@ def _numbers_of_texts(frame: pd.DataFrame, layout: Layout) -> tuple[pd.DataFrame
 def _infinite_to_nan(frame: pd.DataFrame, layout: Layout) -> pd.DataFrame:
     """Replace infinite numbers by nan: instruments write them for missing values."""
     numbers = (column.to_numpy() for i, column in frame.items() if layout.numeric[i])
-    return (
-        frame.replace([np.inf, -np.inf], np.nan)
-        if any(np.isinf(one).any() for one in numbers)
-        else frame
-    )
+    if any(np.isinf(one).any() for one in numbers):
+        return frame.replace([np.inf, -np.inf], np.nan)
+    return frame
 
 
 def _concatenate_frames(frames: Iterable[pd.DataFrame], n_rows: int) -> pd.DataFrame:

@@ -70,7 +70,10 @@ def _separate_by_tabs(text: str, delimiter: str) -> str:
     rows = []
     for i, line in enumerate(head):
         if i < names:
-            parted = line.split(",") if delimiter == "," else re.findall(r'"[^"]*"|[^ "]+', line)
+            if delimiter == ",":
+                parted = line.split(",")
+            else:
+                parted = re.findall(r'"[^"]*"|[^ "]+', line)
             rows.append("\t".join(cell.strip('"') for cell in parted))
         elif not line.strip():
             rows.append("")

@@ -88,7 +88,9 @@ def _frequency_functions(sets: list[Dataset]) -> tuple[dict[str, np.ndarray], di
 def _stated_unit(one: Dataset, axis: str) -> str:
     """Return the unit of an axis, empty if the file states none."""
     unit = str(one.get(f"{axis}_axis_units_lab") or "").strip()
-    return "" if unit.upper() == "NONE" else unit
+    if unit.upper() == "NONE":
+        return ""
+    return unit
 
 
 def _record_name(one: Dataset) -> str:

@@ -90,7 +90,10 @@ def _drop_contradicted_slips(y: np.ndarray, gaps: np.ndarray, last: int) -> np.n
         ]
     )
     difference = np.diff(whole)
-    pace = float(np.median(steps[difference == 1])) if (difference == 1).any() else 0.0
+    if (difference == 1).any():
+        pace = float(np.median(steps[difference == 1]))
+    else:
+        pace = 0.0
     kept = gaps.copy()
     for first, end, step in zip(whole[:-1], whole[1:], steps - pace * difference, strict=True):
         total = gaps[first:end].sum()
@@ -122,7 +125,9 @@ def likeliest_lag(cross: np.ndarray, lines: np.ndarray, n_samples: int) -> int:
     correlation = np.fft.irfft(spectrum, n_samples)
     reach = max(2, n_samples // 8)
     late, early = int(np.argmax(correlation[:reach])), int(np.argmax(correlation[-reach:]))
-    return late if correlation[late] >= correlation[early - reach] else early - reach
+    if correlation[late] >= correlation[early - reach]:
+        return late
+    return early - reach
 
 
 def find_corrupted_periods(
@@ -331,7 +336,10 @@ def _slip_length(
         # samples inserted at the gap match nowhere, and a spike can be shifted past it
         end = max(gap - _MAX_SHORT_SHIFT, 0)
         explained, behind = difference[end] - left[end], difference[-1] - difference[gap]
-        least = min(noise, behind / (n - gap)) if n - gap > _MIN_SAMPLES * blur else noise
+        if n - gap > _MIN_SAMPLES * blur:
+            least = min(noise, behind / (n - gap))
+        else:
+            least = noise
         sure = _MIN_LOG_LIKELIHOOD * blur * max((left[end] + behind) / n, least)
         if min(explained, left[-1] - left[gap] - behind) < sure or left[end] > max(
             _MAX_REST * difference[end], 2 * end * least
@@ -397,7 +405,9 @@ def _correlation_length(noise: np.ndarray) -> float:
     total = float(spectrum.sum())
     # white noise gives 2, because each line of a periodogram has a chi-square distribution of its
     # own
-    return max(float(spectrum.size * power(spectrum) / total**2 - 1), 1.0) if total > 0 else 1.0
+    if total > 0:
+        return max(float(spectrum.size * power(spectrum) / total**2 - 1), 1.0)
+    return 1.0
 
 
 def _cumulative_power(x: np.ndarray) -> np.ndarray:
@@ -428,8 +438,6 @@ def _candidate_shifts(one: np.ndarray, following: np.ndarray, difference: np.nda
     together = np.fft.irfft(np.fft.rfft(one[:half], n).conj() * np.fft.rfft(following), n)
     likeliest = int(np.argmin((size[half : half + n] - size[:n]) - 2 * together))
     likeliest -= n if likeliest > n // 2 else 0
-    return (
-        _SHORT_SHIFTS
-        if abs(likeliest) <= _MAX_SHORT_SHIFT or abs(likeliest) > n // 8
-        else [likeliest, *_SHORT_SHIFTS]
-    )
+    if abs(likeliest) <= _MAX_SHORT_SHIFT or abs(likeliest) > n // 8:
+        return _SHORT_SHIFTS
+    return [likeliest, *_SHORT_SHIFTS]

@@ -97,7 +97,9 @@ class PeriodAlignment:
                 " without a fault"
             )
         smooth = (self.delay - self.jumps)[j]
-        return np.polyfit(j, smooth, 1) if j.size > 1 else np.array([0.0, smooth[0]])
+        if j.size > 1:
+            return np.polyfit(j, smooth, 1)
+        return np.array([0.0, smooth[0]])
 
     @property
     def period(self) -> float:
@@ -155,11 +157,9 @@ class PeriodAlignment:
             )
         if self.is_whole:
             whole = round(self.period)
-            return (
-                f"the input repeats every {whole} samples; give n_samples={whole}"
-                if whole != self.n_samples
-                else ""
-            )
+            if whole != self.n_samples:
+                return f"the input repeats every {whole} samples; give n_samples={whole}"
+            return ""
         return (
             f"the input repeats every {self.period:.4f} samples, not a whole number;"
             " resample=True cuts periods of this length"
@@ -200,7 +200,10 @@ def track_input(u: np.ndarray, n_samples: int) -> PeriodAlignment:
         streams_equal(periods[0], period) for period in periods[1:]
     ):  # as a generator plays them
         return are_in_place(n_samples, np.ones(n_periods, dtype=bool))
-    step = common_smooth_step([u], n_samples) if n_samples > BLOCK_ENTRIES else 1
+    if n_samples > BLOCK_ENTRIES:
+        step = common_smooth_step([u], n_samples)
+    else:
+        step = 1
     found = _track_cut_periods(decimate(periods, step))
     return replace(
         found,
@@ -262,7 +265,10 @@ def _track_cut_periods(periods: np.ndarray) -> PeriodAlignment:
     rest = np.sum(np.abs(turned - reference) ** 2, axis=1) / np.sum(weight)
     delay = -delay  # a late period has a positive delay
     whole_ones = np.delete(rest, first)[np.delete(whole_inside, first)]
-    typical = float(np.median(whole_ones)) if whole_ones.size else 0.0
+    if whole_ones.size:
+        typical = float(np.median(whole_ones))
+    else:
+        typical = 0.0
     sound = (rest < max(1e-3, 10 * typical)) & whole_inside
     noise = float(
         np.sqrt(typical / 2 * np.sum(weight) / np.sum(slope**2 * weight) / max(1, used.size))
@@ -370,7 +376,10 @@ def longest_constant_run(x: np.ndarray) -> tuple[int, int]:
     for some in iterate_blocks(x.size):
         follows = x[some.start + 1 : some.stop + 1]
         changed = follows != x[some][: follows.size]
-        ends = [x.size] if some.stop == x.size else []
+        if some.stop == x.size:
+            ends = [x.size]
+        else:
+            ends = []
         if length > 0 and edge == some.start and changed.all():  # no run
             edge = some.start + changed.size
             continue
@@ -388,8 +397,13 @@ def hold_factor(x: np.ndarray) -> int:
     """
     part = x[:_PART]
     at = np.flatnonzero(part[1:] != part[:-1])
-    n = int(np.gcd.reduce(at - at[0])) if at.size > _FEWEST_CHANGES else 1
-    return n if n > 1 and at.size * n > part.size / 2 else 1
+    if at.size > _FEWEST_CHANGES:
+        n = int(np.gcd.reduce(at - at[0]))
+    else:
+        n = 1
+    if n > 1 and at.size * n > part.size / 2:
+        return n
+    return 1
 
 
 def repeated_share(y: np.ndarray, u: np.ndarray) -> float:
@@ -428,17 +442,18 @@ def repeated_share(y: np.ndarray, u: np.ndarray) -> float:
     rounded = np.count_nonzero(still) < _MAX_ROUNDED * np.count_nonzero(
         size[~still] < 1.5 * quantum
     )
-    return (
-        float(np.mean(still))
-        if full and onward and not rounded and np.median(size[behind]) > 2.5 * quantum
-        else 0.0
-    )
+    if full and onward and not rounded and np.median(size[behind]) > 2.5 * quantum:
+        return float(np.mean(still))
+    return 0.0
 
 
 def warn_about_channel(name: str, signal: np.ndarray, n_samples: int) -> None:
     """Warn of a signal that is clipped or that stands still: both would count as distortion."""
     begin, length = longest_constant_run(signal)
-    share = clipped_share(signal) if length > 2 else 0.0
+    if length > 2:
+        share = clipped_share(signal)
+    else:
+        share = 0.0
     if share > _CLIPPED_SHARE:
         data_warning(
             f"{name} seems clipped: {100 * share:.2g} % of its samples are in runs at its"

@@ -235,7 +235,9 @@ class _OutputAlignment:
             self.explained > (_ALONE if at.size < _FEW else 0.1)
             or abs(pace) * spread > 3 * _SIGMAS * self.noise
         )
-        return pace if abs(pace) * spread > _SIGMAS * self.noise and straight and likely else 0.0
+        if abs(pace) * spread > _SIGMAS * self.noise and straight and likely:
+            return pace
+        return 0.0
 
     @property
     def fault(self) -> str:
@@ -300,11 +302,10 @@ class _OutputAlignment:
         """
         if not self.n_unsettled:
             return ""
-        which = (
-            "period 1 differs"
-            if self.n_unsettled == 1
-            else f"periods 1 to {self.n_unsettled} differ"
-        )
+        if self.n_unsettled == 1:
+            which = "period 1 differs"
+        else:
+            which = f"periods 1 to {self.n_unsettled} differ"
         return (
             f"{which} from the others by more than noise or a linear transient, and is left"
             " out. A nonlinear machine that starts from rest does this. But if samples of y"
@@ -318,7 +319,9 @@ class _OutputAlignment:
         changed = _describe_gain_drift(
             at, self.gain[at], noise=_SIGMAS * self.gain_noise, explained=self.explained
         )
-        return changed if changed or at.size < _FEW else _describe_offset_drift(self.offset[at])
+        if changed or at.size < _FEW:
+            return changed
+        return _describe_offset_drift(self.offset[at])
 
 
 def align_output(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> _OutputAlignment:
@@ -334,7 +337,10 @@ def align_output(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> _OutputAlig
         Excited lines.
     """
     n_samples = y.shape[1]
-    step = common_smooth_step([u[0], y[0]], n_samples) if n_samples > BLOCK_ENTRIES else 1
+    if n_samples > BLOCK_ENTRIES:
+        step = common_smooth_step([u[0], y[0]], n_samples)
+    else:
+        step = 1
     u, y = decimate(u, step), decimate(y, step)
     lines = lines[2 * lines < y.shape[1]]
     gaps = find_slips(y, int(lines[-1]))
@@ -370,11 +376,9 @@ def align_output(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> _OutputAlig
         lag = replace(lag, n_unsettled=max(first, 1))
     # a gap before all sound periods shifts the rest
     gaps[first:] = 0.0
-    return (
-        replace(lag, jumps=lag.jumps + np.append(0.0, np.add.accumulate(gaps))[:-1])
-        if gaps.any()
-        else lag
-    )
+    if gaps.any():
+        return replace(lag, jumps=lag.jumps + np.append(0.0, np.add.accumulate(gaps))[:-1])
+    return lag
 
 
 def _first_settled_period(y: np.ndarray, last: int, broken: np.ndarray) -> int:
@@ -520,11 +524,9 @@ def _alignment_noise_std(
     The noise in the mean of the periods carries no information and is subtracted.
     """
     signal_power = observed.sum() - noise_variance / n_periods * weight.sum()
-    return (
-        float(np.sqrt(noise_variance / 2 * observed.sum()) / signal_power)
-        if signal_power > 0
-        else np.inf
-    )
+    if signal_power > 0:
+        return float(np.sqrt(noise_variance / 2 * observed.sum()) / signal_power)
+    return np.inf
 
 
 def _forward_filled(delay: np.ndarray, placed: np.ndarray) -> np.ndarray:
@@ -542,7 +544,8 @@ def _slips_between_periods(
     if at.size < 2 or _SIGMAS * noise > 0.5:
         return sound, nothing
     pace = float(np.median(np.diff(delay[at]) / np.diff(at)))
-    pace = 0.0 if abs(pace) > _MAX_CLOCK_ERROR * n_samples else pace
+    if abs(pace) > _MAX_CLOCK_ERROR * n_samples:
+        pace = 0.0
     left = delay - pace * np.arange(delay.size)
     difference = left[at] - left[at, None]
     agree = np.abs(difference - np.round(difference)) < max(0.1, _SIGMAS * noise)
@@ -614,7 +617,8 @@ def _align_periods(x: np.ndarray, lines: np.ndarray) -> _AlignedPeriods:
     n_samples = x.shape[1]
     repeats = all(streams_equal(x[-1], one) for one in x[:-1])
     X = np.array([rfft_at(one, lines) * (2 / n_samples) for one in (x[-1:] if repeats else x)])
-    X = np.repeat(X, len(x), axis=0) if repeats else X
+    if repeats:
+        X = np.repeat(X, len(x), axis=0)
     slope = 2 * np.pi * lines / n_samples
     reference = X[-1]
     # of either sign: a period with its sign changed looks late on every line
@@ -638,7 +642,10 @@ def _align_periods(x: np.ndarray, lines: np.ndarray) -> _AlignedPeriods:
     rest = np.sum(np.abs(turned - gain[:, None] * reference) ** 2, axis=1)
     others = reference - turned / len(x)  # without the period itself
     shared = np.abs(np.sum(turned * others.conj(), axis=1)) ** 2
-    least = chance_correlation(_FALSE_ALARM / n_samples, lines.size) if lines.size > 1 else 0.0
+    if lines.size > 1:
+        least = chance_correlation(_FALSE_ALARM / n_samples, lines.size)
+    else:
+        least = 0.0
     placed = shared >= least * power(turned) * power(others)
     return _AlignedPeriods(
         delay=delay,

@@ -156,7 +156,9 @@ def _leading_silence(u: np.ndarray, n_samples: int) -> int:
     differs = (
         np.abs(u[n_samples : n_samples + begin] - u[:begin][: u.size - n_samples]) > 2**0.5 * least
     )
-    return int(differs.size - np.argmax(differs[::-1])) if differs.any() else begin
+    if differs.any():
+        return int(differs.size - np.argmax(differs[::-1]))
+    return begin
 
 
 # ---- Outliers: samples far outside all others, which repeat in no other period.
@@ -201,11 +203,9 @@ def find_outliers(y: np.ndarray, u: np.ndarray, n_samples: int) -> tuple[np.ndar
     ]  # how often each sample of the period is an outlier
     repeated = times[times > max(1, _MOST_PERIODS * (y.size // n_samples))].sum()
     few = outliers.size < _MAX_OUTLIERS * y.size and repeated <= outliers.size / 2
-    return (
-        (outliers, float(beyond[k]))
-        if few and beyond[k + 1] > _OUTLIER_RATIO * beyond[k]
-        else (none, np.inf)
-    )
+    if few and beyond[k + 1] > _OUTLIER_RATIO * beyond[k]:
+        return outliers, float(beyond[k])
+    return none, np.inf
 
 
 def warn_of_outliers(name: str, y: np.ndarray, *, u: np.ndarray, n_samples: int, fs: float) -> bool:
@@ -215,11 +215,10 @@ def warn_of_outliers(name: str, y: np.ndarray, *, u: np.ndarray, n_samples: int,
     outliers, largest = find_outliers(y, u, n_samples)
     if outliers.size:
         first, values = int(outliers[0]), np.unique(y[outliers])
-        same = (
-            f"all of {values[0]:g}, as a mark of no value, "
-            if outliers.size > values.size == 1
-            else ""
-        )
+        if outliers.size > values.size == 1:
+            same = f"all of {values[0]:g}, as a mark of no value, "
+        else:
+            same = ""
         data_warning(
             f"{name} has {format_count(outliers.size, 'outlier')}, {same}the first of"
             f" {y[first]:.6g} at sample {first} ({first / fs:.6g} s): no other sample is further"

@@ -117,11 +117,10 @@ class Controller:
         A, B, C, D = (matrix.astype(float) for matrix in given.values())
         D = np.atleast_2d(D)
         if D.shape != (n_outputs, n_inputs):
-            wanted = (
-                "one input and one output"
-                if (n_inputs, n_outputs) == (1, 1)
-                else f"{n_inputs} inputs and {n_outputs} outputs"
-            )
+            if (n_inputs, n_outputs) == (1, 1):
+                wanted = "one input and one output"
+            else:
+                wanted = f"{n_inputs} inputs and {n_outputs} outputs"
             raise ValueError(f"K must have {wanted}, got {D.shape[1]} and {D.shape[0]}")
         size = int(np.sqrt(A.size))
         if A.size != size**2 or B.size != size * n_inputs or C.size != size * n_outputs:
@@ -140,7 +139,9 @@ class Controller:
 
 def as_controller(given: object) -> Controller:
     """Return a `Controller` unchanged; a state space alone acts without delay and limits."""
-    return given if isinstance(given, Controller) else Controller(given)
+    if isinstance(given, Controller):
+        return given
+    return Controller(given)
 
 
 def run_axes_loop(
@@ -387,11 +388,9 @@ def _collect_results(
     """Return the trajectories of computed runs, or `of(response)` of each."""
     if "refused" in out:
         raise out["refused"]
-    return (
-        out["found"]
-        if "found" in out
-        else [one if of is None else of(one) for one in _to_trajectories(runs, out)]
-    )
+    if "found" in out:
+        return out["found"]
+    return [one if of is None else of(one) for one in _to_trajectories(runs, out)]
 
 
 def _to_trajectories(runs: _LoopRuns, out: Arrays) -> list[Trajectory]:

@@ -196,7 +196,9 @@ class Drive:
     @property
     def velocity_from(self) -> str:
         """Source of the velocity, "differences" or "observer"."""
-        return "differences" if np.isnan(self.observer_frequency) else "observer"
+        if np.isnan(self.observer_frequency):
+            return "differences"
+        return "observer"
 
     @property
     def dt(self) -> float:
@@ -244,28 +246,33 @@ class Drive:
                 f"torque_constant must be given [{self.force_unit}/A] between {self.output_unit}"
                 f" and {unit}, got none"
             )
-        return self.torque_constant if unit != "A" else 1 / self.torque_constant
+        if unit != "A":
+            return self.torque_constant
+        return 1 / self.torque_constant
 
     def __str__(self) -> str:
         period = 1e3 / self.fs
-        reset = "no integral part" if np.isinf(self.tn) else f"tn = {1e3 * self.tn:.6g} ms"
-        smoothed = (
-            f" after a first-order low-pass of {1e3 * self.velocity_lag:.6g} ms"
-            if self.velocity_lag
-            else ""
-        )
-        velocity = (
-            f"an observer of {self.observer_frequency:g} Hz"
-            if self.velocity_from == "observer"
-            else f"differences{smoothed}"
-        )
+        if np.isinf(self.tn):
+            reset = "no integral part"
+        else:
+            reset = f"tn = {1e3 * self.tn:.6g} ms"
+        if self.velocity_lag:
+            smoothed = f" after a first-order low-pass of {1e3 * self.velocity_lag:.6g} ms"
+        else:
+            smoothed = ""
+        if self.velocity_from == "observer":
+            velocity = f"an observer of {self.observer_frequency:g} Hz"
+        else:
+            velocity = f"differences{smoothed}"
         low, high = USUAL_KV
-        unusual = (
-            f" (drives have {low:g} to {high:g} 1/s: look up its unit)"
-            if is_unusual_gain(self.kv)
-            else ""
-        )
-        per_mm = f" = {0.06 * self.kv:.4g} (m/min)/mm" if self.base_unit == "m" else ""
+        if is_unusual_gain(self.kv):
+            unusual = f" (drives have {low:g} to {high:g} 1/s: look up its unit)"
+        else:
+            unusual = ""
+        if self.base_unit == "m":
+            per_mm = f" = {0.06 * self.kv:.4g} (m/min)/mm"
+        else:
+            per_mm = ""
         rows = [
             (
                 f"position loop kv = {self.kv:.6g} 1/s{per_mm}{unusual}, every"
@@ -284,12 +291,14 @@ class Drive:
         named = ["a section" if isinstance(one, np.ndarray) else str(one) for one in self.filters]
         rows += [f"filters: {', '.join(named)}"] if named else []
         constant = ratio_unit(self.force_unit, "A")
-        known = (
-            ""
-            if np.isnan(self.torque_constant)
-            else f"force constant {self.torque_constant:g} {constant}; "
-        )
-        guessed = f" ({' and '.join(self.assumed)} assumed, not given)" if self.assumed else ""
+        if np.isnan(self.torque_constant):
+            known = ""
+        else:
+            known = f"force constant {self.torque_constant:g} {constant}; "
+        if self.assumed:
+            guessed = f" ({' and '.join(self.assumed)} assumed, not given)"
+        else:
+            guessed = ""
         rows.append(
             f"{known}current loop: lag {1e3 * self.lag:g} ms, delay {1e3 * self.delay:g}"
             f" ms{guessed}"
@@ -313,4 +322,6 @@ def _filter_slots(given: object) -> tuple[_FilterSlot | np.ndarray, ...]:
 
 def _scale_factor(name: str, given: float, unit: str, base: str) -> float:
     """Return the number of base units in one unit: as given, or by its name."""
-    return position_factor(name, unit, base) if np.isnan(given) else given
+    if np.isnan(given):
+        return position_factor(name, unit, base)
+    return given

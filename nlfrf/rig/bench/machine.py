@@ -87,7 +87,10 @@ def check_single_axis(given: dict[str, object]) -> dict[str, tuple[str, ...]]:
 def _check_laws(friction: object, n: int) -> tuple[Friction | None, ...]:
     """Check that there is a law or None for each axis."""
     if not isinstance(friction, (list, tuple)) or len(friction) != n:
-        got = f"{len(friction)}" if isinstance(friction, (list, tuple)) else type(friction).__name__
+        if isinstance(friction, (list, tuple)):
+            got = f"{len(friction)}"
+        else:
+            got = type(friction).__name__
         raise ValueError(
             f"friction must be a list with a law or None for each of the {n} axes, got {got}"
         )
@@ -237,4 +240,6 @@ def integrate_axes(
         float(h),
         out,
     )
-    return out if stable else None
+    if stable:
+        return out
+    return None

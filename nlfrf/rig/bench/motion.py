@@ -87,12 +87,13 @@ def _force_at_substeps(samples: np.ndarray, oversampling: int, hold: str) -> np.
     each is held.
     """
     step = np.arange(oversampling)[:, np.newaxis]
-    fraction = (
-        (step + np.array([0.0, 0.5, 1.0])) / oversampling
-        if hold == "linear"
-        else np.zeros((oversampling, 3))
-    )
+    if hold == "linear":
+        fraction = (step + np.array([0.0, 0.5, 1.0])) / oversampling
+    else:
+        fraction = np.zeros((oversampling, 3))
     rise = np.diff(samples, append=samples[..., -1:])
     force = samples[..., np.newaxis, np.newaxis] + rise[..., np.newaxis, np.newaxis] * fraction
     force = force.reshape(*samples.shape[:-1], -1, 3)
-    return force if samples.ndim == 1 else np.moveaxis(force, 0, -1)
+    if samples.ndim == 1:
+        return force
+    return np.moveaxis(force, 0, -1)

@@ -46,7 +46,10 @@ def _longest_step(pole: complex) -> float:
     low, high = 0.0, 4.0  # along every ray in the left half plane growth passes 1 once below 4
     for _ in range(25):
         middle = (low + high) / 2
-        low, high = (middle, high) if growth(middle) <= 1 + 1e-12 else (low, middle)
+        if growth(middle) <= 1 + 1e-12:
+            low, high = middle, high
+        else:
+            low, high = low, middle
     return low / abs(pole)
 
 
@@ -182,7 +185,9 @@ class Rig:
     @property
     def n_axes(self) -> int:
         """Number of axes n."""
-        return len(self.mass) if self.several else 1
+        if self.several:
+            return len(self.mass)
+        return 1
 
     @property
     def n_inputs(self) -> int:

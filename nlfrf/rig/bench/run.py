@@ -123,10 +123,14 @@ def run(
     begin = (0.0, 0.0) if initial is None else initial
     if isinstance(machine, ServoAxis):
         _require_unused("a servo axis", given, ("controller", "fs", "hold", "disturbance"))
-        ports = dict(signal) if isinstance(signal, Mapping) else {"position": signal}
+        if isinstance(signal, Mapping):
+            ports = dict(signal)
+        else:
+            ports = {"position": signal}
         closed = "torque" not in ports
         require_known("signal", ports, (*PORTS, "torque") if closed else ("torque",))
-        ports = ports if closed else {"force": ports["torque"]}
+        if not closed:
+            ports = {"force": ports["torque"]}
         return run_axis(
             machine, ports, closed=closed, noise=noise, initial=begin, oversampling=steps
         )

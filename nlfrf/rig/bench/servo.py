@@ -185,9 +185,9 @@ class ServoAxis:
     @property
     def resonance(self) -> float:
         """Highest resonance of motor and load without friction [Hz]; zero for one free mass."""
-        return (
-            float(np.abs(self.rig.poles(0.0)).max() / 2 / np.pi) if self.two or self.spring else 0.0
-        )
+        if self.two or self.spring:
+            return float(np.abs(self.rig.poles(0.0)).max() / 2 / np.pi)
+        return 0.0
 
     @property
     def two(self) -> bool:
@@ -484,7 +484,10 @@ def _run_experiment(experiment: _ServoExperiment) -> Arrays:
     played = np.tile(ms.u[0], base.size // N)
     signals = {name: np.zeros(base.size) for name in PORTS} | {"position": base}
     signals[experiment.port] = signals[experiment.port] + played
-    given = signals if experiment.closed else {"force": signals["force"]}
+    if experiment.closed:
+        given = signals
+    else:
+        given = {"force": signals["force"]}
     trace = run_axis(
         axis,
         given,
@@ -503,11 +506,10 @@ def _run_experiment(experiment: _ServoExperiment) -> Arrays:
         """Return (P, N) the recorded periods of all strokes: every second stroke, beginning with
         the second.
         """
-        strokes = (
-            signal.reshape(-1, block, N)[1::2]
-            if experiment.strokes
-            else signal.reshape(1, block, N)
-        )
+        if experiment.strokes:
+            strokes = signal.reshape(-1, block, N)[1::2]
+        else:
+            strokes = signal.reshape(1, block, N)
         return np.asarray(strokes[:, experiment.n_discard :].reshape(-1, N))
 
     y = kept(trace.position - base)
@@ -537,7 +539,10 @@ def _base_position(experiment: _ServoExperiment) -> np.ndarray:
     at each change.
     """
     block = (experiment.n_discard + experiment.n_periods) * experiment.ms.n_samples
-    directions = np.tile([-1.0, 1.0], experiment.strokes) if experiment.strokes else np.ones(1)
+    if experiment.strokes:
+        directions = np.tile([-1.0, 1.0], experiment.strokes)
+    else:
+        directions = np.ones(1)
     velocity = stepped_profile(
         experiment.base_velocity * directions, block, experiment.ms.n_samples // 4
     )

@@ -102,10 +102,14 @@ def run_each(
     ValueError
         The task refuses its value, or the executor dies; earlier results are in the folder.
     """
-    folder = None if resume is None else _open_folder(resume)
-    files = (
-        [] if folder is None else [folder / f"{fingerprint(task, value)}.npz" for value in values]
-    )
+    if resume is None:
+        folder = None
+    else:
+        folder = _open_folder(resume)
+    if folder is None:
+        files = []
+    else:
+        files = [folder / f"{fingerprint(task, value)}.npz" for value in values]
     todo, total = list(range(len(values))), len(values)
     for i, file in enumerate(files):
         if (found := _load_result(file)) is not None:
@@ -137,11 +141,10 @@ def run_each(
     except ValueError:
         raise
     except Exception as error:
-        where = (
-            f"are kept in {files[0].parent}"
-            if files
-            else "are lost: give resume= a folder to keep them"
-        )
+        if files:
+            where = f"are kept in {files[0].parent}"
+        else:
+            where = "are lost: give resume= a folder to keep them"
         raise ValueError(
             f"executor must finish all {total} runs, got {type(error).__name__} ({error}) after"
             f" {n_done}, which {where}"
@@ -405,7 +408,9 @@ def _sensor_positions(experiment: _Experiment, x: np.ndarray) -> np.ndarray:
     if not experiment.rig.several:
         return x.copy()
     y: np.ndarray = experiment.rig.sensors @ x.T
-    return y[0] if experiment.ms.is_single and len(y) == 1 else y
+    if experiment.ms.is_single and len(y) == 1:
+        return y[0]
+    return y
 
 
 def _make_record(rig: Rig, ms: Multisine, *, y: np.ndarray, hold: str) -> Record:

@@ -122,7 +122,9 @@ class Trajectory:
             np.abs(held[..., n:].mean(axis=-1) - held[..., :n].mean(axis=-1))
             > _MAX_SETTLED_SWING * usual
         )
-        return "settled" if self.residual(calm) < _MAX_SETTLED_SWING and not waits else "stable"
+        if self.residual(calm) < _MAX_SETTLED_SWING and not waits:
+            return "settled"
+        return "stable"
 
     def _split_error(self, calm: float) -> tuple[np.ndarray, np.ndarray]:
         """Return the error before and after `calm` [s]."""
@@ -138,7 +140,9 @@ class Trajectory:
 
 def _peak_to_peak(x: np.ndarray) -> np.ndarray:
     """Return the difference of largest and smallest value, () or (channels,)."""
-    return np.ptp(x, axis=-1) if x.size else np.zeros(x.shape[:-1])
+    if x.size:
+        return np.ptp(x, axis=-1)
+    return np.zeros(x.shape[:-1])
 
 
 def _disturbed_swing(before: np.ndarray) -> np.ndarray:

@@ -39,7 +39,9 @@ def integrate(
     kernel = kernels.get(law.form, leuven.advance_hysteretic)
     out = np.empty((drive.shape[0] // substeps, 4))
     stable = kernel(body, law, grid, memory.state, memory.stack, drive, h, substeps, out)
-    return out if stable else None
+    if stable:
+        return out
+    return None
 
 
 def _integrate_user_law(
@@ -66,4 +68,6 @@ def _integrate_user_law(
     own = z.copy()
     stable = kernel(body, place, own, np.ascontiguousarray(drive), float(h), int(substeps), out)
     state[[kernel_data.X, kernel_data.V]], z[:] = place, own
-    return out if stable else None
+    if stable:
+        return out
+    return None

@@ -106,7 +106,10 @@ class OwnFriction:
                     f"{name} must be a function of (x, v, z), got {type(error).__name__}: {error}"
                 ) from error
             if found.shape != wanted or not np.isfinite(found).all():
-                what = f"{rest.size} finite numbers" if wanted else "one finite number"
+                if wanted:
+                    what = f"{rest.size} finite numbers"
+                else:
+                    what = "one finite number"
                 raise ValueError(f"{name} must give {what} at rest, got {found.tolist()}")
 
     @property
@@ -226,7 +229,10 @@ def _pack_sliders(law: VaryingSliders) -> tuple[kernel_data.Law, kernel_data.Gri
     grid[2] = 2.399963 * np.arange(n)  # phases at the golden angle from each other
     grid[3] = 0.0 if np.isinf(law.wavelength) else 2 * np.pi / law.wavelength
     grid[4], grid[5], grid[6] = law.dwell, law.asymmetry, law.seed
-    vs = 1e300 if np.isinf(law.vs) else float(law.vs)
+    if np.isinf(law.vs):
+        vs = 1e300
+    else:
+        vs = float(law.vs)
     curve = kernel_data.Curve(kernel_data.VARYING, total, strength)
     return (
         kernel_data.Law(
@@ -394,7 +400,10 @@ def load_forces(
     step = np.column_stack([ahead[:, :2], ahead[:, 2] - ahead[:, 3], ahead[:, 3]])
     # linear interpolation between samples reduces the force at every frequency
     drive = np.fft.irfft(np.fft.rfft(k * x + c * v) / np.sinc(np.fft.rfftfreq(n)) ** 2, n)
-    P = 6 + 2 * E if slopes else 0
+    if slopes:
+        P = 6 + 2 * E
+    else:
+        P = 0
     out = np.empty((1 + P, n))
     follow_load(
         numbers,

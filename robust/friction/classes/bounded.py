@@ -101,16 +101,14 @@ class Bounded(FrictionClass):
         if np.isfinite(undecided.error_bound):
             return replace(undecided, verdict=FrictionVerdict.PROVED)
         growth = task.loop.growth() + 0.0
-        size = (
-            f"|z| = {format_pole_modulus(1 + growth)}"
-            if task.loop.T
-            else f"real part {growth:.4g} rad/s"
-        )
-        what = (
-            "is on the stability boundary"
-            if growth >= -_ROUNDING
-            else "has modes too far apart for the computation"
-        )
+        if task.loop.T:
+            size = f"|z| = {format_pole_modulus(1 + growth)}"
+        else:
+            size = f"real part {growth:.4g} rad/s"
+        if growth >= -_ROUNDING:
+            what = "is on the stability boundary"
+        else:
+            what = "has modes too far apart for the computation"
         return replace(
             undecided,
             reason=(

@@ -107,9 +107,10 @@ class MaxwellSlip(FrictionClass):
     @property
     def description(self) -> str:
         """Noun phrase for the laws of the class, for texts."""
-        damped = (
-            f" and damping up to {1e3 * self.bristle_time:g} ms of it" if self.bristle_time else ""
-        )
+        if self.bristle_time:
+            damped = f" and damping up to {1e3 * self.bristle_time:g} ms of it"
+        else:
+            damped = ""
         return (
             "Maxwell-slip friction with a presliding stiffness of up to"
             f" {format_plain(self.K0 / 1e3)} {self.units.stiffness}{damped}, in which each slider"
@@ -155,7 +156,10 @@ class MaxwellSlip(FrictionClass):
         n_ports = len(ports)
         omega = loop_frequencies(loop, _N_POINTS if n_ports > 1 else 900)
         response = mobility(loop, omega).reshape(omega.size, n_ports, n_ports)
-        wrong, balanced = coupling_of_rests(loop) if n_ports > 1 else ("", False)
+        if n_ports > 1:
+            wrong, balanced = coupling_of_rests(loop)
+        else:
+            wrong, balanced = "", False
         if wrong:
             return FrictionCertificate(wrong)
         reason = "no multiplier weights make the loop dissipate at every frequency"
@@ -192,7 +196,10 @@ class MaxwellSlip(FrictionClass):
         )
         most = rests.max()
         try:
-            shares = rests / most if most else np.ones(rests.size)
+            if most:
+                shares = rests / most
+            else:
+                shares = np.ones(rests.size)
             proposed = settling_numbers(loop, stiffest, reference_rate(task.machine, loop), shares)
             still, off = (part.reshape(-1, forces.size) for part in loop.rest())
         except (np.linalg.LinAlgError, ValueError, FloatingPointError):

@@ -63,11 +63,9 @@ class _Damping:
         return _quotient_as_float(self.top[self.degree], self.bottom[self.degree])
 
     def at(self, y: float) -> float:
-        return (
-            _quotient_as_float(self.top(to_rational(y)), self.bottom(to_rational(y)))
-            if np.isfinite(y)
-            else self.end
-        )
+        if np.isfinite(y):
+            return _quotient_as_float(self.top(to_rational(y)), self.bottom(to_rational(y)))
+        return self.end
 
 
 @value(kw_only=False)
@@ -211,21 +209,22 @@ def _decide_damping(
     """Return the verdict on the remaining damping, proved over the rationals."""
     y, least = _least_damping(left)
     where = _frequency_of(y, T)
-    size = np.abs(c) if T else np.abs(left.end)
+    if T:
+        size = np.abs(c)
+    else:
+        size = np.abs(left.end)
     if not least > _ROUNDING * size:
-        words = (
-            f"c = {c:.4g} {unit}, and {c - least:.4g} {unit} are needed"
-            if T
-            else f"{-least:.4g} {unit} are missing"
-        )
+        if T:
+            words = f"c = {c:.4g} {unit}, and {c - least:.4g} {unit} are needed"
+        else:
+            words = f"{-least:.4g} {unit} are missing"
         if -least > _INFINITE_DAMPING * size:
             words = "no damping is enough"
         return FrictionVerdict.NOT_DECIDED, f"not passive {where}: {words}"
-    claimed = (
-        least - _MIN_DAMPING_SHARE * max(least, size)
-        if least > 2 * _MIN_DAMPING_SHARE * size
-        else least / 2
-    )
+    if least > 2 * _MIN_DAMPING_SHARE * size:
+        claimed = least - _MIN_DAMPING_SHARE * max(least, size)
+    else:
+        claimed = least / 2
     rest = left.top - left.bottom * to_rational(claimed)
     found = positive_on_half_line(rest)
     if not (found.holds and rest[left.degree] > 0):
@@ -237,16 +236,20 @@ def _decide_damping(
             ),
         )
     needed = f"c = {c:.4g} {unit}, and at most {c - claimed:.4g} {unit} are needed"
-    words = (
-        needed if T else f"at least {claimed:.4g} {unit} of damping is left at the friction port"
-    )
+    if T:
+        words = needed
+    else:
+        words = f"at least {claimed:.4g} {unit} of damping is left at the friction port"
     return FrictionVerdict.PROVED, f"{words} (most critical {where}; proved for all frequencies)"
 
 
 def _least_damping(left: _Damping) -> tuple[float, float]:
     """Return the smallest damping and its y approximately, for the report only."""
     slope = left.top.derivative() * left.bottom - left.top * left.bottom.derivative()
-    roots = complex_roots(slope) if slope.degree() > 0 else []
+    if slope.degree() > 0:
+        roots = complex_roots(slope)
+    else:
+        roots = []
     places = [0.0, np.inf, *(float(root.real.mid()) for root, _ in roots)]
     values = [(left.at(y), y) for y in places if y >= 0]
     least, y = min(values)
@@ -256,15 +259,24 @@ def _least_damping(left: _Damping) -> tuple[float, float]:
 def _quotient_as_float(top: Coefficient, bottom: Coefficient) -> float:
     """Return a quotient of rationals as a double; plus or minus infinity for a zero denominator."""
     if bottom == 0:
-        return np.inf if top > 0 else -np.inf
+        if top > 0:
+            return np.inf
+        return -np.inf
     found = top / bottom
     try:
         return int(found.p) / int(found.q)
     except OverflowError:
-        return np.inf if found > 0 else -np.inf
+        if found > 0:
+            return np.inf
+        return -np.inf
 
 
 def _frequency_of(y: float, T: float) -> str:
     """Describe the frequency of a point y on the axis, for the report."""
-    omega = 2 / T * np.arctan(np.sqrt(y)) if T else np.sqrt(y)
-    return f"at {format_hertz(float(omega))}" if np.isfinite(omega) else "towards high frequencies"
+    if T:
+        omega = 2 / T * np.arctan(np.sqrt(y))
+    else:
+        omega = np.sqrt(y)
+    if np.isfinite(omega):
+        return f"at {format_hertz(float(omega))}"
+    return "towards high frequencies"

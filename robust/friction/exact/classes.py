@@ -212,11 +212,9 @@ class BristlePort:
 def _fault_of_weights(port: PortClaim) -> str:
     if min([port.free, *port.weights]) < 0 or min([1.0, *port.rates]) <= 0:
         return "a weight is negative, or a rate is not positive"
-    return (
-        ""
-        if port.K0 > 0 and port.stiction >= 1
-        else "K0 is not positive, or the stiction is below one"
-    )
+    if port.K0 > 0 and port.stiction >= 1:
+        return ""
+    return "K0 is not positive, or the stiction is below one"
 
 
 #: The classes that a claim can be about.

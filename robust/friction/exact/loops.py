@@ -138,7 +138,10 @@ def with_actuator_filters(claim: FrictionClaim, loop: ExactLoop) -> ExactLoop:
     command_row, zero = _commanded_force_row(claim, size), to_rational(0.0)
     F = block_diagonal(loop.F, fmpq_mat(extra, extra)).tolist()
     jumps = [block_diagonal(jump, identity(extra)).tolist() for jump in loop.jumps]
-    moved = jumps[0] if jumps else F
+    if jumps:
+        moved = jumps[0]
+    else:
+        moved = F
     for j, phi in enumerate(forgets):
         moved[n + j] = [old + phi * a for old, a in zip(moved[n + j], command_row, strict=True)]
         moved[n + j][n + j] -= phi
@@ -210,11 +213,9 @@ def check_reach(
     B, v = to_rational_matrix(claim.machine.B).tolist(), loop.v.tolist()[0]
     through = sum((v[i] * B[i][1] for i in range(claim.machine.order)), start=to_rational(0.0))
     if through <= 0:
-        return (
-            ""
-            if own.share == 1
-            else "a force at the friction port does not change the velocity at once"
-        )
+        if own.share == 1:
+            return ""
+        return "a force at the friction port does not change the velocity at once"
     hit = fmpq_mat(
         [
             [B[i][1] / through] if i < claim.machine.order else [to_rational(0.0)]
@@ -226,8 +227,6 @@ def check_reach(
         (start.transpose() * P * start).tolist()[0][0] for interval in energy for P in interval
     )
     over = (1 - to_rational(own.share)) * to_rational(own.kick)
-    return (
-        ""
-        if over * over * put_in * peak_command <= left * left
-        else "a kick of that size may leave the sector"
-    )
+    if over * over * put_in * peak_command <= left * left:
+        return ""
+    return "a kick of that size may leave the sector"

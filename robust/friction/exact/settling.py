@@ -42,7 +42,9 @@ class Settling:
             for port in ports
             for rate, weight in zip(port.rates, port.weights, strict=True)
         )
-        return "a filter is slower than the decay" if slow else ""
+        if slow:
+            return "a filter is slower than the decay"
+        return ""
 
     def _rests(self, ports: Sequence[PortClaim]) -> list[fmpq]:
         """Return the largest difference of each friction from that of the same elements with
@@ -75,7 +77,10 @@ class Settling:
         stored, R = fmpq_mat(size + P, size + P).tolist(), fmpq_mat(2 * P, 2 * P).tolist()
         for p, (port, a) in enumerate(zip(ports, filters, strict=True)):
             mu, K0, d = [to_rational(x) for x in port.weights], to_rational(port.K0), size + p
-            share = rests[p] / most if most else to_rational(1.0)
+            if most:
+                share = rests[p] / most
+            else:
+                share = to_rational(1.0)
             v = loop.v.tolist()[p] + [zero] * (size - n)
             total = sum(mu, start=zero)
             lost = [m * (aj - decay) / K0 for m, aj in zip(mu, a, strict=True)]

@@ -34,11 +34,9 @@ def _exact_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
     if claim.settling is not None:
         return claim.settling.supply(claim.ports, loop)
     form = first.supply(others, loop)
-    return (
-        form
-        if claim.actuator is None
-        else _with_dead_zone(form, dead_zone_block(claim, loop, form.A.nrows()), loop)
-    )
+    if claim.actuator is None:
+        return form
+    return _with_dead_zone(form, dead_zone_block(claim, loop, form.A.nrows()), loop)
 
 
 def _with_dead_zone(form: ExactSupply, block: ExactBlock, loop: ExactLoop) -> ExactSupply:
@@ -78,18 +76,21 @@ def verify_friction(claim: FrictionClaim, *, time_cap: float = math.inf) -> Veri
     deadline, own = time.monotonic() + time_cap, claim.settling
     wrong = next(filter(None, (port.fault for port in claim.ports)), "") or check_actuator(claim)
     wrong = wrong or ("" if own is None else own.fault(claim.ports))
-    failed = {_PARTS[0]: wrong} if wrong else {}
+    if wrong:
+        failed = {_PARTS[0]: wrong}
+    else:
+        failed = {}
     try:
         loop = exact_loop(claim)
-        loop = loop if claim.actuator is None else with_actuator_filters(claim, loop)
+        if claim.actuator is not None:
+            loop = with_actuator_filters(claim, loop)
         form = _in_coordinates(_exact_supply(claim, loop), claim)
         energy = [[to_rational_matrix(P) for P in interval] for interval in claim.P]
         failed |= _check_decrease(claim, loop, form=form, energy=energy, deadline=deadline)
-        looked_at = (
-            [energy[0][0], energy[-1][-1]]
-            if own is None
-            else [P for interval in energy for P in interval]
-        )
+        if own is None:
+            looked_at = [energy[0][0], energy[-1][-1]]
+        else:
+            looked_at = [P for interval in energy for P in interval]
         whole = [_full_storage(form.stored, P) for P in looked_at]
         if not all(map(positive_definite, whole)):
             failed[_PARTS[3]] = "it is not positive definite"
@@ -103,11 +104,10 @@ def verify_friction(claim: FrictionClaim, *, time_cap: float = math.inf) -> Veri
     except (ValueError, ZeroDivisionError) as error:
         failed |= {"the claim": str(error)}
     more = [_SETTLING_CLAIM] * (own is not None) + [_ACTUATOR_CLAIM] * (claim.actuator is not None)
-    proved = (
-        tuple(part for part in (*_PARTS, *more) if part not in failed)
-        if "the claim" not in failed
-        else ()
-    )
+    if "the claim" not in failed:
+        proved = tuple(part for part in (*_PARTS, *more) if part not in failed)
+    else:
+        proved = ()
     return Verification(proved=proved, failed=tuple(failed.items()))
 
 
@@ -148,7 +148,9 @@ def _check_decrease(
     if not loop.spans:
         P = energy[0][0]
         held = len(energy) == 1 and positive_definite(-_flow_inequality(form, P, P - P))
-        return {} if held else {_PARTS[1]: "it does not"}
+        if held:
+            return {}
+        return {_PARTS[1]: "it does not"}
     counts = [int(count) for count in claim.counts]
     if (
         len(counts) != len(loop.spans)

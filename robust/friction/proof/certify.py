@@ -105,5 +105,8 @@ def reference_rate(machine: FrictionPlant, loop: FrictionLoop) -> float:
         return 1.5 * machine.resonance
     poles = loop.poles()
     poles = poles[np.abs(poles) > 1e-6]
-    rates = np.abs(np.log(poles.astype(complex))) / loop.T if loop.T else np.abs(poles)
+    if loop.T:
+        rates = np.abs(np.log(poles.astype(complex))) / loop.T
+    else:
+        rates = np.abs(poles)
     return float(np.clip(np.median(rates), 1.0, 1e3))

@@ -192,11 +192,10 @@ def maxwell_slip_multipliers(
     scaled = scaled / columns
     n = table.shape[1]
     A = np.column_stack([scaled, np.ones(table.shape[0])])
-    equal = (
-        np.ones((1, n))
-        if balanced is None
-        else np.vstack([np.ones(n), (balanced / columns[:, None]).T])
-    )
+    if balanced is None:
+        equal = np.ones((1, n))
+    else:
+        equal = np.vstack([np.ones(n), (balanced / columns[:, None]).T])
     result = linprog(
         np.append(np.zeros(n), -1.0),
         A_ub=A,

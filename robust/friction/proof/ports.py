@@ -119,11 +119,10 @@ def bound_of_ports(loop: FrictionLoop, forces: np.ndarray, bristle_time: float =
             for jump in loop.jumps
         ):
             return np.nan
-    ends = (
-        [loop.columns, loop.columns + bristle_time * loop.F @ loop.columns]
-        if bristle_time
-        else [loop.columns]
-    )
+    if bristle_time:
+        ends = [loop.columns, loop.columns + bristle_time * loop.F @ loop.columns]
+    else:
+        ends = [loop.columns]
     bounds = [
         sum(
             force * max(steady_error_bound(replace(loop, B=end[:, port], x=x, v=v)) for end in ends)
@@ -131,4 +130,6 @@ def bound_of_ports(loop: FrictionLoop, forces: np.ndarray, bristle_time: float =
         )
         for x, v in zip(loop.displacements, loop.velocities, strict=True)
     ]
-    return max(bounds) if np.isfinite(bounds).all() else np.nan
+    if np.isfinite(bounds).all():
+        return max(bounds)
+    return np.nan

@@ -67,7 +67,9 @@ class FrictionCertificate(NamedTuple):
         """
         if self.actuator is None:
             return -np.inf
-        return self.actuator.kick if self.actuator.share < 1 else np.inf
+        if self.actuator.share < 1:
+            return self.actuator.kick
+        return np.inf
 
 
 @value(kw_only=False)

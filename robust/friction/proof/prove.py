@@ -112,7 +112,10 @@ def prove_friction(
     machine, delay = separate_delay(machine, delay)
     loop = friction_loop(machine, K, delay)
     forces = largest_forces(machine, Fs)
-    known = None if saturation is None else limits_of_force(machine, ports[0], forces, saturation)
+    if saturation is None:
+        known = None
+    else:
+        known = limits_of_force(machine, ports[0], forces, saturation)
     forces = np.array(
         [one.largest_force(float(force)) for one, force in zip(ports, forces, strict=True)]
     )
@@ -215,9 +218,10 @@ def _describe_counterexample(proof: FrictionProof, loop: FrictionLoop) -> str:
     """Describe the member of the class that makes the loop unstable."""
     assert proof.counterexample is not None
     kappa, pole = proof.counterexample
-    size = (
-        f"|z| = {format_pole_modulus(abs(pole))}" if loop.T else f"real part {pole.real:.4g} rad/s"
-    )
+    if loop.T:
+        size = f"|z| = {format_pole_modulus(abs(pole))}"
+    else:
+        size = f"real part {pole.real:.4g} rad/s"
     if not np.any(kappa):
         return f"the sliding loop is unstable: without friction it has a pole of {size}"
     springs = [
@@ -237,8 +241,14 @@ def _describe_claim(
 ) -> str:
     """State the claim in one sentence. forces : (P,) largest friction at each port."""
     machine, units, dt = proof.machine, proof.units, timebase(K)
-    clock = f"sampled at {1 / dt / 1e3:.4g} kHz" if dt else "with a continuous controller"
-    late = f" with {1e3 * delay:.4g} ms of delay" if delay else ""
+    if dt:
+        clock = f"sampled at {1 / dt / 1e3:.4g} kHz"
+    else:
+        clock = "with a continuous controller"
+    if delay:
+        late = f" with {1e3 * delay:.4g} ms of delay"
+    else:
+        late = ""
     scope = f"with {proof.scope}, for the linear part {machine.description}, {clock}{late}"
     most = " and ".join(
         f"{force:g} {units.force}{place}"

@@ -113,7 +113,8 @@ def _open_at_actuator(
     """
     K = state_space("K", K)
     loop = friction_loop(machine, K, delay)
-    forgets = np.zeros(0) if forgets is None else forgets
+    if forgets is None:
+        forgets = np.zeros(0)
     n, m, s = machine.A.shape[0], loop.F.shape[0], K.nstates
     size = m + forgets.size
     command_row, input_column = np.zeros(size), np.zeros(size)
@@ -223,11 +224,10 @@ def _saturation_terms(
     loop, s = cut.loop, 1j * omega
     none = np.zeros(loop.B.size)
     by_f, before_f = driven_states(loop, omega, flow=loop.B, struck=none)
-    by_w, before_w = (
-        driven_states(loop, omega, flow=none, struck=-cut.input_column)
-        if loop.T
-        else driven_states(loop, omega, flow=-cut.input_column, struck=none)
-    )
+    if loop.T:
+        by_w, before_w = driven_states(loop, omega, flow=none, struck=-cut.input_column)
+    else:
+        by_w, before_w = driven_states(loop, omega, flow=-cut.input_column, struck=none)
     v = np.stack([by_f, by_w], axis=1) @ loop.v
     command_row = np.stack([before_f, before_w], axis=1) @ cut.command_row
     f, w = np.broadcast_to([1.0, 0.0], v.shape), np.broadcast_to([0.0, 1.0], v.shape)
@@ -235,7 +235,10 @@ def _saturation_terms(
     columns = friction_forms(f, v, omega=omega, rates=rates, K0=K0, rho=rho)
     each = 1 / loop.T if loop.T else 1.0  # samples a second
     columns.append(each * hermitian_product(w, share * (command_row - rest) - w))
-    step = np.exp(s * loop.T) - 1 if loop.T else s
+    if loop.T:
+        step = np.exp(s * loop.T) - 1
+    else:
+        step = s
     columns += [
         each * hermitian_product(w, (step / (step + phi))[:, None] * (command_row - w))
         for phi in forgets
@@ -283,7 +286,10 @@ def largest_region(
     best, missed = FrictionCertificate(why), 0
     for share in _SECTOR_GAINS:
         found = region(share)
-        missed = missed + 1 if found.energy is None else 0
+        if found.energy is None:
+            missed = missed + 1
+        else:
+            missed = 0
         if found.kick > best.kick:
             best = found._replace(reason=why)
         if missed == _MAX_FAILURES and share > _SECTOR_GAINS[_MAX_FAILURES]:
@@ -296,7 +302,10 @@ def _region_for_sector(
 ) -> FrictionCertificate:
     """Return the region that is proved with the sector gain `known.share`, if one is."""
     omega, reference = loop_frequencies(cut.loop, _N_POINTS), reference_rate(task.machine, cut.loop)
-    forgets = _FILTER_SHARES if cut.loop.T else _FILTER_RATES * reference
+    if cut.loop.T:
+        forgets = _FILTER_SHARES
+    else:
+        forgets = _FILTER_RATES * reference
     for rates in filter_rates(reference, limits.bristle_time)[:_N_SETS]:
         table = _saturation_terms(
             cut,

@@ -126,7 +126,10 @@ def _filter_forms(
         own = np.zeros(n_ports)
         own[port] = unit[port]
         for j, rate in enumerate(rates):
-            held = V[first + port * extra + j - 1] if j else np.zeros(n)
+            if j:
+                held = V[first + port * extra + j - 1]
+            else:
+                held = np.zeros(n)
             seen = np.append(-held, own)  # d - e_j
             cross = np.outer(seen, np.append(v[port], np.zeros(n_ports)))
             supplies.append(
@@ -157,7 +160,10 @@ def _settle_at_rate(
     # d/dt V + 2 lambda V <= ... for A is d/dt V <= ... for A + lambda I
     A = back @ A @ V + decay * np.eye(n)
     jumps = back @ jumps @ V
-    time_unit = float(loop.spans.sum()) if loop.T else 1 / max(1.0, float(np.linalg.norm(A, 2)))
+    if loop.T:
+        time_unit = float(loop.spans.sum())
+    else:
+        time_unit = 1 / max(1.0, float(np.linalg.norm(A, 2)))
     B = back @ B
     sizes = np.linalg.norm(B, axis=0)
     sizes[n_ports:] = sizes[n_ports:].max()  # one unit for all rests
@@ -203,7 +209,10 @@ def _settle_at_rate(
         for _ in range(max(1, loop.spans.size))
     ]
     for i, b in enumerate(storage):
-        slopes = _slopes_of_cubic(b, loop.spans[i]) if loop.T else [np.zeros((n, n))]
+        if loop.T:
+            slopes = _slopes_of_cubic(b, loop.spans[i])
+        else:
+            slopes = [np.zeros((n, n))]
         constraints += [flow(P, slope) for P, slope in zip(b, slopes, strict=True)]
         constraints += [one for P in b for one in within(P)]
     # V does not rise over a jump: from the end of the span before it to the start of the span after

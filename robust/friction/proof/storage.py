@@ -181,7 +181,9 @@ def proposed_storage(form: Dissipation, slack: float) -> np.ndarray | None:
         with np.errstate(over="ignore", invalid="ignore"):  # an overflow gives no storage function
             if not form.spans.size:
                 _, Z, count = schur(hamiltonian, sort="lhp")
-                return _solution_from_subspace(Z, n) if count == n else None
+                if count == n:
+                    return _solution_from_subspace(Z, n)
+                return None
             stretches = []
             for i, span in enumerate(form.spans):  # begin after the first jump
                 jump = _jump_stretch(form, (i + 1) % form.spans.size, slack * form.spans.sum())
@@ -193,7 +195,9 @@ def proposed_storage(form: Dissipation, slack: float) -> np.ndarray | None:
             if np.count_nonzero(np.abs(alpha) < np.abs(beta)) != n:
                 return None
             P = _solution_from_subspace(Z, n)
-            return P if form.block is None or P is None else _refine_by_newton(period, P)
+            if form.block is None or P is None:
+                return P
+            return _refine_by_newton(period, P)
     except (np.linalg.LinAlgError, ValueError):
         return None
 
@@ -204,13 +208,17 @@ def _refine_by_newton(period: Stretch, P: np.ndarray) -> np.ndarray | None:
         left = _propagate_back(period, P) - P
         closed = np.linalg.solve(np.eye(P.shape[0]) - period[1] @ P, period[0])
         P = P + solve_discrete_lyapunov(closed.T, (left + left.T) / 2)
-    return (P + P.T) / 2 if np.isfinite(P).all() else None
+    if np.isfinite(P).all():
+        return (P + P.T) / 2
+    return None
 
 
 def _solution_from_subspace(Z: np.ndarray, n: int) -> np.ndarray | None:
     """Return P = U2 U1^-1 of a subspace [U1; U2]."""
     P = np.linalg.solve(Z[:n, :n].T, Z[n:, :n].T).T
-    return (P + P.T) / 2 if np.isfinite(P).all() else None
+    if np.isfinite(P).all():
+        return (P + P.T) / 2
+    return None
 
 
 # ---- The judge: does a storage function prove a dissipation inequality? Its matrices are assembled
@@ -323,7 +331,10 @@ def build_storage(
     n, spans = A.shape[0], form.spans
     total = spans.sum()
     counts = np.array([max(1, round(n_intervals * span / total)) for span in spans], dtype=int)
-    parts = [] if spans.size else [P[np.newaxis, np.newaxis]]
+    if spans.size:
+        parts = []
+    else:
+        parts = [P[np.newaxis, np.newaxis]]
     later = P  # just after the jump that begins the next span
     for i in reversed(range(spans.size)):
         W = _propagate_back(_jump_stretch(form, (i + 1) % spans.size, slack * total), later)
@@ -394,11 +405,10 @@ def judge_storage(judged: _BoundedForm, storage: JudgedStorage) -> tuple[str, fl
     The size is the largest scaled eigenvalue of a failure between samples, which finer intervals
     may remove. It is infinite for any other failure.
     """
-    counts, spans = (
-        (storage.counts, judged.form.spans)
-        if storage.counts.size
-        else (np.ones(1, dtype=int), np.ones(1))
-    )
+    if storage.counts.size:
+        counts, spans = storage.counts, judged.form.spans
+    else:
+        counts, spans = np.ones(1, dtype=int), np.ones(1)
     b = np.broadcast_to(storage.P, (counts.sum(), 4, *storage.P.shape[2:]))
     h = np.repeat(spans / counts, counts)
     h = h[:, None, None, None]
@@ -467,11 +477,9 @@ def _check_positive(judged: _BoundedForm, P: np.ndarray) -> str:
     size = np.broadcast_to(judged.off.stored, energy.shape).copy() + 4 * _EPS * np.abs(stored)
     size[..., :n, :n] += 4 * _EPS * np.abs(P)
     worst = _largest_scaled_eigenvalue(-energy, size)
-    return (
-        ""
-        if worst < 0
-        else f"the stored energy is not positive: its least scaled eigenvalue is {-worst:.2g}"
-    )
+    if worst < 0:
+        return ""
+    return f"the stored energy is not positive: its least scaled eigenvalue is {-worst:.2g}"
 
 
 METHOD = "periodic Riccati equation, Bernstein"

@@ -134,7 +134,10 @@ def assume_class(read: MachineRead, *, stiction: float, margin: float) -> Machin
         MaxwellSlip(float(K0), float(rho), position_unit=machine.position_unit)
         for K0, rho in zip(stiffness, ratio, strict=True)
     )
-    places = "" if machine.n_ports == 1 else " at " + " and ".join(machine.port_names)
+    if machine.n_ports == 1:
+        places = ""
+    else:
+        places = " at " + " and ".join(machine.port_names)
     stiffest = " and ".join(format_plain(one.K0 / 1e3) for one in ports)
     ratios = " and ".join(f"{one.stiction:.3g}" for one in ports)
     if np.isnan(read.stiction).all():

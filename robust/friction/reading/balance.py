@@ -166,12 +166,16 @@ class Candidate:
     @property
     def stiction(self) -> float:
         """Largest over smallest force of a slider."""
-        return 1 + float(np.exp(self.numbers["log_excess"])) if self.terms.stiction else 1.0
+        if self.terms.stiction:
+            return 1 + float(np.exp(self.numbers["log_excess"]))
+        return 1.0
 
     @property
     def vs(self) -> float:
         """Stribeck velocity [m/s]."""
-        return float(np.exp(self.numbers["log_vs"])) if self.terms.stiction else np.inf
+        if self.terms.stiction:
+            return float(np.exp(self.numbers["log_vs"]))
+        return np.inf
 
     @property
     def load_sliders(self) -> nlfrf.friction.VaryingSliders | None:
@@ -268,7 +272,10 @@ def element_spectra(
     n = motion.x.shape[1]
     found = np.empty((breakaway.size, *motion.U.shape), dtype=complex)
     for m, (x, v) in enumerate(zip(motion.x, motion.v, strict=True)):
-        first = [(x.max() + x.min()) / 2] if motion.centred else []
+        if motion.centred:
+            first = [(x.max() + x.min()) / 2]
+        else:
+            first = []
         path, speed = np.concatenate([first, x, x]), np.concatenate([np.zeros(len(first)), v, v])
         forces = nlfrf.friction.element_forces(sliders, path, speed, fs=motion.fs)
         found[:, m] = 2 / n * np.fft.rfft(forces[:, -n:], axis=-1)[:, motion.lines]
@@ -282,11 +289,9 @@ def reaction_of_load(motion: Motion, candidate: Candidate) -> np.ndarray:
     its second period is taken. The transient of the first period has then decayed at least by
     exp(-c/(2 m2) T), which is 1e-3 or less on the presets of `nlfrf.servo_axis`.
     """
-    return (
-        _follow_load(motion, candidate)[0]
-        if candidate.terms.load
-        else np.zeros(motion.U.shape, dtype=complex)
-    )
+    if candidate.terms.load:
+        return _follow_load(motion, candidate)[0]
+    return np.zeros(motion.U.shape, dtype=complex)
 
 
 def _follow_load(motion: Motion, candidate: Candidate, *, slopes: bool = False) -> np.ndarray:
@@ -403,7 +408,8 @@ def residual_of(
         candidate.terms.linear, linear_columns(motion, candidate.terms), strict=True
     ):
         left = left - candidate.numbers[name] * column
-    spectra = spectra_of(motion, candidate) if spectra is None else spectra
+    if spectra is None:
+        spectra = spectra_of(motion, candidate)
     return np.asarray(
         left
         - np.tensordot(candidate.stiffness, spectra, axes=1)
@@ -429,7 +435,10 @@ def slopes_of(
     columns.append(-1j * omega * force)
     if terms.lag:
         columns.append(-(omega**2) / 2 * force)  # to first order in T^2
-    base = spectra_of(motion, candidate) if spectra is None else spectra
+    if spectra is None:
+        base = spectra_of(motion, candidate)
+    else:
+        base = spectra
     if terms.stiction:
         ahead = np.exp(STEP)
         for stiction, vs in (
@@ -438,7 +447,10 @@ def slopes_of(
         ):
             moved = element_spectra(motion, D, stiction=stiction, vs=vs)
             columns.append(-np.tensordot(candidate.stiffness, moved - base, axes=1) / STEP)
-    of_load = list(-_follow_load(motion, candidate, slopes=True)[1:]) if terms.load else []
+    if terms.load:
+        of_load = list(-_follow_load(motion, candidate, slopes=True)[1:])
+    else:
+        of_load = []
     columns += of_load[: len(LOAD)]
     wider = element_spectra(motion, D * np.exp(STEP), stiction=candidate.stiction, vs=candidate.vs)
     narrower = element_spectra(

@@ -212,7 +212,10 @@ def read_friction_force(
     whole = [one for one, cut_off in zip(levels, limited, strict=True) if not cut_off]
     kept = [one for one in whole if _repeats(one)]
     # below the first level that repeats the axis hunts by itself
-    first = next((k for k, one in enumerate(whole) if one is kept[0]), 0) if kept else len(whole)
+    if kept:
+        first = next((k for k, one in enumerate(whole) if one is kept[0]), 0)
+    else:
+        first = len(whole)
     shown = sorted(_peak_of_level(one, sliding) for one in whole[first:])
     peaks = [_peak_of_level(one, sliding) for one in kept]
     Fs, reason = break_away(shown, abs(sliding.coulomb), falls_later=True)
@@ -221,7 +224,10 @@ def read_friction_force(
     stribeck = _stribeck_velocity(f, v, abs(sliding.coulomb))
     if not np.isfinite(stribeck).all():
         Fs, reason = break_away(shown, abs(sliding.coulomb))
-    largest = float(Fs[1]) if np.isfinite(Fs[1]) else max((one.peak for one in shown), default=0.0)
+    if np.isfinite(Fs[1]):
+        largest = float(Fs[1])
+    else:
+        largest = max((one.peak for one in shown), default=0.0)
     contradiction = ""
     if (grown := _growth_of_friction(sliding, f, v, slides)) is not None:
         at_rest, factor = grown
@@ -299,7 +305,9 @@ def _usable_edge(record: nlfrf.Record, machine: SlidingFit | FrictionFit) -> flo
 def _quiet_edge(record: nlfrf.Record, machine: SlidingFit | FrictionFit, most: float) -> float:
     """Return the frequency [rad/s] up to which an encoder step makes less than `most` [N]."""
     step = _STEP_ACCELERATION * machine.mass * smallest_step(record.y)
-    return float(np.sqrt(most / step)) if step else np.inf
+    if step:
+        return float(np.sqrt(most / step))
+    return np.inf
 
 
 def friction_of_period(
@@ -354,11 +362,9 @@ def _friction_of_signals(
 
 def _rigid_edge(machine: SlidingFit | FrictionFit) -> float:
     """Return the frequency [rad/s] up to which motor and load move as one."""
-    return (
-        _RIGID * float(np.sqrt(machine.coupling / machine.load_mass))
-        if machine.load_mass
-        else np.inf
-    )
+    if machine.load_mass:
+        return _RIGID * float(np.sqrt(machine.coupling / machine.load_mass))
+    return np.inf
 
 
 def _slides_of(
@@ -423,7 +429,9 @@ def _growth_of_friction(
     )
     low, high = means.mean() - half, means.mean() + half
     coulomb = np.sort(np.abs(sliding.interval("coulomb")))
-    return (np.array([low, high]), float(coulomb[1] / low)) if coulomb[0] > high > low > 0 else None
+    if coulomb[0] > high > low > 0:
+        return np.array([low, high]), float(coulomb[1] / low)
+    return None
 
 
 def _stribeck_velocity(f: np.ndarray, v: np.ndarray, coulomb: float) -> np.ndarray:
@@ -457,7 +465,9 @@ def _fit_stribeck(f: np.ndarray, v: np.ndarray, vs: float | None) -> float:
     columns = [np.ones(v.size), v] + ([] if vs is None else [np.exp(-((v / vs) ** 2))])
     X = np.column_stack(columns)
     found = np.linalg.solve(X.T @ X + 1e-12 * np.diag((X**2).sum(axis=0)), X.T @ f)
-    return float(((f - X @ found) ** 2).sum()) if vs is None or found[2] > 0 else np.inf
+    if vs is None or found[2] > 0:
+        return float(((f - X @ found) ** 2).sum())
+    return np.inf
 
 
 def break_away(
@@ -515,11 +525,10 @@ def _stiffness_at_rest(
     peaks : of each level. Fs : the least break-away force [N]; if it is nan, the largest peak takes
     its place.
     """
-    least = (
-        Fs
-        if np.isfinite(Fs)
-        else (1 - _SCATTER_LOW) * max((one.peak - one.error for one in peaks), default=0.0)
-    )
+    if np.isfinite(Fs):
+        least = Fs
+    else:
+        least = (1 - _SCATTER_LOW) * max((one.peak - one.error for one in peaks), default=0.0)
     read, kept = [], []
     for record, one in zip(levels, peaks, strict=True):
         if (found := _spring_and_damper(record, sliding)) is not None:
@@ -561,7 +570,9 @@ def before_coupling(stiffness: float, machine: SlidingFit) -> float:
     if not machine.load_mass:
         return stiffness
     left = 1 - stiffness / max(machine.interval("coupling")[0], np.finfo(float).tiny)
-    return stiffness / left if left > 0 else np.inf
+    if left > 0:
+        return stiffness / left
+    return np.inf
 
 
 def _falling_slope(sliding: SlidingFit, Fs: float, fastest: float) -> float:

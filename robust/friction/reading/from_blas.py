@@ -251,7 +251,10 @@ def _variance_inflation(solution: _Solution, misfit: float) -> float:
     """
     r = solution.residual
     power = float((np.abs(r) ** 2).sum())
-    autocorrelation = float((r[1:] * r[:-1].conj()).real.sum()) / power if power > 0 else 0.0
+    if power > 0:
+        autocorrelation = float((r[1:] * r[:-1].conj()).real.sum()) / power
+    else:
+        autocorrelation = 0.0
     autocorrelation = float(np.clip(autocorrelation, 0.0, 0.99))
     return max(1.0, misfit) * (1 + autocorrelation) / (1 - autocorrelation)
 
@@ -412,11 +415,10 @@ def read_blas(blas: list[Bla], nominal: object) -> MachineRead:
             for one, more in zip(model.machines, added, strict=True)
         )
     lowest, highest = max(bla.f[0] for bla in blas), min(bla.f[-1] for bla in blas)
-    fallen = (
-        f" and {fell / 1e3:.2g} {kilo}, its fall over the last doubling of the force,"
-        if fell
-        else ""
-    )
+    if fell:
+        fallen = f" and {fell / 1e3:.2g} {kilo}, its fall over the last doubling of the force,"
+    else:
+        fallen = ""
     widened = (
         f"{SIGMAS:g} standard deviations{fallen} below the {top.slow / 1e3:.4g} {kilo} of the"
         " highest level"
@@ -579,7 +581,10 @@ def _stiffness_at_rest(fits: list[_LevelFit], lost: float, *, units: MechanicalU
         difference = max(0.0, lowest.stiffness - other.stiffness)
         spread = SIGMAS * float(np.hypot(lowest.stiffness_std, other.stiffness_std))
         ratio = other.force / lowest.force
-        added = (difference + spread) / (ratio - 1) if ratio > 1 else np.inf
+        if ratio > 1:
+            added = (difference + spread) / (ratio - 1)
+        else:
+            added = np.inf
         extrapolations.append(
             (added if difference <= allowed else np.inf, added, difference, spread, ratio, other)
         )

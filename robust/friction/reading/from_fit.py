@@ -42,8 +42,8 @@ def plant_of_fit(
     encoder : "motor" or "load".
     """
     unit, damping = position_unit_of(fit.units[1]), max(0.0, fit.damping)
-    plant = (
-        two_mass_plant(
+    if fit.load_mass:
+        plant = two_mass_plant(
             fit.mass - fit.load_mass,
             fit.load_mass,
             fit.coupling,
@@ -54,15 +54,16 @@ def plant_of_fit(
             encoder=encoder,
             position_unit=unit,
         )
-        if fit.load_mass
-        else friction_plant(fit.mass, spring, damping, position_unit=unit)
-    )
+    else:
+        plant = friction_plant(fit.mass, spring, damping, position_unit=unit)
     return replace(plant, delay=max(0.0, fit.delay))
 
 
 def largest_damping(fit: FrictionFit) -> float:
     """Return the upper end of the viscous friction [Ns/m]; zero if the levels leave it open."""
-    return max(0.0, fit.interval("damping")[1]) if np.isfinite(fit.stds["damping"]) else 0.0
+    if np.isfinite(fit.stds["damping"]):
+        return max(0.0, fit.interval("damping")[1])
+    return 0.0
 
 
 def machines_of_fit(fit: FrictionFit) -> list[FrictionPlant]:

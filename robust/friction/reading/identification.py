@@ -437,11 +437,10 @@ def _questions_of(
     begins = _OUTER_WITH_SPRING if candidate.terms.spring else _OUTER_OF_FREE
     late = float((k * D)[begins * outer < D].sum()) / Fs
     if late > _MOST_LATE or stuck:
-        seen = (
-            f"{stuck:.3g} {unit_of('F/L', units)} never slip"
-            if stuck
-            else f"{100 * late:.2g} % of Fs breaks away beyond {begins:.2g} of that"
-        )
+        if stuck:
+            seen = f"{stuck:.3g} {unit_of('F/L', units)} never slip"
+        else:
+            seen = f"{100 * late:.2g} % of Fs breaks away beyond {begins:.2g} of that"
         yield _OpenQuestion(
             kind=Gap.HIGHEST_LEVEL_STICKS,
             description=(
@@ -587,7 +586,9 @@ def _stuck_stiffness(levels: list[Motion], stds: list[np.ndarray], candidate: Ca
     worth, amount = gain_of(
         as_real([one.Y / std for one, std in zip(levels, stds, strict=True)]), Q, left
     )
-    return amount if worth > WORTH and amount > 0 else 0.0
+    if worth > WORTH and amount > 0:
+        return amount
+    return 0.0
 
 
 def identify_friction(
@@ -655,9 +656,15 @@ def identify_friction(
         raise ValueError(f"masses must be 1, or 2 for a motor and a load, got {masses}")
     records = _list_levels(records)
     two = masses == 2
-    machine = None if sliding is None or not two else linear_load(sliding)
+    if sliding is None or not two:
+        machine = None
+    else:
+        machine = linear_load(sliding)
     # for two masses the errors of the time steps are in `_LOAD_ERROR`
-    first, finest = (1, COARSE) if two else (COARSE, FINE)
+    if two:
+        first, finest = 1, COARSE
+    else:
+        first, finest = COARSE, FINE
 
     def motions(steps: float, shrinkage: float = SHRINKAGE) -> list[Motion]:
         finer = FINE if two else steps  # an oscillation of the load may have few samples
@@ -677,11 +684,10 @@ def identify_friction(
         min(float(np.std(one.x)) for one in coarse) / 2,
         0.9 * max(one.half_swing for one in coarse),
     )
-    starts = (
-        start_with_load(coarse, spring=not free, machine=machine)
-        if two
-        else start_candidates(coarse, span, spring=not free)
-    )
+    if two:
+        starts = start_with_load(coarse, spring=not free, machine=machine)
+    else:
+        starts = start_candidates(coarse, span, spring=not free)
     if not starts[0].numbers["mass"] > 0:
         raise ValueError(
             f"records must be from force to position, got a mass of {starts[0].numbers['mass']:.3g}"
@@ -711,7 +717,10 @@ def identify_friction(
         )
     balances = [_balance_of(level, std, candidate) for level, std in zip(fine, stds, strict=True)]
     units = units_of(records[0])
-    stuck = _stuck_stiffness(fine, stds, candidate) if free and not refuted else 0.0
+    if free and not refuted:
+        stuck = _stuck_stiffness(fine, stds, candidate)
+    else:
+        stuck = 0.0
     mode = None
     if (
         not two and max(one.unexplained for one in balances) < _MOST_UNEXPLAINED
@@ -752,7 +761,10 @@ def _list_levels(records: Sequence[nlfrf.Record]) -> list[nlfrf.Record]:
     """Return the records of at least three levels of one axis, the highest force first; refuse
     anything else.
     """
-    levels = list(records) if isinstance(records, Iterable) else records
+    if isinstance(records, Iterable):
+        levels = list(records)
+    else:
+        levels = records
     if not isinstance(levels, list) or not all(
         isinstance(one, nlfrf.Record) and one.is_single for one in levels
     ):

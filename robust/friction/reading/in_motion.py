@@ -175,7 +175,10 @@ def identify_sliding(
     found, spread, misfit = _fit_forces(speeds, _mean_forces(records), slopes)
     both = found.size == 3
     delay, delay_std = joined("delay")
-    coupled = {name: joined(name) for name in _COUPLED} if masses == 2 else {}
+    if masses == 2:
+        coupled = {name: joined(name) for name in _COUPLED}
+    else:
+        coupled = {}
     if coupled and not 0 < coupled["load_mass"][0] < mass:
         raise ValueError(
             "records must distinguish motor and load, got a load of"
@@ -265,7 +268,10 @@ def fit_linear(motion: Motion, masses: int) -> tuple[dict[str, float], dict[str,
     found = derived_numbers(pack(candidate), candidate)
     spread = deviations([motion], reweight([motion], candidate), candidate)
     # behind an estimated load a lag is a lag
-    lag = 0.0 if two else candidate.numbers.get("lag_squared", 0.0)
+    if two:
+        lag = 0.0
+    else:
+        lag = candidate.numbers.get("lag_squared", 0.0)
     # a lag that stands for a mode changes the phase a little, which looks like damping
     errors = {
         "mass": mode_error(motion, found, lag) * abs(found["mass"]),

@@ -214,7 +214,8 @@ def _fit_sticking_level(level: Motion, machine: _LinearLoad) -> tuple[float, flo
     """Return the stiffness of the friction at motor and load [N/m] from a level that sticks."""
     omega, Y = level.omega, level.Y
     seen = level.noise.mean(axis=0) < 0.1 * (np.abs(Y) ** 2).mean(axis=0)
-    seen = seen if seen.any() else np.ones(omega.size, dtype=bool)
+    if not seen.any():
+        seen = np.ones(omega.size, dtype=bool)
     force = (
         actuated_force(level, {"delay": machine.delay})
         + (machine.motor * omega**2 - machine.spring) * Y

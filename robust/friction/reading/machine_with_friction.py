@@ -99,7 +99,10 @@ def machine_with_friction(
     """
     if isinstance(blas, FrictionFit):
         return assume_class(read_fit(blas), stiction=stiction, margin=margin)
-    levels = list(blas) if isinstance(blas, Iterable) else [blas]
+    if isinstance(blas, Iterable):
+        levels = list(blas)
+    else:
+        levels = [blas]
     records = [one for one in levels if isinstance(one, Record)]
     measured = [one for one in levels if isinstance(one, Bla) and is_single(one)]
     if len(records) + len(measured) < len(levels):

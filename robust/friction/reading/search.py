@@ -409,7 +409,9 @@ def extend(
                 [(one - base) / faint for one, base in zip(moved, reactions, strict=True)],
                 with_load_element,
             )
-    return max(options, key=lambda one: one[0])[1] if options else None
+    if options:
+        return max(options, key=lambda one: one[0])[1]
+    return None
 
 
 def search(
@@ -472,7 +474,10 @@ def _extend_fully(
     likelihood, candidate = settled
     two, before = candidate.terms.load, np.inf
     for k in range(_MOST_ELEMENTS + 4):
-        share = largest_share(levels, candidate) if k or two else 0.0
+        if k or two:
+            share = largest_share(levels, candidate)
+        else:
+            share = 0.0
         if share > REFUTED or (two and not EXPLAINED_BY_TWO <= share < _LEFT_BY_ONE_MORE * before):
             break
         before = share

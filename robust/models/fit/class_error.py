@@ -80,7 +80,8 @@ def target_loop(
     u = np.log(x[beyond])
     level = np.log(smooth[..., beyond])
     share = 1 / x[beyond]
-    u = u - np.average(u, weights=share) if u.size else u
+    if u.size:
+        u = u - np.average(u, weights=share)
     spread = max(float(share @ u**2), np.finfo(float).tiny)
     n = 1 + np.clip(-(level * share) @ u / spread, 0.0, 1.0)[..., None]
     with np.errstate(divide="ignore"):

@@ -192,7 +192,9 @@ def _root_covariances(roots: np.ndarray, cov: np.ndarray, dt: float) -> np.ndarr
 
 
 def _roots_in_model_plane(roots: np.ndarray, dt: float) -> np.ndarray:
-    return (1 + roots * dt / 2) / (1 - roots * dt / 2) if dt else roots
+    if dt:
+        return (1 + roots * dt / 2) / (1 - roots * dt / 2)
+    return roots
 
 
 def expected_ratio(dof: np.ndarray, n_outputs: int = 1) -> np.ndarray:

@@ -163,14 +163,18 @@ def matrices_given(bla: object) -> list[Bla]:
 
 def require_same_units(given: object) -> None:
     """Refuse a list of BLAs whose units differ; unknown units match any."""
-    blas = [one for one in given if isinstance(one, Bla)] if isinstance(given, list | tuple) else []
+    if isinstance(given, list | tuple):
+        blas = [one for one in given if isinstance(one, Bla)]
+    else:
+        blas = []
     for one, other in itertools.combinations(blas, 2):
         for name in ("input_units", "output_units"):
             for pair in zip(getattr(one, name), getattr(other, name), strict=False):
                 if units_differ(*pair):
-                    first, second = (
-                        (one.unit, other.unit) if one.is_single and other.is_single else pair
-                    )
+                    if one.is_single and other.is_single:
+                        first, second = one.unit, other.unit
+                    else:
+                        first, second = pair
                     raise ValueError(
                         f"bla must be records in the same units, got {first} and {second}"
                     )
@@ -204,11 +208,10 @@ def _fit_matrix(
     n_poles = require_integer("n_poles", n_poles, least=0)
     rank = require_integer("rank", rank, least=1)
     estimated = isinstance(delay, str)
-    tau = (
-        np.zeros(frm.n_inputs)
-        if isinstance(delay, str)
-        else _checked_delays(delay, frm.n_inputs, dt)
-    )
+    if isinstance(delay, str):
+        tau = np.zeros(frm.n_inputs)
+    else:
+        tau = _checked_delays(delay, frm.n_inputs, dt)
     if estimated and delay != "estimate":
         raise ValueError(
             'delay must be a number [s], one for each input, or "estimate", got'
@@ -236,9 +239,10 @@ def _fit_matrix(
             "stable": stable,
         },
     )
-    model, tau = (
-        _estimate_input_delays(sought, dt) if estimated else (sought.fit_behind_delays(tau)[0], tau)
-    )
+    if estimated:
+        model, tau = _estimate_input_delays(sought, dt)
+    else:
+        model, tau = sought.fit_behind_delays(tau)[0], tau
     n_parameters = model.n_parameters + (frm.n_inputs if estimated and not dt else 0)
     if 2 * measured.size < n_parameters:
         raise ValueError(
@@ -319,7 +323,9 @@ def _checked_delays(delay: float | np.ndarray, n_inputs: int, dt: float) -> np.n
                 f"delay must be one number or {n_inputs}, one for each input, none negative, got"
                 f" {tau}"
             )
-    return np.array([delay_samples("delay", float(one), dt) * dt for one in tau]) if dt else tau
+    if dt:
+        return np.array([delay_samples("delay", float(one), dt) * dt for one in tau])
+    return tau
 
 
 def _estimate_input_delays(sought: _MatrixFitProblem, dt: float) -> tuple[SharedPoles, np.ndarray]:
@@ -450,7 +456,8 @@ def _poles_outside(G: control.StateSpace, omega: np.ndarray) -> np.ndarray:
     """
     p = G.poles()
     with np.errstate(divide="ignore"):
-        p = np.log(p.astype(complex)) / G.dt if G.dt else p
+        if G.dt:
+            p = np.log(p.astype(complex)) / G.dt
     size = np.sort(np.abs(p[p.imag >= 0]))
     low, high = omega.min(), omega.max()
     return size[
@@ -569,7 +576,10 @@ class NominalFit:
 
     def __str__(self) -> str:
         ratio = self.cost / self.expected_cost
-        kind = f"sampled at {1 / self.G.dt:g} Hz" if self.G.dt else "continuous"
+        if self.G.dt:
+            kind = f"sampled at {1 / self.G.dt:g} Hz"
+        else:
+            kind = "continuous"
         delays = np.unique(self.delay if self.delays is None else self.delays)
         delays_in_ms = ", ".join(f"{1e3 * tau:.3g}" for tau in delays)
         return (
@@ -599,7 +609,10 @@ class NominalFit:
         size = np.sum(np.abs(self.response + self.residual) ** 2, axis=channels)
         share = np.sqrt(beyond / np.maximum(size, np.finfo(float).tiny))
         low, worst = ~(self.omega > self.omega_c), int(np.argmax(share))
-        band = "" if np.isnan(self.omega_c) else f" below {format_hertz(self.omega_c)}"
+        if np.isnan(self.omega_c):
+            band = ""
+        else:
+            band = f" below {format_hertz(self.omega_c)}"
         return (
             f"error of the class: {np.sqrt(np.mean(share[low] ** 2)):.2g} of |G|{band} (rms over"
             f" lines), at most {share[worst]:.2g} of |G| at {format_hertz(self.omega[worst])}"
@@ -637,7 +650,10 @@ def frd(bla: Bla) -> control.FrequencyResponseData:
     """
     if not isinstance(bla, Bla):
         raise ValueError(f"bla must be an nlfrf.Bla, got {short_form(bla)}")
-    names = {} if bla.is_single else {"inputs": list(bla.inputs), "outputs": list(bla.outputs)}
+    if bla.is_single:
+        names = {}
+    else:
+        names = {"inputs": list(bla.inputs), "outputs": list(bla.outputs)}
     return control.FrequencyResponseData(bla.G, bla.omega, name="bla", **names)
 
 
@@ -766,7 +782,10 @@ def likeliest_fit(
     if weighted is search and fewer is not None:
         tried += [(search, one) for one in fewer]
     elif n_zeros is None or fewer is not None:
-        highest = np.inf if search.dt else OUTSIDE_FACTOR * search.lines.omega.max()
+        if search.dt:
+            highest = np.inf
+        else:
+            highest = OUTSIDE_FACTOR * search.lines.omega.max()
         tried += [(weighted, one) for one in weighted.without_zeros_above(roots, highest)]
     fit = min((_nominal_of_roots(*one, bla) for one in tried), key=lambda fit: fit.criterion)
     one_record = is_single(bla) or (isinstance(bla, Sequence) and len(bla) == 1)
@@ -787,7 +806,10 @@ def start_search(
     lines = _measured_lines(bla, std, dt, omega_c)
     if isinstance(delay, str) and delay != "estimate":
         raise ValueError(f'delay must be a number [s] or "estimate", got {short_form(delay)}')
-    known = None if isinstance(delay, str) else require_nonnegative("delay", delay)
+    if isinstance(delay, str):
+        known = None
+    else:
+        known = require_nonnegative("delay", delay)
     if known is not None and dt:
         known = delay_samples("delay", known, dt) * dt
     return FitSearch(lines=lines, dt=dt, stable=stable, delay=known)
@@ -1032,7 +1054,9 @@ def single_nominal(
 
 def sampling_time_of(nominal: control.StateSpace | control.FrequencyResponseData) -> float:
     """Return the sampling time [s] of a nominal, 0 for an FRF."""
-    return 0.0 if isinstance(nominal, control.FrequencyResponseData) else timebase(nominal)
+    if isinstance(nominal, control.FrequencyResponseData):
+        return 0.0
+    return timebase(nominal)
 
 
 def bla_behind_hold(bla: Bla, dt: float) -> Bla:
@@ -1042,4 +1066,6 @@ def bla_behind_hold(bla: Bla, dt: float) -> Bla:
     The correction is for the `hold` of the record; an unknown hold is left uncorrected.
     """
     factor = hold_correction(bla.omega, bla.hold, fs=bla.fs, dt=dt)
-    return bla if np.all(factor == 1) else bla.times(factor, output_unit=bla.output_units)
+    if np.all(factor == 1):
+        return bla
+    return bla.times(factor, output_unit=bla.output_units)

@@ -32,7 +32,8 @@ def vector_fit(
     Gustavsen & Semlyen, IEEE Trans. Power Delivery 14 (1999).
     """
     weight = weight / np.abs(weight).max()
-    n_zeros = poles.size if n_zeros is None else n_zeros
+    if n_zeros is None:
+        n_zeros = poles.size
     b = stack_real_imaginary(data * weight)
     best, least = poles, np.inf
     for _ in range(n_iterations):
@@ -207,7 +208,9 @@ def known_factor(omega: np.ndarray, delay: float, *, dt: float, excess: int) -> 
     infinity (s = 2/dt).
     """
     q = np.exp(-1j * omega * delay)
-    return q * (1 - s_plane_points(omega, dt) * dt / 2) ** excess if dt else q
+    if dt:
+        return q * (1 - s_plane_points(omega, dt) * dt / 2) ** excess
+    return q
 
 
 def zpk_response(

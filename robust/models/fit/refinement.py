@@ -49,8 +49,12 @@ def refine(
     n_zero, n_pole = zeros.size, poles.size
     pole_part = slice(1 + n_zero, 1 + n_zero + n_pole)
     base = gain * unit ** float(n_zero - n_pole)
-    slope = -1j * omega / omega.max() if omega is not None else x
-    delay_unit = 1 / omega.max() if omega is not None else 0.0
+    if omega is not None:
+        slope = -1j * omega / omega.max()
+        delay_unit = 1 / omega.max()
+    else:
+        slope = x
+        delay_unit = 0.0
 
     def error(theta: np.ndarray) -> tuple[np.ndarray, float, Callable[[], np.ndarray]]:
         """Return the weighted error, its sum of squares, and a function for its derivatives by the

@@ -182,7 +182,8 @@ class FitSearch:
         for start in sorted(starts, key=lambda roots: roots[4]):
             if all(abs(start[4] - cost) > _SAME_COST * cost for cost in tried):
                 refined = self.refine(start, tolerance)
-                best = refined if best is None or refined[4] < best[4] else best
+                if best is None or refined[4] < best[4]:
+                    best = refined
             tried.append(start[4])
         if best is None:
             raise RuntimeError("a search without a start")
@@ -212,7 +213,10 @@ class FitSearch:
         alone and from scratch at several sizes of that error. If that leads to a fit that scatter
         explains, the class has no error after all.
         """
-        roots = self.found[orders] if orders in self.found else self.begin(orders)
+        if orders in self.found:
+            roots = self.found[orders]
+        else:
+            roots = self.begin(orders)
         if (
             not self.probability(roots) < UNLIKELY_COST
         ):  # without variances the error of the class is not separable
@@ -255,7 +259,10 @@ class FitSearch:
         cost, dof = roots[4], self.lines.dof
         if np.isnan(dof).any():
             return float(dof.size * np.log(max(cost, np.finfo(float).tiny) / dof.size))
-        unit = 1.0 if self.lines.epsilon else float(np.mean(expected_ratio(dof)))
+        if self.lines.epsilon:
+            unit = 1.0
+        else:
+            unit = float(np.mean(expected_ratio(dof)))
         return cost / unit + float(np.sum(np.log(self.lines.total_var / self.lines.var)))
 
     def response(self, roots: Roots) -> np.ndarray:
@@ -415,7 +422,10 @@ def _further_roots(search: FitSearch, roots: Roots, k: int) -> list[Roots]:
     w = places[np.unique(np.linspace(0, places.size - 1, _N_PLACES).astype(int))]
     worth, dampings = [], _DAMPINGS if k == 2 else (1.0,)
     for zeta in dampings:
-        below = s[:, None] ** 2 + 2 * zeta * w * s[:, None] + w**2 if k == 2 else s[:, None] + w
+        if k == 2:
+            below = s[:, None] ** 2 + 2 * zeta * w * s[:, None] + w**2
+        else:
+            below = s[:, None] + w
         one = left(w / below)
         size = np.maximum(np.sum(one**2, axis=0), np.finfo(float).tiny)
         by, gain_of = np.stack([(e @ one) / size, np.zeros(w.size)], axis=1), (e @ one) ** 2 / size

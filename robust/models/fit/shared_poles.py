@@ -273,7 +273,10 @@ def _relocate_shared_poles(
     best, least = poles, np.inf
     for _ in range(_N_RELOCATIONS):
         basis = partial_fractions(s, poles)
-        own = np.hstack([basis, np.ones((s.size, 1))]) if direct else basis
+        if direct:
+            own = np.hstack([basis, np.ones((s.size, 1))])
+        else:
+            own = basis
         rows, aims, cost = [], [], 0.0
         for j, i in np.ndindex(G.shape[1:]):
             weight = 1 / std[:, j, i]
@@ -305,8 +308,14 @@ def _residues_of_rank(
 ) -> SharedPoles:
     """Return residues over given poles, each cut to its largest singular values (the rank)."""
     s = 1j * omega
-    basis = partial_fractions(s, poles) if poles.size else np.zeros((s.size, 0))
-    own = np.hstack([basis, np.ones((s.size, 1))]) if direct else basis
+    if poles.size:
+        basis = partial_fractions(s, poles)
+    else:
+        basis = np.zeros((s.size, 0))
+    if direct:
+        own = np.hstack([basis, np.ones((s.size, 1))])
+    else:
+        own = basis
     n_y, n_u = G.shape[1:]
     solution = np.zeros((own.shape[1], n_y, n_u))
     for j, i in np.ndindex(n_y, n_u):
@@ -321,7 +330,10 @@ def _residues_of_rank(
     rank, k = min(rank, n_y, n_u), 0
     while k < poles.size:
         pair = poles[k].imag != 0
-        residue = solution[k] + 1j * solution[k + 1] if pair else solution[k].astype(complex)
+        if pair:
+            residue = solution[k] + 1j * solution[k + 1]
+        else:
+            residue = solution[k].astype(complex)
         U, sizes, Vh = np.linalg.svd(residue)
         root = np.sqrt(sizes[:rank])
         kept.append(poles[k] if poles[k].imag >= 0 else poles[k].conj())
@@ -329,7 +341,10 @@ def _residues_of_rank(
         right.append(Vh[:rank].T * root)
         k += 2 if pair else 1
     shape = (len(kept), -1, rank)
-    D = solution[-1] if direct else np.zeros((n_y, n_u))
+    if direct:
+        D = solution[-1]
+    else:
+        D = np.zeros((n_y, n_u))
     return SharedPoles(
         poles=np.array(kept, dtype=complex),
         left=np.array(left).reshape(shape) if kept else np.zeros((0, n_y, rank), complex),
@@ -362,7 +377,10 @@ def refine_shared_poles(
         U, sizes, Vh = np.linalg.svd(triangle[:, :-1], full_matrices=False)
         along, improved = U.T @ triangle[:, -1], False
         for _ in range(8):
-            filtered = sizes / (sizes**2 + damping * sizes[0] ** 2) if sizes.size else sizes
+            if sizes.size:
+                filtered = sizes / (sizes**2 + damping * sizes[0] ** 2)
+            else:
+                filtered = sizes
             step = (Vh.T @ (np.where(sizes > 1e-12 * sizes[0], filtered, 0.0) * along)) / scale
             trial = _step_parameters(model, step, direct=direct, stable=stable)
             new = metric.whiten(G - trial.response(omega))
@@ -397,11 +415,9 @@ def response_derivatives(
             """Return derivatives by real and imaginary part of a number that multiplies X, and its
             conjugate.
             """
-            return (
-                [a * X + z * X.conj()]
-                if real
-                else [a * X + z * X.conj(), 1j * (a * X - z * X.conj())]
-            )
+            if real:
+                return [a * X + z * X.conj()]
+            return [a * X + z * X.conj(), 1j * (a * X - z * X.conj())]
 
         by_pole = both(R, first**2, second**2, real)
         by_pole[0] = by_pole[0] * (p.real if stable else 1.0)  # p = -exp(alpha) + j beta
@@ -429,17 +445,25 @@ def _step_parameters(
     def take(real: bool) -> complex:
         nonlocal at
         at += 1 if real else 2
-        return complex(step[at - 1]) if real else complex(step[at - 2], step[at - 1])
+        if real:
+            return complex(step[at - 1])
+        return complex(step[at - 2], step[at - 1])
 
     for r, p in enumerate(poles):
         real = p.imag == 0
         change = take(real)
-        there = p.real * np.exp(np.clip(change.real, -1, 1)) if stable else p.real + change.real
+        if stable:
+            there = p.real * np.exp(np.clip(change.real, -1, 1))
+        else:
+            there = p.real + change.real
         poles[r] = complex(there, abs(p.imag + change.imag) if not real else 0.0)
         for k in range(left.shape[2]):
             for j in range(left.shape[1]):
                 left[r, j, k] += take(real)
             for i in range(right.shape[1]):
                 right[r, i, k] += take(real)
-    D = model.direct + step[at:].reshape(model.direct.shape) if direct else model.direct
+    if direct:
+        D = model.direct + step[at:].reshape(model.direct.shape)
+    else:
+        D = model.direct
     return SharedPoles(poles=poles, left=left, right=right, direct=D)

@@ -85,7 +85,10 @@ def fit_matrix_weights(
     >>> np.allclose(np.einsum("ijw,kjw->wik", W, W.conj()), L, rtol=0.02)
     True
     """
-    x = np.tan(np.minimum(omega * dt / 2, np.pi / 2 * (1 - 1e-6))) if dt else np.asarray(omega)
+    if dt:
+        x = np.tan(np.minimum(omega * dt / 2, np.pi / 2 * (1 - 1e-6)))
+    else:
+        x = np.asarray(omega)
     unit = float(np.sqrt(x[0] * x[-1]))
     x = x / unit
     w = fit_weight(x, np.sqrt(np.einsum("wii->w", L).real), order=order).W
@@ -205,7 +208,10 @@ def _fit_spectra(
     for k in range(2 * x.size + 1):
         (L, L_j), (R, R_j) = (side.at(k) for side in sides)
         # zero takes the first line, infinity the last
-        line = 0 if k == x.size else min(k, x.size - 1)
+        if k == x.size:
+            line = 0
+        else:
+            line = min(k, x.size - 1)
         if k < x.size:
             cost += cp.trace(L) / traces[0][k] + cp.trace(R) / traces[1][k]
         if k > x.size + 1:
@@ -262,7 +268,10 @@ def _fraction_states(poles: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]
     inputs = np.concatenate(
         [np.zeros(0), *([2.0, 0.0] if p.imag else [1.0] for p in poles[poles.imag >= 0])]
     )
-    A = block_diag(*sections) if sections else np.zeros((0, 0))
+    if sections:
+        A = block_diag(*sections)
+    else:
+        A = np.zeros((0, 0))
     return np.kron(A, np.eye(n)), np.kron(inputs[:, None], np.eye(n))
 
 

@@ -195,11 +195,10 @@ def makeweight(
     >>> [round(float(abs(W(np.exp(0.05j * w)))), 6) for w in (0.0, 30.0, np.pi / 0.05)]
     [0.01, 1.0, 2.0]
     """
-    omega, gain = (
-        crossover
-        if isinstance(crossover, tuple | list) and len(crossover) == 2
-        else (crossover, 1.0)
-    )
+    if isinstance(crossover, tuple | list) and len(crossover) == 2:
+        omega, gain = crossover
+    else:
+        omega, gain = crossover, 1.0
     omega, gain = require_positive("crossover", omega), require_positive("crossover[1]", gain)
     dc = require_positive("dc", dc)
     high = require_positive("high", high)
@@ -217,7 +216,9 @@ def makeweight(
     d, m, h = (size ** (1 / order) for size in (dc, gain, high))
     a = omega * np.sqrt((m**2 - h**2) / (d**2 - m**2))
     W = from_roots(np.full(order, -a * d / h), np.full(order, -a), high, 0.0)
-    return discretize(W, dt, prewarp=omega) if dt else W
+    if dt:
+        return discretize(W, dt, prewarp=omega)
+    return W
 
 
 def delay_weight(delay: float, *, gain: float = 0.0) -> control.StateSpace:
@@ -378,11 +379,9 @@ def _add_section(theta: np.ndarray, section: np.ndarray, split: np.ndarray) -> n
 def _starting_parameters(problem: MagnitudeProblem, order: int) -> list[np.ndarray]:
     """Return starting parameters: a rational fit of |W|^2, sections spread over the band."""
     fitted = _fit_squared_magnitude(problem, order)
-    return (
-        [_spread_sections(problem, order)]
-        if fitted is None
-        else [fitted, _spread_sections(problem, order)]
-    )
+    if fitted is None:
+        return [_spread_sections(problem, order)]
+    return [fitted, _spread_sections(problem, order)]
 
 
 def _spread_sections(problem: MagnitudeProblem, order: int) -> np.ndarray:
@@ -691,11 +690,9 @@ def _exact_orders(demand: _Demand) -> list[int]:
         error = problem.excess(theta, -problem.mean_excess(theta, 0.0, order), order)[0]
         return bool(np.abs(error).max() < _ROUGH_TOLERANCE)
 
-    return (
-        [order for order in range(1, _MAX_EXACT_ORDER + 1) if is_near(order)]
-        if is_near(_MAX_EXACT_ORDER)
-        else []
-    )
+    if is_near(_MAX_EXACT_ORDER):
+        return [order for order in range(1, _MAX_EXACT_ORDER + 1) if is_near(order)]
+    return []
 
 
 def _exact_weight(demand: _Demand, order: int) -> _WeightFit | None:
@@ -708,7 +705,9 @@ def _exact_weight(demand: _Demand, order: int) -> _WeightFit | None:
     if error > _EXACT_TOLERANCE:
         return None
     fit = _verify_and_lift(demand, theta, order, exact=True)
-    return fit if fit.max_excess_db < _EXACT_DB else None
+    if fit.max_excess_db < _EXACT_DB:
+        return fit
+    return None
 
 
 def _finished_weight(demand: _Demand, problem: MagnitudeProblem, growth: _Growth) -> _WeightFit:
@@ -767,11 +766,10 @@ def _checked_demand(
             f"omega must not exceed the Nyquist frequency pi / dt = {np.pi / dt:g} rad/s, got"
             f" {omega[-1]:g} rad/s"
         )
-    share = (
-        np.ones(omega.size)
-        if importance is None
-        else require_real_array("importance", importance, ndim=1)
-    )
+    if importance is None:
+        share = np.ones(omega.size)
+    else:
+        share = require_real_array("importance", importance, ndim=1)
     if share.shape != omega.shape or share.min() < 0 or not share.any():
         raise ValueError(
             f"importance must be one number of at least 0 for each of {omega.size} frequencies, not"
@@ -783,7 +781,9 @@ def _checked_demand(
 
 def _imaginary_axis_frequencies(omega: np.ndarray, dt: float) -> np.ndarray:
     """Return frequencies on the imaginary axis: omega itself, or 2/dt tan(omega dt/2)."""
-    return 2 / dt * np.tan(np.minimum(omega * dt / 2, np.pi / 2 * (1 - 1e-6))) if dt else omega
+    if dt:
+        return 2 / dt * np.tan(np.minimum(omega * dt / 2, np.pi / 2 * (1 - 1e-6)))
+    return omega
 
 
 def _verify_and_lift(demand: _Demand, theta: np.ndarray, order: int, *, exact: bool) -> _WeightFit:

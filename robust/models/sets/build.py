@@ -191,7 +191,8 @@ def uncertainty(
     single = recorded[0].is_single
     if nominal is None and single:
         raise ValueError("nominal must be given for one channel: see fit_nominal, got none")
-    nominal = scan_orders(recorded).fit if nominal is None else nominal
+    if nominal is None:
+        nominal = scan_orders(recorded).fit
     if form is None:
         form = DEFAULT_FORM if single else ELEMENTS
     require_choice("form", form, tuple(FORMS) if single else (*RECORD_FORMS, AUTO))
@@ -252,7 +253,10 @@ def _set_in_form(request: _SetRequest, recorded: list[Bla]) -> UncertaintyModel:
         # a model without a hold and a record behind one differ by the hold, which is no misfit
         blas = [bla_behind_hold(bla, request.dt) for bla in recorded]
     first = blas[0]
-    made, rules = _disc_set(request, blas) if first.is_single else _block_set(request, blas)
+    if first.is_single:
+        made, rules = _disc_set(request, blas)
+    else:
+        made, rules = _block_set(request, blas)
     model = UncertaintyModel(
         nominal=request.nominal,
         form=request.form,
@@ -395,7 +399,9 @@ def _block_set(request: _SetRequest, blas: list[Bla]) -> tuple[_SetFields, Extra
 
 def _given_scaling(*scaling: Weight | None) -> tuple[Weight | None, ...]:
     """Return W1 and W2, or nothing if neither is given."""
-    return scaling if any(W is not None for W in scaling) else ()
+    if any(W is not None for W in scaling):
+        return scaling
+    return ()
 
 
 def _require_records(bla: Bla | Sequence[Bla]) -> list[Bla]:

@@ -54,11 +54,10 @@ def invertible_scaling(
             f" {timebase(W):g} s"
         )
     d = W.D[0, 0]
-    inverse = (
-        None
-        if d == 0
-        else control.StateSpace(W.A - W.B @ W.C / d, W.B / d, W.C / d, [[1 / d]], W.dt)
-    )
+    if d == 0:
+        inverse = None
+    else:
+        inverse = control.StateSpace(W.A - W.B @ W.C / d, W.B / d, W.C / d, [[1 / d]], W.dt)
     if inverse is None or not is_stable(W) or not is_stable(inverse):
         raise ValueError(
             f"{name} must be stable with a stable inverse and a direct term, got {W.nstates} states"
@@ -129,7 +128,10 @@ def _scale_states(matrices: Matrices) -> Matrices:
     ]  # an entry at rounding level does not reflect the size of its state
     units = weights[: len(A)] / weights[-1]
     A, B, C = A * units / units[:, None], B / units[:, None], C * units
-    size = np.sqrt(np.linalg.norm(C) / np.linalg.norm(B)) if B.any() and C.any() else 1.0
+    if B.any() and C.any():
+        size = np.sqrt(np.linalg.norm(C) / np.linalg.norm(B))
+    else:
+        size = 1.0
     return A, B * size, C / size, D
 
 
@@ -198,7 +200,10 @@ def _require_exact_factors(G: control.StateSpace, factors: Matrices, poles: np.n
 def plant_of_perturbed_factors(G: control.StateSpace, X: control.StateSpace) -> control.StateSpace:
     """Return the plant with the factors of G plus X times their complement, for a stable X."""
     (A, B, C, D), B_across, D_across = factors_with_complement(G)
-    A_X, B_X, C_X, D_X = continuous_image(X) if X.nstates else (X.A, X.B, X.C, X.D)
+    if X.nstates:
+        A_X, B_X, C_X, D_X = continuous_image(X)
+    else:
+        A_X, B_X, C_X, D_X = X.A, X.B, X.C, X.D
     n, m = len(A), len(A_X)
     A = np.block([[A, B_across @ C_X], [np.zeros((m, n)), A_X]])
     B = np.vstack([B + B_across @ D_X, B_X])
@@ -222,7 +227,10 @@ def tangent_system(w: control.StateSpace) -> control.StateSpace:
     A, B, C, D = _scale_states(continuous_image(w) if w.nstates else (w.A, w.B, w.C, w.D))
     # 1 - |w|^2 = |V|^2 with V = (A, B, gain, root), from the same equation with R = D'D - 1, which
     # is negative
-    Y = stabilising_riccati(A, B, Q=C.T @ C, R=D.T @ D - 1, S=C.T @ D) if D[0, 0] ** 2 < 1 else None
+    if D[0, 0] ** 2 < 1:
+        Y = stabilising_riccati(A, B, Q=C.T @ C, R=D.T @ D - 1, S=C.T @ D)
+    else:
+        Y = None
     if Y is None:
         raise ValueError(
             "weight must stay below one at all frequencies to make plants of the set, got a"
@@ -240,14 +248,18 @@ def coprime_phase_offset(G: control.StateSpace, w: control.StateSpace, omega: fl
     """
     (A, B, C, D), B_across, D_across = factors_with_complement(G)
     dt = timebase(G)
-    s = 1j * np.tan(omega * dt / 2) if dt else 1j * omega
-    resolved = (
-        np.linalg.solve(s * np.eye(len(A)) - A, np.hstack([B, B_across]))
-        if len(A)
-        else np.zeros((0, 2))
-    )
+    if dt:
+        s = 1j * np.tan(omega * dt / 2)
+    else:
+        s = 1j * omega
+    if len(A):
+        resolved = np.linalg.solve(s * np.eye(len(A)) - A, np.hstack([B, B_across]))
+    else:
+        resolved = np.zeros((0, 2))
     both = C @ resolved + np.hstack([D, D_across])
     at = np.array([omega])
     inside = both[0, 1] / both[1, 0] * response(tangent_system(w), at)[0]
     outside = tangent(response(w, at))[0]
-    return complex(inside / outside) if outside else 1.0 + 0j
+    if outside:
+        return complex(inside / outside)
+    return 1.0 + 0j

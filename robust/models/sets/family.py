@@ -104,7 +104,10 @@ class _Family:
         E = _between_lines(row.deviation(self.G_p, self.G), self.omega)
         # A deviation that grows without limit outside the lines has no proper weight above it.
         ends, members, nominal = _decided_responses(form, self, self.ends)
-        far = row.deviation(members, nominal) if ends.size else np.zeros(0)
+        if ends.size:
+            far = row.deviation(members, nominal)
+        else:
+            far = np.zeros(0)
         if (
             not np.isfinite(E).all()
             or np.max(np.abs(far), initial=0.0) > _MAX_RISE * np.abs(E).max()
@@ -120,7 +123,9 @@ class _Family:
         """Return frequencies [rad/s] far outside the lines, below the Nyquist frequency."""
         dt = timebase(self.nominal)
         ends = np.concatenate([self.omega[0] / _FAR_RATIOS, self.omega[-1] * _FAR_RATIOS])
-        return ends[ends < np.pi / dt] if dt else ends
+        if dt:
+            return ends[ends < np.pi / dt]
+        return ends
 
 
 def _decided_responses(
@@ -287,7 +292,10 @@ def is_full(weights: str) -> bool:
 
 def require_plants(plants: object) -> list[AnySystem]:
     """Return the plants, FRFs or systems, as a list: all with one channel, or all with several."""
-    many = list(plants) if isinstance(plants, list | tuple) else []
+    if isinstance(plants, list | tuple):
+        many = list(plants)
+    else:
+        many = []
     other = next((one for one in many if not is_plant(one)), None)
     if not many or other is not None:
         raise ValueError(
@@ -325,9 +333,18 @@ def _make_family(plants: list[AnySystem], nominal: NominalFit | AnySystem | None
         for plant in plants
         if not isinstance(plant, control.FrequencyResponseData)
     ]
-    given = None if nominal is None else _nominal_system(nominal)
-    known = systems if given is None else [given, *systems]
-    dt = timebase(known[0]) if known else float(frfs[0].dt or 0)
+    if nominal is None:
+        given = None
+    else:
+        given = _nominal_system(nominal)
+    if given is None:
+        known = systems
+    else:
+        known = [given, *systems]
+    if known:
+        dt = timebase(known[0])
+    else:
+        dt = float(frfs[0].dt or 0)
     if frfs:
         omega = np.asarray(frfs[0].omega, dtype=float)
         if any(
@@ -387,16 +404,19 @@ def _lines_of_systems(systems: Sequence[control.StateSpace]) -> np.ndarray:
     dt = max(map(timebase, systems))
     s = np.concatenate([to_s_plane(poles_of(system), timebase(system)) for system in systems])
     s = s[np.isfinite(s) & (np.abs(s) > 0)]
-    size = np.abs(s) if s.size else np.ones(1)
+    if s.size:
+        size = np.abs(s)
+    else:
+        size = np.ones(1)
     size = size[(size > np.median(size) * 1e-6) & (size < np.median(size) * 1e6)]
-    top = np.pi / dt * (1 - 1e-9) if dt else np.inf
+    if dt:
+        top = np.pi / dt * (1 - 1e-9)
+    else:
+        top = np.inf
     sharp = s[(np.abs(s.real) < 0.3 * np.abs(s)) & (s.imag > 0)]
     at = (sharp.imag[:, None] + np.abs(sharp.real)[:, None] * _HALF_WIDTHS).ravel()
-    at = (
-        np.sort(at)[:: max(1, at.size // (_MAX_LINES - _N_LINES) + 1)]
-        if at.size > _MAX_LINES - _N_LINES
-        else at
-    )
+    if at.size > _MAX_LINES - _N_LINES:
+        at = np.sort(at)[:: max(1, at.size // (_MAX_LINES - _N_LINES) + 1)]
     low, high = size.min() / _BAND_RATIO, min(size.max() * _BAND_RATIO, top)
     omega = np.concatenate([np.geomspace(low, high, _N_LINES), at])
     return np.unique(omega[(omega >= low) & (omega <= high)])
@@ -460,11 +480,10 @@ def make_family_set(
     ):
         raise ValueError("plants must hold one other than the nominal, got none that differs")
     if form is None or form == AUTO:
-        bandwidth = (
-            float(np.sqrt(family.omega[0] * family.omega[-1]))
-            if omega_B is None
-            else require_positive("omega_B", omega_B)
-        )
+        if omega_B is None:
+            bandwidth = float(np.sqrt(family.omega[0] * family.omega[-1]))
+        else:
+            bandwidth = require_positive("omega_B", omega_B)
         ranking = _rank_forms(family, bandwidth, full=full)
         form = ranking.best
         chosen = (
@@ -660,7 +679,10 @@ def _reach_of_members(model: UncertaintyModel, family: _Family) -> _Reach:
     n, known = len(family.G_p) - len(family.systems), ~np.isnan(family.G_p)
     far = model.normalized_distance(family.omega, np.where(known, family.G_p, family.G), family.G)
     sizes, omega = far.max(axis=1), family.omega[far.argmax(axis=1)]
-    where = {f"FRFs at their {int(known[0, :, 0, 0].sum())} lines"} if n else set()
+    if n:
+        where = {f"FRFs at their {int(known[0, :, 0, 0].sum())} lines"}
+    else:
+        where = set()
     for k, system in enumerate(family.systems, start=n):
         found = [
             deviation.bound(float(omega[k]), TOLERANCE) for deviation in model.deviations(system)
@@ -671,7 +693,10 @@ def _reach_of_members(model: UncertaintyModel, family: _Family) -> _Reach:
                 largest.upper if largest.is_proved else largest.lower,
                 largest.omega,
             )
-        at = "all" if largest.is_proved else f"{family.omega.size}"
+        if largest.is_proved:
+            at = "all"
+        else:
+            at = f"{family.omega.size}"
         where.add(f"systems at {at} frequencies{f' ({largest.reason})' * (not largest.is_proved)}")
     return _Reach(sizes=sizes, omega=omega, where=f"each inside, {' and '.join(sorted(where))}")
 
@@ -684,6 +709,9 @@ def _lift_set(
         control.StateSpace(w.A, w.B, w.C * factor, w.D * factor, w.dt, remove_useless_states=False)
         for w in model.left or model.right
     )
-    left, right = (raised, model.right) if model.left else ((), raised)
+    if model.left:
+        left, right = raised, model.right
+    else:
+        left, right = (), raised
     origin = replace(model.origin, source=source, extrapolation=extrapolation)
     return replace(model, left=left, right=right, origin=origin)

@@ -99,7 +99,9 @@ class Form:
         power = 1 + round(np.log2(two / one))
         if power == 1:
             return unit
-        return inverse_unit(unit) if unit and power == -1 else ""
+        if unit and power == -1:
+            return inverse_unit(unit)
+        return ""
 
     def radius_factor(self, omega: Array, absolute: Array, center: Array) -> Array:
         """Return (W,) the factor from an absolute radius to the radius in this form."""
@@ -386,7 +388,10 @@ def reduce_to_one_channel(
         or radius.ndim != 2
     ):
         return {}
-    weight = in_series(*right, *left) if left else right[0]
+    if left:
+        weight = in_series(*right, *left)
+    else:
+        weight = right[0]
     one = ADDITIVE if form == ELEMENTS else BLOCK_FORMS[form].one_channel
     return {"form": one, "weight": weight, "radius": np.prod(radius, axis=0)}
 
@@ -409,7 +414,10 @@ def perturbed_sensitivity_terms(
     row = FORMS[form]
     with np.errstate(all="ignore"):
         S = 1 / (1 + G * K)
-        G, K = (W * G, K / W) if row.depends_on_units else (G, K)
+        if row.depends_on_units:
+            G, K = W * G, K / W
+        else:
+            G, K = G, K
         return S, row.a(w, G, K, S), row.b(w, G, K, S)
 
 
@@ -418,7 +426,10 @@ def plant_numerator(form: str, w: Array, *, G: Array, W: Array | float = 1.0) ->
     form is.
     """
     row, one = FORMS[form], np.ones_like(G)
-    G, K = (W * G, one / W) if row.depends_on_units else (G, one)
+    if row.depends_on_units:
+        G, K = W * G, one / W
+    else:
+        G, K = G, one
     return row.b(w, G, K, one) - row.a(w, G, K, one)  # b - a S = g K S holds for every K
 
 
@@ -429,7 +440,10 @@ def loop_discs(
     of a disc.
     """
     row, L = FORMS[form], G * K
-    G, K = (W * G, K / W) if row.depends_on_units else (G, K)
+    if row.depends_on_units:
+        G, K = W * G, K / W
+    else:
+        G, K = G, K
     one = np.ones_like(L)
     a, q = row.a(w, G, K, one), row.b(w, G, K, one)  # with S = 1: b (1 + L)
     with np.errstate(divide="ignore", invalid="ignore"):

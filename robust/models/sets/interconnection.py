@@ -95,7 +95,9 @@ class Block:
         full.
         """
         lengths = (len(self.reads), len(self.drives))
-        return lengths if self.kind == "full" else (*lengths, self.kind)
+        if self.kind == "full":
+            return lengths
+        return *lengths, self.kind
 
 
 def _checked_signals(name: str, given: object) -> tuple[str, ...]:

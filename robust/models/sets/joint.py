@@ -68,11 +68,9 @@ def _joint_probability(
 
     summary, missed : summary of the record, and misfit of the nominal on its lines, entry by entry.
     """
-    return (
-        probability_of_frf(model, summary, missed)
-        if model.is_single
-        else _probability_of_matrix(model, bla, missed)
-    )
+    if model.is_single:
+        return probability_of_frf(model, summary, missed)
+    return _probability_of_matrix(model, bla, missed)
 
 
 def _shrunk_residual(r: np.ndarray, v: np.ndarray, missed: np.ndarray) -> tuple[np.ndarray, bool]:

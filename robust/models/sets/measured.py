@@ -28,7 +28,9 @@ def origin_of(model: FrfSource) -> Bla | Origin | control.FrequencyResponseData:
     """Return the object with hold, sampling frequency and unit: a Bla itself, the origin of a set,
     an FRF (without).
     """
-    return model.origin if isinstance(model, UncertaintyModel) else model
+    if isinstance(model, UncertaintyModel):
+        return model.origin
+    return model
 
 
 def frf_sampling_time(model: FrfSource) -> float:

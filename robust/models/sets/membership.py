@@ -146,8 +146,14 @@ def block_deviation(
     def terms(pairs: Sequence[Pair]) -> _Terms:
         at = dict(zip(("G", "G_p", "W_l", "W_r"), pairs, strict=False))
         rest = dict(zip(more, pairs[4:], strict=True))
-        X = multiply(at[left], at["W_l"]) if left else at["W_l"]
-        Y = multiply(at["W_r"], at[right]) if right else at["W_r"]
+        if left:
+            X = multiply(at[left], at["W_l"])
+        else:
+            X = at["W_l"]
+        if right:
+            Y = multiply(at["W_r"], at[right])
+        else:
+            Y = at["W_r"]
         square, other = X[0] * X[1], Y[1] * Y[0]
         return _Terms(
             E=subtract(at["G_p"], at["G"]),
@@ -172,9 +178,10 @@ def _known_bands(systems: Sequence[control.StateSpace]) -> tuple[tuple[float, fl
     cuts = []
     for G in systems:
         dt = timebase(G)
-        found, left, right = (
-            eig(G.A, left=True, right=True) if G.nstates else (np.zeros(0), *np.zeros((2, 0, 0)))
-        )
+        if G.nstates:
+            found, left, right = eig(G.A, left=True, right=True)
+        else:
+            found, left, right = np.zeros(0), *np.zeros((2, 0, 0))
         along = np.abs(np.einsum("ij,ij->j", left.conj(), right))
         with np.errstate(
             divide="ignore", invalid="ignore"
@@ -189,7 +196,10 @@ def _known_bands(systems: Sequence[control.StateSpace]) -> tuple[tuple[float, fl
         )
         for p, reach in zip(found, moved, strict=True):
             if abs(abs(p) - 1 if dt else p.real) <= reach and p.imag >= 0:
-                at, reach = (float(np.angle(p)) / dt, reach / dt) if dt else (p.imag, reach)
+                if dt:
+                    at, reach = float(np.angle(p)) / dt, reach / dt
+                else:
+                    at, reach = p.imag, reach
                 cuts.append(points_of_band((max(at - reach, 0.0), at + reach), dt))
     cuts.sort()
     starts = [0.0, *np.maximum.accumulate([high for _, high in cuts]).tolist()]

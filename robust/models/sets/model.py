@@ -360,7 +360,8 @@ class UncertaintyModel:
         rules = Extrapolation(
             below=checked_slope("below", below), above=checked_slope("above", above)
         )
-        order = None if order is None else require_integer("order", order, least=0)
+        if order is not None:
+            order = require_integer("order", order, least=0)
         omega = require_real_array("omega", omega, ndim=1)
         radius = require_real_array("radius", radius, ndim=1)
         if (
@@ -411,7 +412,9 @@ class UncertaintyModel:
         if self.radius is not None:
             return np.asarray(self.radius)
         rows = self.weight_gains(np.asarray(self.omega, dtype=float))
-        return rows[0] if self.is_single else rows
+        if self.is_single:
+            return rows[0]
+        return rows
 
     def _check_blocks(self) -> None:
         """Refuse another number of weights than the form has for several channels."""
@@ -482,7 +485,10 @@ class UncertaintyModel:
         """Refuse weights that are unstable, have another sampling time than dt [s], or a (n, W)
         cover below one.
         """
-        names = ["weight"] if self.is_single else [f"left[{k}]" for k in range(len(self.left))]
+        if self.is_single:
+            names = ["weight"]
+        else:
+            names = [f"left[{k}]" for k in range(len(self.left))]
         names += [f"right[{k}]" for k in range(len(self.right))]
         for name, weight in zip(names, self.weights, strict=True):
             if weight.nstates and not self.measured_only and timebase(weight) != dt:
@@ -509,13 +515,22 @@ class UncertaintyModel:
     def __str__(self) -> str:
         single, dt = self.is_single, 0.0 if self.measured_only else timebase(self.nominal)
         whole = "FRF" if single else "matrix"
-        of = "" if single else f" with {self.n_outputs} outputs and {self.n_inputs} inputs"
-        percent = "" if np.isnan(self.confidence) else f", {100 * self.confidence:g} % "
+        if single:
+            of = ""
+        else:
+            of = f" with {self.n_outputs} outputs and {self.n_inputs} inputs"
+        if np.isnan(self.confidence):
+            percent = ""
+        else:
+            percent = f", {100 * self.confidence:g} % "
         if percent:
             percent += "for all lines together" if self.simultaneous else "per line"
         if not np.isnan(self.joint.frf):
             percent += f" (a whole {whole} {format_probability(self.joint.frf)})"
-        kind = "an FRF" if self.measured_only else f"{self.nominal.nstates} states"
+        if self.measured_only:
+            kind = "an FRF"
+        else:
+            kind = f"{self.nominal.nstates} states"
         if single:
             k = int(np.argmax(self.radius))
             unit = FORMS[self.form].unit_of(self.origin.unit).split()
@@ -554,7 +569,10 @@ class UncertaintyModel:
 
     def relative_radius(self) -> np.ndarray:
         """Return (W,) radius divided by |G|; nan for a form without a relative deviation."""
-        form = FORMS.get(self.form) if self.is_single else None
+        if self.is_single:
+            form = FORMS.get(self.form)
+        else:
+            form = None
         if form is None or form.relative_weight is None or form.inverse:
             return np.full(self.omega.size, np.nan)
         return form.relative_weight(self.radius, np.abs(self.at(self.omega)))
@@ -597,7 +615,9 @@ class UncertaintyModel:
     @property
     def weights(self) -> tuple[control.StateSpace, ...]:
         """All weights: `weight` for one channel, otherwise `left` followed by `right`."""
-        return (self.weight,) if self.is_single else (*self.left, *self.right)
+        if self.is_single:
+            return (self.weight,)
+        return *self.left, *self.right
 
     @property
     def measured_only(self) -> bool:
@@ -609,7 +629,9 @@ class UncertaintyModel:
         """Blocks of Delta, as `robust.mu.upper` takes them."""
         if self.form == ELEMENTS:
             return [(1, 1)] * (self.n_outputs * self.n_inputs)
-        return [(1, 1)] if self.is_single else [self.block_shape]
+        if self.is_single:
+            return [(1, 1)]
+        return [self.block_shape]
 
     @property
     def block_shape(self) -> tuple[int, int]:
@@ -637,17 +659,17 @@ class UncertaintyModel:
     def shaping(self) -> control.StateSpace:
         """Product W1 W2 of the coprime form; a unit gain for other forms."""
         scaled = self.is_single and FORMS[self.form].depends_on_units
-        return in_series(*self.scaling) if scaled else state_space("shaping", 1.0)
+        if scaled:
+            return in_series(*self.scaling)
+        return state_space("shaping", 1.0)
 
     def at(self, omega: np.ndarray) -> np.ndarray:
         """Return (W,) or (n_y, n_u, W) complex response of the nominal."""
         if self.measured_only:
             return frf_on_lines(self.nominal, omega)
-        return (
-            response(self.nominal, omega)
-            if self.is_single
-            else response_by_channel(self.nominal, omega)
-        )
+        if self.is_single:
+            return response(self.nominal, omega)
+        return response_by_channel(self.nominal, omega)
 
     def distance(self, plant: AnySystem) -> np.ndarray:
         """Return (W,) size of the smallest Delta that changes the nominal into a plant.
@@ -672,11 +694,9 @@ class UncertaintyModel:
         delta = self.minimal_perturbation(omega, G, nominal)
         if self.is_single:
             return np.abs(delta)
-        return (
-            np.max(np.abs(delta), axis=(-2, -1))
-            if self.form == ELEMENTS
-            else np.linalg.norm(delta, 2, (-2, -1))
-        )
+        if self.form == ELEMENTS:
+            return np.max(np.abs(delta), axis=(-2, -1))
+        return np.linalg.norm(delta, 2, (-2, -1))
 
     def is_within(self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray) -> np.ndarray:
         """Return (..., W) whether `normalized_distance` is at most one."""
@@ -778,7 +798,9 @@ class UncertaintyModel:
         zero.
         """
         row = self._row
-        return 0 if row is None else right_roots(plant, inverse=row.inverse)
+        if row is None:
+            return 0
+        return right_roots(plant, inverse=row.inverse)
 
     @property
     def _row(self) -> MatrixForm | None:
@@ -880,7 +902,10 @@ class UncertaintyModel:
         into, onto = (acts, none) if on_u else (none, acts)  # of d behind W_l into G, and onto y
         # what W_r reads, from the states of G, d behind W_l and u; in an inverse form behind the
         # place where d acts
-        of_states = reads @ G.C if from_y else np.zeros((len(reads), G.nstates))
+        if from_y:
+            of_states = reads @ G.C
+        else:
+            of_states = np.zeros((len(reads), G.nstates))
         of_d = reads @ ((G.D @ into + inverse * onto) if from_y else inverse * into)
         of_u = reads @ (G.D if from_y else np.eye(n_u))
         A = block_diag(G.A, W_l.A, W_r.A)
@@ -932,8 +957,14 @@ class UncertaintyModel:
                 and not timebase(demand)
                 and (demand.ninputs, demand.noutputs) == (1, 1)
             )
-            w_P = cover_sampled(demand, dt) if continuous else demand
-        weights = [] if w_P is None else [("e", repeat_over_channels("w_P", w_P, n_y))]
+            if continuous:
+                w_P = cover_sampled(demand, dt)
+            else:
+                w_P = demand
+        if w_P is None:
+            weights = []
+        else:
+            weights = [("e", repeat_over_channels("w_P", w_P, n_y))]
         for _, weight in weights:
             require_sampling_time(
                 "w_P", weight, reference="the model", wanted=common_sampling_time(P)
@@ -966,7 +997,10 @@ def count_channels(nominal: AnySystem) -> tuple[int, int]:
     """Return the numbers of outputs and inputs of a plant, a number or a matrix."""
     if isinstance(nominal, control.InputOutputSystem | control.FrequencyResponseData):
         return int(nominal.noutputs), int(nominal.ninputs)
-    rows, columns = np.atleast_2d(nominal).shape if np.ndim(nominal) <= 2 else (1, 1)
+    if np.ndim(nominal) <= 2:
+        rows, columns = np.atleast_2d(nominal).shape
+    else:
+        rows, columns = 1, 1
     return rows, columns
 
 

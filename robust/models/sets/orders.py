@@ -272,11 +272,10 @@ def scan_orders(
     1
     """
     orders = sorted({require_integer("n_poles", n, least=0) for n in n_poles})
-    excess = (
-        1
-        if relative_degree is None
-        else require_integer("relative_degree", relative_degree, least=0)
-    )
+    if relative_degree is None:
+        excess = 1
+    else:
+        excess = require_integer("relative_degree", relative_degree, least=0)
     if not orders or orders[0] < excess:
         raise ValueError(f"n_poles must be at least the relative degree {excess}, got {orders}")
     several = bool(matrices_given(bla))
@@ -312,7 +311,10 @@ def scan_orders(
                 delay=0.0 if delay == "auto" else delay,
                 omega_c=omega_c,
             )
-            free = replace(search, delay=None, found={}, begun={}) if delay == "auto" else None
+            if delay == "auto":
+                free = replace(search, delay=None, found={}, begun={})
+            else:
+                free = None
             zeros_of = {n: None if relative_degree is None else n - excess for n in orders}
             if omega_c is None:
                 fits = _scan_for_data(search, bla, zeros_of)
@@ -323,7 +325,10 @@ def scan_orders(
             else:
                 fits = _scan_for_loop(search, bla, zeros_of, free=free, many=many)
     fits.sort(key=lambda fit: fit.G.nstates)
-    asked = float("nan") if omega_c is None else float(omega_c)
+    if omega_c is None:
+        asked = float("nan")
+    else:
+        asked = float(omega_c)
     return OrderScan(
         fits=tuple(fits), sizes=tuple(_set_sizes(fit, many) for fit in fits), omega_c=asked
     )
@@ -369,11 +374,17 @@ def _scan_for_data(
 
     Zeros above the band are left out where the criterion is lower without them.
     """
-    highest = np.inf if search.dt else OUTSIDE_FACTOR * search.lines.omega.max()
+    if search.dt:
+        highest = np.inf
+    else:
+        highest = OUTSIDE_FACTOR * search.lines.omega.max()
     without: dict[int, list[Roots]] = {}
     for n, n_zeros in zeros_of.items():
         asked = checked_orders(search, n, n_zeros)
-        same = also.found.get(asked) if also is not None else None
+        if also is not None:
+            same = also.found.get(asked)
+        else:
+            same = None
         without[n] = search.without_zeros_above(
             search.best(asked, starts=(same,) if same is not None else ()), highest
         )
@@ -560,7 +571,10 @@ def _needs_delay(fits: Sequence[NominalFit]) -> bool:
 
 def describe_order(fit: NominalFit) -> str:
     """Describe the order of a fit, and its delay if it has one."""
-    zeros = "" if fit.inputs else f" and {format_count(fit.G.zeros().size, 'zero')}"
+    if fit.inputs:
+        zeros = ""
+    else:
+        zeros = f" and {format_count(fit.G.zeros().size, 'zero')}"
     return f"{format_count(fit.G.nstates, 'pole')}{zeros}" + (
         f", a delay of {fit.delay:.3g} s" if fit.delay else ""
     )

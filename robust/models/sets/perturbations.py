@@ -54,7 +54,9 @@ def random_delta(
                 control.StateSpace(D.A, D.B @ reads.T, drives @ D.C, drives @ D.D @ reads.T, dt)
             ]
         blocks += passes
-    return blocks[0] if len(blocks) == 1 else block_diagonal(blocks, dt)
+    if len(blocks) == 1:
+        return blocks[0]
+    return block_diagonal(blocks, dt)
 
 
 def random_perturbation(
@@ -88,14 +90,20 @@ def all_pass_of_poles(poles: np.ndarray, gain: float, dt: float) -> control.Stat
 
 def with_phase(omega: float, value: complex, dt: float) -> control.StateSpace:
     """Return a first-order all-pass times |value| that equals value at omega [rad/s]."""
-    x = 2 / dt * np.tan(omega * dt / 2) if dt else omega
+    if dt:
+        x = 2 / dt * np.tan(omega * dt / 2)
+    else:
+        x = omega
     angle = float(np.angle(value))
     if abs(np.sin(angle)) < _REAL_ANGLE:
         return control.StateSpace([], [], [], [[abs(value) * np.sign(np.cos(angle))]], dt)
     # (s - b)/(s + b) at j x has the phase pi - 2 atan(x / b), between 0 and pi; the sign gives the
     # other half
     sign = 1.0 if angle >= 0 else -1.0
-    phase = angle if angle >= 0 else angle + np.pi
+    if angle >= 0:
+        phase = angle
+    else:
+        phase = angle + np.pi
     b = x / np.tan(np.clip((np.pi - phase) / 2, 1e-9, np.pi / 2 - 1e-9))
     return all_pass_of_poles(np.array([complex(-b)]), sign * abs(value), dt)
 

@@ -99,7 +99,8 @@ def uncertainty_of_plants(
     """
     many, full = require_plants(plants), is_full(weights)
     rules = Extrapolation(below=checked_slope("below", below), above=checked_slope("above", above))
-    order = None if order is None else require_integer("order", order, least=0)
+    if order is not None:
+        order = require_integer("order", order, least=0)
     if count_channels(many[0]) != (1, 1):
         return make_family_set(
             many,

@@ -70,11 +70,10 @@ class Extrapolation:
         low, high = omega[0] * 10 ** -step[::-1], omega[-1] * 10**step
         if dt:
             nyquist = np.pi / dt * (1 - 1e-9)
-            high = (
-                np.concatenate([high[high < nyquist], [nyquist]])
-                if omega[-1] < nyquist
-                else high[:0]
-            )
+            if omega[-1] < nyquist:
+                high = np.concatenate([high[high < nyquist], [nyquist]])
+            else:
+                high = high[:0]
         under, over = (omega[0] / low) ** (self.below / 20), (high / omega[-1]) ** (self.above / 20)
         return np.concatenate([low, omega, high]), np.concatenate(
             [radius[0] * under, radius, radius[-1] * over]
@@ -83,15 +82,15 @@ class Extrapolation:
 
 def checked_slope(name: str, rule: str | float) -> float:
     """Return the slope in dB per decade away from the band, checked."""
-    return (
-        0.0
-        if isinstance(rule, str) and require_choice(name, rule, ("flat",))
-        else require_nonnegative(name, rule)
-    )
+    if isinstance(rule, str) and require_choice(name, rule, ("flat",)):
+        return 0.0
+    return require_nonnegative(name, rule)
 
 
 def _describe_slope(rule: float) -> str:
-    return "flat" if rule == 0 else f"rising {rule:g} dB/decade over {_DECADES_ABOVE:g} decades"
+    if rule == 0:
+        return "flat"
+    return f"rising {rule:g} dB/decade over {_DECADES_ABOVE:g} decades"
 
 
 def fit_covering_weight(
@@ -153,7 +152,9 @@ def nominal_response(
     """
     if not isinstance(nominal, control.FrequencyResponseData):
         G = response_by_channel(nominal, omega)
-        return G[0, 0] if G.shape[:2] == (1, 1) else G
+        if G.shape[:2] == (1, 1):
+            return G[0, 0]
+        return G
     known, G = frequency_response("nominal", nominal, omega)
     if omega[0] < known[0] * (1 - 1e-6) or omega[-1] > known[-1] * (1 + 1e-6):
         raise ValueError("nominal must be an FRF over the whole band of bla, got a shorter one")
@@ -236,7 +237,10 @@ def record_radius_parts(
     scatter = bla.bound(spec.p, of="realization", simultaneous=spec.simultaneous) ** 2 / quantile
     # an FRF from elsewhere has one standard deviation, which shows the scatter of repeated
     # measurements
-    noise = scatter if bla.level_source in ("std", "coherence") else np.nan_to_num(bla.var_noise)
+    if bla.level_source in ("std", "coherence"):
+        noise = scatter
+    else:
+        noise = np.nan_to_num(bla.var_noise)
     shares = {
         "noise": np.minimum(noise, scatter),
         "odd": np.maximum(scatter - noise, 0.0),
@@ -362,7 +366,10 @@ def resolve_scaling(
     if shaped_by != (None, None):
         return *shaped_by, rules
     size, log = np.log(np.abs(nominal_response(nominal, omega))), np.log(omega)
-    middle = np.trapezoid(size, log) / (log[-1] - log[0]) if omega.size > 1 else size[0]
+    if omega.size > 1:
+        middle = np.trapezoid(size, log) / (log[-1] - log[0])
+    else:
+        middle = size[0]
     return 1.0, float(np.exp(-middle)), rules
 
 

@@ -214,4 +214,6 @@ def format_probability(p: float) -> str:
     """Format an estimated probability with as many digits as the estimate supports."""
     if p > 0.99:
         return "over 99 %"
-    return "under 1 %" if p < 0.01 else f"about {100 * p:.0f} %"
+    if p < 0.01:
+        return "under 1 %"
+    return f"about {100 * p:.0f} %"

@@ -55,11 +55,10 @@ def make_set_of_plants(
     omega, radius = _radius_of_plants(plants, centre, row)
     source = f"{format_count(len(plants), 'plant')} that were given"
     kinds = (control.StateSpace, control.TransferFunction)
-    systems = (
-        []
-        if is_frf
-        else [state_space("plants", plant) for plant in plants if isinstance(plant, kinds)]
-    )
+    if is_frf:
+        systems = []
+    else:
+        systems = [state_space("plants", plant) for plant in plants if isinstance(plant, kinds)]
     if systems:
         require_equal_roots(form, [centre, *systems], inverse=row.inverse)
         source += ", systems inside at all frequencies, FRFs on their lines"

@@ -119,7 +119,9 @@ def _sqrt_upper(top: arb, bottom: arb) -> arb:
     if not bottom > 0:
         return arb.pos_inf()
     found = (top.abs_upper() / bottom.abs_lower()).abs_upper()
-    return found.sqrt().abs_upper() if found.is_finite() else arb.pos_inf()
+    if found.is_finite():
+        return found.sqrt().abs_upper()
+    return arb.pos_inf()
 
 
 def magnitude_ratio(system: Quotient) -> Ratio:
@@ -258,7 +260,10 @@ class AliasBounds:
         [low, high].
         """
         first, last = low * self.dt / 2, high * self.dt / 2  # sin x/x falls up to Nyquist, x = pi/2
-        least = (last.sin() / last).abs_lower() if last > 0 else arb(1)
+        if last > 0:
+            least = (last.sin() / last).abs_lower()
+        else:
+            least = arb(1)
         return least, (first.sin() / first).abs_upper() if first > 0 else arb(1)
 
     def sums(self, low: arb, high: arb) -> _Sums:
@@ -283,7 +288,10 @@ class AliasBounds:
                 if not self.inverse:
                     continue
                 GG = GG + hG * hG
-                share = hG * _over_one_minus(f) if g != 0 else arb(0)
+                if g != 0:
+                    share = hG * _over_one_minus(f)
+                else:
+                    share = arb(0)
                 GF, discs = GF + share, discs + share / (1 + f)
                 F_max = _larger(F_max, f)
         return _Sums(
@@ -299,21 +307,29 @@ class AliasBounds:
 
 def upper_end(x: arb) -> arb:
     """Return the upper end of a ball; infinity if it is not finite."""
-    return x.abs_upper() if x.is_finite() else arb.pos_inf()
+    if x.is_finite():
+        return x.abs_upper()
+    return arb.pos_inf()
 
 
 def _over_one_minus(f: arb) -> arb:
     """Return f/(1 - f), infinite if f may reach one."""
-    return f / (1 - f) if f < 1 else arb.pos_inf()
+    if f < 1:
+        return f / (1 - f)
+    return arb.pos_inf()
 
 
 def _larger(a: arb, b: arb) -> arb:
-    return b if b > a or not b.is_finite() else a
+    if b > a or not b.is_finite():
+        return b
+    return a
 
 
 def _sine_up(x: arb) -> arb:
     """Return an upper bound of sin on [0, x]."""
-    return x.sin().abs_upper() if x < arb.pi() / 2 else arb(1)
+    if x < arb.pi() / 2:
+        return x.sin().abs_upper()
+    return arb(1)
 
 
 def root_radius(*systems: Quotient) -> float:
@@ -395,16 +411,24 @@ def _bound_sizes(aliases: AliasBounds, t: Terms, *, low: arb, high: arb, others:
     w = aliases.w.upper(low, high)
     share = others.G * G_inverse / hold_low
     # upper bound of |h_0 G|/|G_d|, over h_0
-    factor = 1 / (hold_low * (1 - share)) if share < 1 else arb.pos_inf()
+    if share < 1:
+        factor = 1 / (hold_low * (1 - share))
+    else:
+        factor = arb.pos_inf()
 
     def least(*bounds: arb) -> arb:
         finite = [upper_end(b) for b in bounds if b.is_finite()]
-        return min(finite, key=lambda b: float(b.mid())) if finite else arb.pos_inf()
+        if finite:
+            return min(finite, key=lambda b: float(b.mid()))
+        return arb.pos_inf()
 
     KS_ = least(KS, T * G_inverse * factor)
     GKS0 = least(KS * G, T * factor)  # |G K S|
     GS_ = least(S * G, GS * factor)
-    FS, FKS = (GS_ * w, GKS0 * w) if aliases.through else (S * w, KS_ * w)
+    if aliases.through:
+        FS, FKS = GS_ * w, GKS0 * w
+    else:
+        FS, FKS = S * w, KS_ * w
     found = {"KS": KS_, "FS": FS, "FKS": FKS, "GKS": GKS0 * hold, "hold": hold}
     if t.P_num is not None:
         size = _sqrt_upper(-lower_bound(t.P_num * arb(-1)), lower_bound(t.P_den))
@@ -500,7 +524,8 @@ def _joint_claim_measure(
         channel = t.K_den
     elif claim.perturbation == "operator":
         left = 1 - _product_or_zero(u.KS**2, s.FF)
-        left = left.abs_lower().sqrt() if left > 0 else left
+        if left > 0:
+            left = left.abs_lower().sqrt()
         channel = t.K_num
     else:
         left = (1 - _product_or_zero(u.KS, s.F)) / (1 if performance else u.hold)
@@ -516,7 +541,9 @@ def _joint_claim_measure(
 
 
 def _product_or_zero(size: arb, total: arb) -> arb:
-    return arb(0) if size == 0 else size * total
+    if size == 0:
+        return arb(0)
+    return size * total
 
 
 def _largest_singular_value_2x2(a: arb, b: arb, *, c: arb, d: arb) -> arb:
@@ -591,11 +618,9 @@ def prove_with_aliases(
     top = float((arb.pi() / arb(axis.dt)).upper()) * (1 + 1e-15)
 
     def at_point(name: str, omega: float) -> Decision:
-        return (
-            proved()
-            if holds(name, omega, omega)
-            else undecided(f"undecided at {omega:.6g} rad/s", needs_digits=True)
-        )
+        if holds(name, omega, omega):
+            return proved()
+        return undecided(f"undecided at {omega:.6g} rad/s", needs_digits=True)
 
     return {
         name: bisect_axis(partial(holds, name), partial(at_point, name), top, deadline)

@@ -96,7 +96,8 @@ class TransferMatrix:
             return den * (D[i, j] + 1) - (A + b * c).charpoly()
 
         def parts(p: fmpq_poly) -> tuple[fmpq_poly, fmpq_poly]:
-            p = moebius_transform(p, n) if discrete else p
+            if discrete:
+                p = moebius_transform(p, n)
             return fmpq_poly(p.coeffs()[::2]), fmpq_poly(p.coeffs()[1::2])
 
         num = tuple(tuple(parts(numerator(i, j)) for j in range(columns)) for i in range(rows))
@@ -177,7 +178,9 @@ def points_of_band(band: tuple[float, float], dt: float) -> tuple[float, float]:
 
 
 def frequency_of_point(x: float, dt: float) -> float:
-    return 2 / dt * float(np.arctan(x)) if dt else x
+    if dt:
+        return 2 / dt * float(np.arctan(x))
+    return x
 
 
 @value(copy=False)
@@ -250,7 +253,10 @@ def decide_norm(H: TransferMatrix, level: float, *, deadline: float = np.inf) ->
     p = _determinant([H], inequality, deadline)
     if p is None:
         return undecided(_TIME_UP)
-    roots = complex_roots(p(fmpq_poly([0, -1]))) if p.degree() > 0 else []
+    if p.degree() > 0:
+        roots = complex_roots(p(fmpq_poly([0, -1])))
+    else:
+        roots = []
     is_reached = p.degree() < H.order or any(y.imag == 0 and not y.real < 0 for y, _ in roots)
     if is_reached or not inequality([H.on_axis(fmpq(1))]).is_positive:
         return refuted("the largest singular value reaches the level")
@@ -311,7 +317,8 @@ def _pieces_between_roots(p: fmpq_poly, low: fmpq, high: fmpq | None) -> list[tu
     """
     first, last = low * low, None if high is None else high * high
     q = p(fmpq_poly([0, -1])) * fmpq_poly([-first, 1])
-    q = q if last is None else q * fmpq_poly([-last, 1])
+    if last is not None:
+        q = q * fmpq_poly([-last, 1])
     balls = sorted(
         _ends_of_ball(root.real) for root, _ in complex_roots(q) if root.imag == 0
     )  # balls of distinct roots are disjoint
@@ -344,7 +351,10 @@ def _look_inside(
     top = high
     for bits in count(64, 64):
         with ctx.workprec(bits):
-            middle = arb(low) * arb(top) if low > 0 else arb(top) ** 2 / 64
+            if low > 0:
+                middle = arb(low) * arb(top)
+            else:
+                middle = arb(top) ** 2 / 64
             x = _exact_number(middle.sqrt().sqrt().mid())
         if not low < x * x < top:
             continue
@@ -362,7 +372,9 @@ def _look_inside(
 
 def to_float(x: fmpq | None) -> float:
     """Return the nearest double of a rational number; infinity for None."""
-    return np.inf if x is None else int(x.p) / int(x.q)
+    if x is None:
+        return np.inf
+    return int(x.p) / int(x.q)
 
 
 def to_numbers(M: ExactMatrix) -> np.ndarray:

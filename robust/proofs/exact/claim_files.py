@@ -46,7 +46,9 @@ def to_plain(part: object) -> Json:
         return part.tolist()
     if isinstance(part, dict):
         return {name: to_plain(each) for name, each in part.items()}
-    return [to_plain(each) for each in part] if isinstance(part, tuple) else part
+    if isinstance(part, tuple):
+        return [to_plain(each) for each in part]
+    return part
 
 
 def from_plain(kind: type[T], given: object) -> T:
@@ -92,16 +94,15 @@ def _part_of_union(kinds: tuple[object, ...], given: Json) -> object:
 
 def _annotated_array(kinds: tuple[object, ...], given: Json) -> np.ndarray:
     """Return an array of integers, or a square one."""
-    return (
-        np.array(given, dtype=int)
-        if kinds[1] == WHOLE
-        else np.array(given, float).reshape(2 * (len(given),))
-    )
+    if kinds[1] == WHOLE:
+        return np.array(given, dtype=int)
+    return np.array(given, float).reshape(2 * (len(given),))
 
 
 def _tuple_from_plain(kinds: tuple[object, ...], given: Json) -> tuple[object, ...]:
     """Return a tuple of parts, each with its own type, or all with the first."""
-    kinds = kinds[:1] * len(given) if kinds[-1] is Ellipsis else kinds
+    if kinds[-1] is Ellipsis:
+        kinds = kinds[:1] * len(given)
     return tuple(_part_from_plain(each, part) for each, part in zip(kinds, given, strict=True))
 
 

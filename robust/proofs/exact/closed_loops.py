@@ -60,7 +60,9 @@ def decide_closed_loop(claim: ClosedLoopClaim, *, deadline: float = inf) -> Deci
         loop = transfer_of_loop(claim.plant, claim.controller)
     except ZeroDivisionError:
         return refuted("the loop has no solution")
-    return loop.stability if loop.is_zero else decide_norm(loop, claim.level, deadline=deadline)
+    if loop.is_zero:
+        return loop.stability
+    return decide_norm(loop, claim.level, deadline=deadline)
 
 
 def transfer_of_loop(plant: Matrices, controller: Matrices) -> TransferMatrix:

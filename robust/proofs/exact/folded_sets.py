@@ -179,7 +179,10 @@ def _decide_part(folded: _FoldedSum) -> Decision:
             break
         cut = high / 8
         if low:
-            cut = float(np.sqrt(low * high)) if high > 2 * low else (low + high) / 2
+            if high > 2 * low:
+                cut = float(np.sqrt(low * high))
+            else:
+                cut = (low + high) / 2
         waiting += [(cut, high, level), (low, cut, 0)]
     return undecided(f"undecided from {format_hertz(low)} to {format_hertz(high)}")
 
@@ -335,7 +338,9 @@ class _Product:
 
     @property
     def function(self) -> _Expansion:
-        return self.smooth.function if self.roots is None else self.smooth.function * self.roots
+        if self.roots is None:
+            return self.smooth.function
+        return self.smooth.function * self.roots
 
 
 @value(copy=False)
@@ -381,21 +386,18 @@ class _Factored:
             series=series(offset.series),
             rest=(rest + sum(share**_ORDER / _ORDER / (1 - share) for share in shares)) * _UPWARD,
         )
-        roots = (
-            prod((_Expansion.line(x) + offset for x in near), start=_Expansion.line(1))
-            if near
-            else None
-        )
+        if near:
+            roots = prod((_Expansion.line(x) + offset for x in near), start=_Expansion.line(1))
+        else:
+            roots = None
         return _Product(smooth=smooth, roots=roots)
 
 
 def _all_roots(p: fmpq_poly) -> tuple[acb, ...]:
     """Return every root, repeated by its multiplicity."""
-    return (
-        tuple(root for root, many in complex_roots(p) for _ in range(many))
-        if p.degree() > 0
-        else ()
-    )
+    if p.degree() > 0:
+        return tuple(root for root, many in complex_roots(p) for _ in range(many))
+    return ()
 
 
 @value(copy=False)
@@ -565,7 +567,10 @@ class _FoldedSum:
             [_Factored.of(transfer_quotient(w), at_one=True) for w in each]
             for each in (part.sampled_left, part.sampled_right)
         )
-        entries = [] if part.plant is None else _entries_of(part.plant)
+        if part.plant is None:
+            entries = []
+        else:
+            entries = _entries_of(part.plant)
         self.G = [[_Factored.of(g) for g in row] for row in entries]
         self.inverse = [] if part.sampled is None else _inverse_of(part.sampled)
         plant = [g for row in entries for g in row]

@@ -180,7 +180,8 @@ class IntervalClaim:
     def intervals(self) -> np.ndarray:
         """(I, 2) intervals [rad/s], the last one up to infinity or to the Nyquist frequency."""
         ends = np.concatenate([[0.0], self.cuts, [np.inf]])
-        ends = 2 / self.system.dt * np.arctan(ends) if self.system.dt else ends
+        if self.system.dt:
+            ends = 2 / self.system.dt * np.arctan(ends)
         return np.column_stack([ends[:-1], ends[1:]])
 
 
@@ -243,7 +244,10 @@ class ExactLoop:
             for M in (*(getattr(claim.system, name) for name in "ABCD"), claim.T)
         )
         n, m, one = A.nrows(), D.ncols(), identity(A.nrows())
-        g, f = ([A + one, B], [A - one, B]) if claim.system.dt else ([one, B * fmpq(0)], [A, B])
+        if claim.system.dt:
+            g, f = [A + one, B], [A - one, B]
+        else:
+            g, f = [one, B * fmpq(0)], [A, B]
         return cls(
             blocks=claim.blocks,
             g=ExactMatrix.real(T * stack([g])),
@@ -260,9 +264,10 @@ class ExactLoop:
         """Return whether a matrix P > 0 proves that the system is stable."""
         P, A = self.T.transpose() * to_rational_matrix(given) * self.T, self.A
         P = (P + P.transpose()) / fmpq(2)
-        falls = (
-            P - A.transpose() * P * A if self.discrete else (A.transpose() * P + P * A) * fmpq(-1)
-        )
+        if self.discrete:
+            falls = P - A.transpose() * P * A
+        else:
+            falls = (A.transpose() * P + P * A) * fmpq(-1)
         return positive_definite(P) and positive_definite(falls)
 
     def holds(self, piece: IntervalProof, low: float, high: float | None) -> bool:
@@ -298,7 +303,9 @@ def _has_structure(piece: IntervalProof, blocks: tuple[Block, ...]) -> bool:
 
 def decide_level(claim: ScaledClaim | IntervalClaim) -> dict[str, Decision]:
     """Decide stability and level of a claim of either kind."""
-    return _decide_intervals(claim) if isinstance(claim, IntervalClaim) else decide_scaled(claim)
+    if isinstance(claim, IntervalClaim):
+        return _decide_intervals(claim)
+    return decide_scaled(claim)
 
 
 def verify_level(claim: ScaledClaim | IntervalClaim, *, time_cap: float = 60.0) -> Verification:

@@ -57,7 +57,9 @@ class LearningClaim:
         wanted = self.level / Q * (1 - _ROUNDING)
         if wanted >= 1:
             return inf
-        return wanted if wanted <= self.full else 1 - sqrt((1 - wanted) * (1 - self.full))
+        if wanted <= self.full:
+            return wanted
+        return 1 - sqrt((1 - wanted) * (1 - self.full))
 
 
 def prove_learning(claim: LearningClaim, *, time_cap: float) -> Decision:
@@ -91,7 +93,10 @@ def _decide(claim: LearningClaim, deadline: float) -> Decision:
             return True
         a, b = arb(low), arb(high)
         t = terms((a + b) / 2, (b - a) / 2)
-        ways = [(loop.reads, t)] if aliases is None else _with_aliases(aliases, t, low=a, high=b)
+        if aliases is None:
+            ways = [(loop.reads, t)]
+        else:
+            ways = _with_aliases(aliases, t, low=a, high=b)
         return any(
             all(
                 lower_bound(part) > 0
@@ -101,11 +106,9 @@ def _decide(claim: LearningClaim, deadline: float) -> Decision:
         )
 
     def at_point(omega: float) -> Decision:
-        return (
-            proved()
-            if holds(omega, omega)
-            else undecided(f"undecided at {omega:.6g} rad/s", needs_digits=True)
-        )
+        if holds(omega, omega):
+            return proved()
+        return undecided(f"undecided at {omega:.6g} rad/s", needs_digits=True)
 
     top = float((arb.pi() / arb(axis.dt)).upper()) * (1 + 1e-15)
     return bisect_axis(holds, at_point, top, deadline)

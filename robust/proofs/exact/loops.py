@@ -164,7 +164,9 @@ def _prove_on_half_line(
     for expression, end in zip(expressions, ends, strict=True):
         if not end > 0:
             text = f"not below the limit at {'the Nyquist' if axis.dt else 'infinite'} frequency"
-            return refuted(text) if end <= 0 else undecided(text, needs_digits=True)
+            if end <= 0:
+                return refuted(text)
+            return undecided(text, needs_digits=True)
         found = positive_on_half_line(expression, deadline=deadline)
         if not found.holds:
             return _frequency_of(axis, found)
@@ -181,5 +183,8 @@ def _frequency_of(axis: Axis, found: Decision) -> Decision:
         return found
     x = sqrt(found.violated_at)
     dt = int(axis.dt.p) / int(axis.dt.q)
-    omega = 2 / dt * atan(x) if dt else x
+    if dt:
+        omega = 2 / dt * atan(x)
+    else:
+        omega = x
     return replace(found, violated_at=omega)

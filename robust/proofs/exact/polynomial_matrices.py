@@ -39,7 +39,10 @@ class PolynomialMatrix:
         return self.parts[0].nrows(), self.parts[0].ncols()
 
     def __add__(self, other: PolynomialMatrix) -> PolynomialMatrix:
-        long, short = (self, other) if len(self.parts) >= len(other.parts) else (other, self)
+        if len(self.parts) >= len(other.parts):
+            long, short = self, other
+        else:
+            long, short = other, self
         n = len(short.parts)
         return PolynomialMatrix(
             [p + q for p, q in zip(long.parts, short.parts, strict=False)] + long.parts[n:]

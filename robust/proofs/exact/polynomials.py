@@ -173,11 +173,10 @@ def exact_roots(system: Matrices) -> _Roots:
 
 def polynomial_roots(p: fmpq_poly) -> np.ndarray:
     """Return all roots of a fmpq_poly, repeated by multiplicity."""
-    found = (
-        [complex(root) for root, many in complex_roots(p) for _ in range(many)]
-        if p.degree() > 0
-        else []
-    )
+    if p.degree() > 0:
+        found = [complex(root) for root, many in complex_roots(p) for _ in range(many)]
+    else:
+        found = []
     return np.array(found, dtype=complex)
 
 
@@ -258,11 +257,9 @@ def hurwitz(p: Polynomial, degree: int) -> Decision:
     for _ in range(degree + 1):
         pivot = rows[0][0]
         if not pivot > 0:
-            return (
-                refuted("a pole is not stable")
-                if pivot <= 0
-                else undecided(TOO_NEAR_BOUNDARY, needs_digits=True)
-            )
+            if pivot <= 0:
+                return refuted("a pole is not stable")
+            return undecided(TOO_NEAR_BOUNDARY, needs_digits=True)
         above, below = rows
         if not below:
             break
@@ -319,7 +316,9 @@ def _bernstein_signs(coefficients: list[Coefficient]) -> _Signs:
     """
     if all(c >= 0 for c in coefficients) and coefficients[0] > 0 and coefficients[-1] > 0:
         return _Signs.POSITIVE
-    return _Signs.MIXED if any(c < 0 for c in coefficients) else _Signs.UNCLEAR
+    if any(c < 0 for c in coefficients):
+        return _Signs.MIXED
+    return _Signs.UNCLEAR
 
 
 def positive_on_half_line(p: Polynomial, *, deadline: float = np.inf) -> Decision:
@@ -337,7 +336,9 @@ def positive_on_half_line(p: Polynomial, *, deadline: float = np.inf) -> Decisio
     if not coefficients or not coefficients[0] > 0:
         below = not coefficients or bool(coefficients[0] <= 0)
         text = "not positive at zero"
-        return refuted(text, 0.0) if below else undecided(text, needs_digits=True)
+        if below:
+            return refuted(text, 0.0)
+        return undecided(text, needs_digits=True)
     low, high = _root_bounds([arb(c) for c in coefficients])
     todo: list[tuple[float, float]] = [(0.0, low), (low, high), (high, np.inf)]
     for _ in range(_MAX_PIECES):
@@ -373,14 +374,18 @@ def _shifted_coefficients(p: Polynomial, low: float) -> list[Coefficient]:
 
 def _to_exact_number(p: Polynomial, x: float) -> Coefficient:
     """Return a double as an exact number of the kind of the coefficients of p."""
-    return fmpq(*float(x).as_integer_ratio()) if isinstance(p, fmpq_poly) else arb(float(x))
+    if isinstance(p, fmpq_poly):
+        return fmpq(*float(x).as_integer_ratio())
+    return arb(float(x))
 
 
 def _geometric_midpoint(a: float, b: float) -> float:
     """Return the point of a cut, geometric because roots lie decades apart."""
     if a == 0:
         return b / 64
-    return a * 64 if np.isinf(b) else float(np.sqrt(a) * np.sqrt(b))
+    if np.isinf(b):
+        return a * 64
+    return float(np.sqrt(a) * np.sqrt(b))
 
 
 def _root_bounds(coefficients: list[arb]) -> tuple[float, float]:

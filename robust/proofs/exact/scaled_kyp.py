@@ -77,7 +77,10 @@ class ScaledClaim:
         n, sizes = self.system.order, require_blocks(self.system, self.blocks, self.level)
         wanted = {"P": [n], "T": [n], "scalings": sizes, "skews": sizes}
         for name, sides in wanted.items():
-            given = (getattr(self, name),) if name in "PT" else getattr(self, name)
+            if name in "PT":
+                given = (getattr(self, name),)
+            else:
+                given = getattr(self, name)
             if [M.shape for M in given] != [(side, side) for side in sides]:
                 raise ValueError(
                     f"{name} must fit system and blocks, got {[M.shape for M in given]}"

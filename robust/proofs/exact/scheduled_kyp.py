@@ -100,7 +100,9 @@ class ScheduleClaim:
     @property
     def speed(self) -> float:
         """The rate, inf for jumps."""
-        return np.inf if self.jumps else self.rate
+        if self.jumps:
+            return np.inf
+        return self.rate
 
     def loop(self) -> ScheduledLoop | None:
         """Return the loop of the claim."""
@@ -153,11 +155,9 @@ def verify_schedule(claim: ScheduleClaim, *, time_cap: float = 60.0) -> Verifica
 
 def describe(claim: ScheduleClaim) -> str:
     """Return the name of a claim."""
-    return (
-        "stability on every trajectory"
-        if not claim.gain
-        else f"gain {claim.gain} below {claim.level:g} on every trajectory"
-    )
+    if not claim.gain:
+        return "stability on every trajectory"
+    return f"gain {claim.gain} below {claim.level:g} on every trajectory"
 
 
 def decide_schedule(claim: ScheduleClaim) -> Decision:
@@ -200,7 +200,9 @@ def inequalities(loop: ScheduledLoop, claim: ScheduleClaim) -> list[PolynomialMa
         half = states.transpose() * P * AB
         rest = rest + half + half.transpose()
         turn = states.transpose() * P.derivative().scaled(claim.rate) * states
-        return [rest] if not claim.P[1:].any() else [rest + turn, rest - turn]
+        if not claim.P[1:].any():
+            return [rest]
+        return [rest + turn, rest - turn]
     rest = rest - states.transpose() * P * states
     made = []
     for later in moved_polynomials(P, claim.speed * loop.dt):

@@ -69,12 +69,23 @@ def assemble_schedule(
         sampled = sample_plant(plant.A, plant.B, dt=controller.dt, rate=rate)
         if sampled is None:
             return None
-    units = np.ones(n + m) if sampled is None else sampled.units
+    if sampled is None:
+        units = np.ones(n + m)
+    else:
+        units = sampled.units
     n_K = controller.order
     n_W = 0 if weight is None else weight.order
-    moving = 0 if sampled is None else sampled.L.shape[1]
+    if sampled is None:
+        moving = 0
+    else:
+        moving = sampled.L.shape[1]
     into_plant = "G" in reads
-    wide = 0 if weight is None else m if into_plant else p
+    if weight is None:
+        wide = 0
+    elif into_plant:
+        wide = m
+    else:
+        wide = p
     d = {"": 0, "S": p, "GS": m}[gain]
     sizes = [n, n_K, n_W, delay * m, wide, moving, d]
     total, ends = sum(sizes), np.cumsum(sizes)
@@ -84,10 +95,16 @@ def assemble_schedule(
     y = PolynomialMatrix.of(plant.C * units[:n]) * x
     if wide and not into_plant:
         y = y + w
-    measured = y + disturbed if gain == "S" else y
+    if gain == "S":
+        measured = y + disturbed
+    else:
+        measured = y
     A_K, B_K, C_K, D_K = (PolynomialMatrix.of(getattr(controller, name)) for name in "ABCD")
     u = -(C_K * x_K + D_K * measured)
-    arriving = constant(np.eye(m, delay * m)) * held if delay else u
+    if delay:
+        arriving = constant(np.eye(m, delay * m)) * held
+    else:
+        arriving = u
     v = arriving
     if wide and into_plant:
         v = v + w

@@ -62,7 +62,9 @@ def hurwitz_with_delay(den: fmpq_poly, num: fmpq_poly, *, degree: int, delay: fm
                 moved = _delay_crossings(den, num, arb(delay))
                 if moved is not None:
                     count = outside + moved
-                    return proved() if count == 0 else refuted(f"{count} poles are not stable")
+                    if count == 0:
+                        return proved()
+                    return refuted(f"{count} poles are not stable")
         bits *= 4
     return undecided(TOO_NEAR_BOUNDARY, needs_digits=True)
 
@@ -86,7 +88,9 @@ def _delay_crossings(den: fmpq_poly, num: fmpq_poly, delay: arb) -> int | None:
     """
     balance = squared_magnitude(den) - squared_magnitude(num)
     if balance.degree() <= 0:
-        return 0 if balance[0] != 0 else None
+        if balance[0] != 0:
+            return 0
+        return None
     count, pi = 0, arb.pi()
     for root, many in complex_roots(balance):
         if root.imag != 0 or root.real < 0:
@@ -120,7 +124,9 @@ def _delay_crossings(den: fmpq_poly, num: fmpq_poly, delay: arb) -> int | None:
 def _floor_or_none(x: arb) -> int | None:
     """Return floor(x), or None if the ball contains an integer."""
     floor = x.floor().unique_fmpz()
-    return None if floor is None or x.contains_integer() else int(floor)
+    if floor is None or x.contains_integer():
+        return None
+    return int(floor)
 
 
 def _sign_of_slope(p: fmpq_poly, y: arb, order: int) -> int | None:
@@ -128,7 +134,11 @@ def _sign_of_slope(p: fmpq_poly, y: arb, order: int) -> int | None:
     for _ in range(order):
         p = p.derivative()
     slope = arb_poly(p)(y)
-    return 1 if slope > 0 else -1 if slope < 0 else None
+    if slope > 0:
+        return 1
+    if slope < 0:
+        return -1
+    return None
 
 
 # ---- A claimed loop on one imaginary axis: its parts as polynomials at the working precision, and
@@ -168,12 +178,14 @@ def claim_on_axis(claim: LoopClaim) -> Axis:
     """
     G, K, dt, delay = loop_on_axis(claim.plant, claim.controller, claim.delay)
     w, w_timed = _weight_quotient("weight", claim.weight, dt)
-    P, P_timed = (
-        (None, False)
-        if claim.performance is None
-        else _weight_quotient("performance", claim.performance, dt)
-    )
-    W = _shaping_product(claim, dt) if "M" in claim.reads else None
+    if claim.performance is None:
+        P, P_timed = None, False
+    else:
+        P, P_timed = _weight_quotient("performance", claim.performance, dt)
+    if "M" in claim.reads:
+        W = _shaping_product(claim, dt)
+    else:
+        W = None
     return Axis(G=G, K=K, w=w, P=P, dt=dt, delay=delay, w_timed=w_timed, P_timed=P_timed, W=W)
 
 
@@ -201,7 +213,10 @@ def loop_on_axis(
 
     `seconds` is a double or a rational.
     """
-    delay = to_rational(seconds) if isinstance(seconds, float) else seconds
+    if isinstance(seconds, float):
+        delay = to_rational(seconds)
+    else:
+        delay = seconds
     dt = to_rational(plant.dt or K.dt)
     if plant.dt:
         if K.order and not _is_same_sampling_time(K.dt, plant.dt):
@@ -403,7 +418,10 @@ def decide_quotient_stability(G: Quotient, K: Quotient, delay: fmpq) -> Decision
     """Decide whether the loop of two quotients on one axis with a delay (fmpq) is stable, at the
     current precision.
     """
-    kind = type(G.num) if type(G.num) is type(K.num) else arb_poly
+    if type(G.num) is type(K.num):
+        kind = type(G.num)
+    else:
+        kind = arb_poly
     N: Polynomial = kind(G.num) * kind(K.num)
     D: Polynomial = kind(G.den) * kind(K.den)
     if delay > 0:

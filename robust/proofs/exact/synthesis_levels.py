@@ -67,7 +67,8 @@ def level_fails(
         )
         try:
             parts = _balance_states((A, B * inputs, outputs * C, outputs * D * inputs))
-            parts = _half_plane_image(parts, 1.0, -1.0) if plant.dt else parts
+            if plant.dt:
+                parts = _half_plane_image(parts, 1.0, -1.0)
             return _existence_fails(
                 _half_plane_image(parts, *circle) if circle else parts, z, w, arb(level)
             )
@@ -155,9 +156,9 @@ def _control_storage(plant: Balls, z: int, w: int, level: arb) -> arb_mat | None
     rounding = (_frobenius_norm(X) + _frobenius_norm(H) * arb(2) ** -(_BITS // 4)) * arb(2) ** -(
         _BITS // 4
     )
-    return (
-        X if all(p > 0 for p in ldl_pivots((X + _identity_balls(n) * rounding).tolist())) else None
-    )
+    if all(p > 0 for p in ldl_pivots((X + _identity_balls(n) * rounding).tolist())):
+        return X
+    return None
 
 
 def _sign_of(H: arb_mat) -> arb_mat | None:
@@ -195,7 +196,9 @@ def _balance_states(loop: Balls) -> Balls:
 
 def _eigenvalues(matrix: arb_mat) -> list[acb]:
     """Return all eigenvalues approximately, to the current digits; no proof uses them."""
-    return list(acb_mat(matrix).eig(algorithm="approx")) if matrix.nrows() else []
+    if matrix.nrows():
+        return list(acb_mat(matrix).eig(algorithm="approx"))
+    return []
 
 
 def _to_balls(matrix: np.ndarray) -> arb_mat:

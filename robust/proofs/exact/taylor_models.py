@@ -43,11 +43,9 @@ class TaylorModel:
         return TaylorModel(self.p - (other.p if isinstance(other, TaylorModel) else other))
 
     def __mul__(self, other: Summand) -> TaylorModel:
-        return (
-            _truncate(self.p * other.p)
-            if isinstance(other, TaylorModel)
-            else TaylorModel(self.p * other)
-        )
+        if isinstance(other, TaylorModel):
+            return _truncate(self.p * other.p)
+        return TaylorModel(self.p * other)
 
     __rmul__ = __mul__
 
@@ -101,7 +99,10 @@ def compose_polynomial(p: Polynomial, argument: TaylorModel) -> TaylorModel:
     middle = argument.p[0].mid()
     away = argument.p - middle
     reach = sum((abs(c) for c in away.coeffs()), arb(0)).abs_upper()
-    coefficients = p(arb_poly([middle, 1])).coeffs() if p.degree() > 0 else p.coeffs()
+    if p.degree() > 0:
+        coefficients = p(arb_poly([middle, 1])).coeffs()
+    else:
+        coefficients = p.coeffs()
     left = arb(0)
     for c in reversed(coefficients[_ORDER + 1 :]):
         left = left * reach + abs(c)
@@ -128,7 +129,8 @@ def lower_bound(jet: TaylorModel) -> arb:
         c = found.lower()
         if not c.is_finite():
             return arb.neg_inf()
-        least = c if c < least else least
+        if c < least:
+            least = c
     return least
 
 
@@ -171,14 +173,14 @@ def positive_on_intervals(
         at = [jet.p[0] for jet in inequalities(terms(arb(omega), arb(0)))]
         if any(x <= 0 for x in at):
             return refuted("negative there", omega)
-        return (
-            proved()
-            if all(x > 0 for x in at)
-            else undecided(f"undecided at {omega:.6g} rad/s", needs_digits=True)
-        )
+        if all(x > 0 for x in at):
+            return proved()
+        return undecided(f"undecided at {omega:.6g} rad/s", needs_digits=True)
 
     at_zero = at_point(0.0)
-    return bisect_axis(holds, at_point, top, deadline) if at_zero.holds else at_zero
+    if at_zero.holds:
+        return bisect_axis(holds, at_point, top, deadline)
+    return at_zero
 
 
 def bisect_axis(
@@ -203,13 +205,12 @@ def bisect_axis(
             return undecided(f"undecided near {high:.6g} rad/s", needs_digits=True)
         if time.thread_time() > deadline:
             return undecided(f"undecided after {count} intervals: the time limit was reached")
-        cut = (
-            high / 16
-            if low == 0
-            else sqrt(low) * sqrt(high)
-            if high > 4 * low
-            else (low + high) / 2
-        )
+        if low == 0:
+            cut = high / 16
+        elif high > 4 * low:
+            cut = sqrt(low) * sqrt(high)
+        else:
+            cut = (low + high) / 2
         todo += [(cut, high), (low, cut)]
     return undecided(f"undecided after {_MAX_INTERVALS} intervals")
 
@@ -254,8 +255,14 @@ def sampled_terms(axis: Axis, found: Squares, samples: int = 0) -> Callable[[arb
         y = omega * omega
         G, K = _quotient_at(G_in_sine, u), _quotient_at(K_in_sine, u)
         w = _quotient_at(w_known, y if axis.w_timed else u)
-        P = None if P_known is None else _quotient_at(P_known, y if axis.P_timed else u)
-        W = None if W_in_sine is None else _quotient_at(W_in_sine, u)
+        if P_known is None:
+            P = None
+        else:
+            P = _quotient_at(P_known, y if axis.P_timed else u)
+        if W_in_sine is None:
+            W = None
+        else:
+            W = _quotient_at(W_in_sine, u)
         cross, closed = compose_polynomial(even, u), compose_polynomial(whole, u)
         if samples:
             # x (1 - u) = sin(omega dt)/2: a part that is odd in x = tan(omega dt/2) has one power

@@ -51,7 +51,9 @@ class Trajectory:
     def rate(self) -> float:
         """Largest |theta'| [1/s]; inf if theta jumps."""
         moves = np.abs(np.diff(self.theta, append=self.theta[:1]))
-        return np.inf if self.held and moves.any() else float(moves.max() / self.step)
+        if self.held and moves.any():
+            return np.inf
+        return float(moves.max() / self.step)
 
 
 def grows(claim: ScheduleClaim, trajectory: Trajectory) -> bool:
@@ -62,11 +64,10 @@ def grows(claim: ScheduleClaim, trajectory: Trajectory) -> bool:
         return False
     with ctx.workprec(_BITS):
         loop = held_loop(claim)
-        flows = (
-            _continuous_steps(claim, loop, trajectory)
-            if not claim.controller.dt
-            else _sampled_steps(claim, loop, trajectory)
-        )
+        if not claim.controller.dt:
+            flows = _continuous_steps(claim, loop, trajectory)
+        else:
+            flows = _sampled_steps(claim, loop, trajectory)
         period = constant(np.eye(loop.A.shape[0])).parts[0]
         for flow in flows:
             period = flow * period

@@ -92,7 +92,9 @@ class Certificate:
     def judged(self) -> str:
         """Arithmetic of the result: "proved, rigorous" or "judged in floating point"."""
         exact = self.method in (EXACT, SCALED_KYP, GENERALISED_KYP, PIECES)
-        return "proved, rigorous" if exact else "judged in floating point"
+        if exact:
+            return "proved, rigorous"
+        return "judged in floating point"
 
     def verify(self, *, time_cap: float = 60.0) -> Verification:
         """Prove the claim again with outward rounding, without the search for the proof.
@@ -114,7 +116,10 @@ class Certificate:
         """
         if self.again is not None:
             return self.again(self.claim, time_cap=time_cap)
-        reason = f"{self.judged}: its exact claim is not kept" if self.holds else self.reason
+        if self.holds:
+            reason = f"{self.judged}: its exact claim is not kept"
+        else:
+            reason = self.reason
         return Verification(proved=(), failed=((self.subject, reason),))
 
 
@@ -129,7 +134,10 @@ def failed_certificate(
     """Return a certificate that does not hold: undecided, or violated, with the frequency [rad/s]
     if it is known.
     """
-    where = np.zeros((0, 2)) if np.isnan(violated_at) else np.full((1, 2), violated_at)
+    if np.isnan(violated_at):
+        where = np.zeros((0, 2))
+    else:
+        where = np.full((1, 2), violated_at)
     return Certificate(
         subject=subject, outcome=outcome, level=level, method="", intervals=where, reason=reason
     )

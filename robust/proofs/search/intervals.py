@@ -85,8 +85,14 @@ def magnitude_of(system: control.StateSpace) -> Magnitude:
         z, p = z[np.abs(z) < 1e12], p[np.abs(p) < 1e12]
     # the gain from one point without a root nearby
     point = 1.2345 * (np.exp(np.mean(np.log(np.abs(p[p != 0])))) if np.any(p != 0) else 1.0)
-    at = np.exp(2j * np.arctan(point)) if dt else 1j * point
-    value_there = abs(complex(system(at))) if system.nstates else abs(system.D[0, 0])
+    if dt:
+        at = np.exp(2j * np.arctan(point))
+    else:
+        at = 1j * point
+    if system.nstates:
+        value_there = abs(complex(system(at)))
+    else:
+        value_there = abs(system.D[0, 0])
     gain = value_there * float(np.prod(np.abs(1j * point - p)) / np.prod(np.abs(1j * point - z)))
     return Magnitude(zeros=z, poles=p, gain=gain)
 
@@ -101,8 +107,12 @@ _MAX_EXACT_STATES = 40  # largest number of states for exact roots
 
 def poles_are_uncertain(poles: np.ndarray, moved: np.ndarray, discrete: bool) -> bool:
     """Return whether rounding may have moved a pole by about as much as it is damped."""
-    damping = np.abs(np.abs(poles) - 1) if discrete else np.abs(poles.real)
-    size = np.abs(poles - 1) if discrete else np.abs(poles)
+    if discrete:
+        damping = np.abs(np.abs(poles) - 1)
+        size = np.abs(poles - 1)
+    else:
+        damping = np.abs(poles.real)
+        size = np.abs(poles)
     return bool(np.any(moved > _MAX_POLE_SHIFT * np.maximum(damping, _AXIS_DISTANCE * size)))
 
 

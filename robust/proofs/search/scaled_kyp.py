@@ -198,7 +198,10 @@ class ScalingSearch:
         CD = np.hstack([C, D])
         lower = np.vstack([np.zeros((n, m)), np.eye(m)])
         cross = lower @ skew @ CD
-        energy = cp.bmat([[A.T @ P + P @ A, P @ B], [B.T @ P, -X_R]]) if n else -X_R
+        if n:
+            energy = cp.bmat([[A.T @ P + P @ A, P @ B], [B.T @ P, -X_R]])
+        else:
+            energy = -X_R
         M = energy + CD.T @ X_L @ CD - cross - cross.T
         units = np.diag(
             1 / np.sqrt(np.concatenate([np.maximum(np.linalg.norm(A, axis=0), 1e-6), np.ones(m)]))

@@ -134,9 +134,10 @@ def _solve(
         constraints.append(here >> _LEAST * np.eye(n))
         for moved in _moves(loop, claim, P, theta):
             half = E.T @ here @ AB
-            change = (
-                AB.T @ moved @ AB - E.T @ here @ E if loop.dt else half + half.T + E.T @ moved @ E
-            )
+            if loop.dt:
+                change = AB.T @ moved @ AB - E.T @ here @ E
+            else:
+                change = half + half.T + E.T @ moved @ E
             M = cp.multiply(np.outer(units, units), change + supply)
             constraints.append((M + M.T) / 2 << -t * np.eye(n + m))
     problem = cp.Problem(cp.Maximize(t), constraints)
@@ -160,7 +161,9 @@ def _moves(loop: ScheduledLoop, claim: ScheduleClaim, P: list, theta: float) -> 
     """
     if not loop.dt:
         slope = sum((k * theta ** (k - 1) * p for k, p in enumerate(P) if k), 0 * P[0])
-        return [slope] if len(P) == 1 else [claim.rate * slope, -claim.rate * slope]
+        if len(P) == 1:
+            return [slope]
+        return [claim.rate * slope, -claim.rate * slope]
     with ctx.workprec(BITS):  # the weight of each coefficient of P in each move
         powers = moved_polynomials(
             PolynomialMatrix.of(np.eye(len(P))[:, :, None]), claim.speed * loop.dt

@@ -35,8 +35,14 @@ def is_near_boundary(
 
     `found` are its `poles_with_rounding`, if they are known.
     """
-    poles, moved = poles_with_rounding(system) if found is None else found
-    excess = np.abs(poles) - 1 if timebase(system) else poles.real
+    if found is None:
+        poles, moved = poles_with_rounding(system)
+    else:
+        poles, moved = found
+    if timebase(system):
+        excess = np.abs(poles) - 1
+    else:
+        excess = poles.real
     rounding = np.maximum(moved, EPS * np.linalg.norm(system.A))  # assembling the system rounds too
     return bool(np.any(np.abs(excess) <= _BOUNDARY_FACTOR * rounding))
 

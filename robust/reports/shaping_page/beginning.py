@@ -80,8 +80,13 @@ def _missed(loops: Sequence[Loop], omega: np.ndarray) -> float:
 
 def _end_of_demand(loop: Loop, omega: np.ndarray) -> float | None:
     """Return the highest frequency of the grid at which |w_P| >= 1 [rad/s]."""
-    wanted = omega[:0] if loop.w_P is None else omega[np.abs(response(loop.w_P, omega)) >= 1]
-    return float(wanted[-1]) if 0 < wanted.size < omega.size else None
+    if loop.w_P is None:
+        wanted = omega[:0]
+    else:
+        wanted = omega[np.abs(response(loop.w_P, omega)) >= 1]
+    if 0 < wanted.size < omega.size:
+        return float(wanted[-1])
+    return None
 
 
 def _end_of_set(model: UncertaintyModel, loop: Loop, omega: np.ndarray) -> float:
@@ -127,7 +132,10 @@ def _shape_for(loop: Loop, omega_c: float, sign: float, *, most_roll_off: float)
             {"kind": "roll-off", "f": _tidy(min(corner, highest)), "order": 1, "zeta": 0.7}
         )
     state: JsonObject = {"gain": 1.0, "elements": elements}
-    at = np.exp(1j * omega_c * loop.dt) if loop.dt else 1j * omega_c
+    if loop.dt:
+        at = np.exp(1j * omega_c * loop.dt)
+    else:
+        at = 1j * omega_c
     gain = 1 / abs(G * shaped_controller(state, 1.0, loop.dt)(at))
     return state | {"gain": _tidy(sign * gain)}
 

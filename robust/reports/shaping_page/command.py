@@ -41,10 +41,12 @@ def write_from_files(
         else f"--bandwidth {bandwidth!r} --peak {peak!r} --error {error!r}",
         title="Shape a loop around " + ", ".join(path.stem for path in files),
     )
-    w_P = (
-        None if bandwidth is None else performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
-    )
-    omega_c = None if bandwidth is None else 2 * np.pi * bandwidth
+    if bandwidth is None:
+        w_P = None
+        omega_c = None
+    else:
+        w_P = performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
+        omega_c = 2 * np.pi * bandwidth
     write_text(
         out, page_text(page_content(models, w_P=w_P, K=K, sources=sources, omega_c=omega_c, **loop))
     )

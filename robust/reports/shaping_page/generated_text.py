@@ -64,7 +64,10 @@ def python_script(
     arguments = ", w_P=w_P" * (w_P is not None) + (f", delay={delay!r}" if delay else "")
     check = f"print(robust.check(model, K{arguments}))"
     rows += ["for model in models:", f"    {check}"] if several else [check]
-    stored = f", delay={delay!r}" if dt or delay else ""
+    if dt or delay:
+        stored = f", delay={delay!r}"
+    else:
+        stored = ""
     return "\n".join([*rows, f'robust.save(K, "controller.json"{stored})', ""])
 
 

@@ -40,7 +40,10 @@ def _encode_response(system: control.StateSpace) -> JsonObject:
     """
     dt = timebase(system)
     A, B, C = scale_states(system.A - np.eye(system.nstates) * (dt > 0), system.B, system.C)
-    H, Q = hessenberg(A, calc_q=True) if A.size else (A, A)
+    if A.size:
+        H, Q = hessenberg(A, calc_q=True)
+    else:
+        H, Q = A, A
     return {
         "dt": dt,
         "H": H.ravel().tolist(),
@@ -107,7 +110,8 @@ def page_content(
     """
     models = _list_models(models)
     initial = state_space("K", 1.0 if K is None else K)
-    w_P = None if w_P is None else state_space("w_P", w_P)
+    if w_P is not None:
+        w_P = state_space("w_P", w_P)
     dt = _loop_sampling_time(models, initial, dt)
     start = control.StateSpace(initial.A, initial.B, initial.C, initial.D, dt)
     loops = [assemble_loop(model, start, w_P=w_P, delay=delay) for model in models]
@@ -166,7 +170,10 @@ def _encode_model(name: str, model: UncertaintyModel, loop: Loop) -> JsonObject:
             " plot_loop_bounds"
         )
     # without a demand the bounds are those of robust stability, computed with a negligible demand
-    demand = control.StateSpace([], [], [], [[1e-9]]) if loop.w_P is None else loop.w_P
+    if loop.w_P is None:
+        demand = control.StateSpace([], [], [], [[1e-9]])
+    else:
+        demand = loop.w_P
     low, high = loop_bounds(model, demand)
     omega = model.omega[model.omega < loop.omega_max]
     return {
@@ -229,11 +236,13 @@ def _shared_grid(models: list[UncertaintyModel], loops: list[Loop]) -> list[floa
         low * np.geomspace(10.0**-_DECADES_BELOW, 1, _DECADES_BELOW * _POINTS_PER_DECADE + 1)[:-1]
     ]
     top = loops[0].omega_max
-    beyond = (
-        high * np.geomspace(1, 10.0**_DECADES_ABOVE, _DECADES_ABOVE * _POINTS_PER_DECADE + 1)[1:]
-        if np.isinf(top)
-        else top * (1 - _NEAR_NYQUIST)
-    )
+    if np.isinf(top):
+        beyond = (
+            high
+            * np.geomspace(1, 10.0**_DECADES_ABOVE, _DECADES_ABOVE * _POINTS_PER_DECADE + 1)[1:]
+        )
+    else:
+        beyond = top * (1 - _NEAR_NYQUIST)
     return np.unique(np.concatenate([omega, *far, beyond[beyond > high]])).tolist()
 
 

@@ -46,12 +46,13 @@ def doubt_of_trace_at_rest(
     held = np.mean((low / np.abs(low)).real) > _HELD
     if not (held or under.motion is BaseMotion.AT_REST):
         return None
-    found = (
-        f"in {name} the axis is held, as by a spring of {np.median((1 / low).real):.3g} {unit} from"
-        f" {machine.f[0]:.4g} to {machine.f[: low.size][-1]:.4g} Hz"
-        if held
-        else f"{name} was recorded at rest, where friction holds the axis part of the time"
-    )
+    if held:
+        found = (
+            f"in {name} the axis is held, as by a spring of {np.median((1 / low).real):.3g} {unit} from"
+            f" {machine.f[0]:.4g} to {machine.f[: low.size][-1]:.4g} Hz"
+        )
+    else:
+        found = f"{name} was recorded at rest, where friction holds the axis part of the time"
     return Doubt(
         DoubtKind.AT_REST,
         f"{found}. This trace cannot judge the gains, because in motion friction does not hold the"
@@ -71,11 +72,10 @@ def doubt_of_crossover(report: RobustnessReport) -> Doubt | None:
     if not (crossover < 0.999 * first or crossover > 1.001 * last):
         return None
     above = crossover > last
-    side, wanted = (
-        ("above", f"up to {format_hertz(2 * crossover)}")
-        if above
-        else ("below", f"from {format_hertz(crossover / 2)} on")
-    )
+    if above:
+        side, wanted = "above", f"up to {format_hertz(2 * crossover)}"
+    else:
+        side, wanted = "below", f"from {format_hertz(crossover / 2)} on"
     return Doubt(
         DoubtKind.OUTSIDE_BAND,
         f"the loop crosses over at {format_hertz(crossover)}, {side} the measured band of"
@@ -126,12 +126,13 @@ def doubt_of_unstable_model(
             " Take a trace in motion, with more periods or realisations, in a band around the"
             " crossover",
         )
-    cure = (
-        f"no kp of {min(_TRIED_FACTORS):g} to {max(_TRIED_FACTORS):g} times the present one makes"
-        " it stable: change kv and tn"
-        if factor is None
-        else f"{factor:g} times the present kp makes it stable"
-    )
+    if factor is None:
+        cure = (
+            f"no kp of {min(_TRIED_FACTORS):g} to {max(_TRIED_FACTORS):g} times the present one makes"
+            " it stable: change kv and tn"
+        )
+    else:
+        cure = f"{factor:g} times the present kp makes it stable"
     if under.gains is RecordedGains.OTHER:
         return Doubt(
             DoubtKind.UNSTABLE,

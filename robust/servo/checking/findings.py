@@ -202,12 +202,12 @@ class DriveCheck:
         """
         if self.linear_passed and not self.friction.proofs and not self.friction.hunts:
             bounded = np.isfinite(self.friction.within)
-            return DriveVerdict.FRICTION_BOUNDED if bounded else DriveVerdict.FRICTION_NOT_JUDGED
-        return (
-            DriveVerdict.PASSED
-            if self.linear_passed and self.friction.proved
-            else DriveVerdict.NOT_PASSED
-        )
+            if bounded:
+                return DriveVerdict.FRICTION_BOUNDED
+            return DriveVerdict.FRICTION_NOT_JUDGED
+        if self.linear_passed and self.friction.proved:
+            return DriveVerdict.PASSED
+        return DriveVerdict.NOT_PASSED
 
     @property
     def safe(self) -> bool:
@@ -337,11 +337,10 @@ class DriveCheck:
             " current loop"
         )
         margin = self.report.classical.delay_margin if self.report.nominally_stable else np.inf
-        more = (
-            f"; the nominal loop tolerates {1e3 * margin:.3g} ms of additional delay"
-            if margin < np.inf
-            else ""
-        )
+        if margin < np.inf:
+            more = f"; the nominal loop tolerates {1e3 * margin:.3g} ms of additional delay"
+        else:
+            more = ""
         if self.given is not None and (self.given.delay, self.given.lag) != (
             self.settings.delay,
             self.settings.lag,

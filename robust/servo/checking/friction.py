@@ -147,7 +147,9 @@ class DriveFriction:
             return "rests"
         if self.refuted:
             return "refuted"
-        return "settles" if np.isfinite(self.within) else "open"
+        if np.isfinite(self.within):
+            return "settles"
+        return "open"
 
     @property
     def within(self) -> float:
@@ -183,7 +185,10 @@ class DriveFriction:
         """Proved largest distance from rest [m] or [rad] with any friction up to `largest`; nan if
         unknown.
         """
-        proofs = self.proofs if self.bounded is None else (self.bounded,)
+        if self.bounded is None:
+            proofs = self.proofs
+        else:
+            proofs = (self.bounded,)
         return max(
             (proof.error_bound for proof in proofs if np.isfinite(proof.error_bound)),
             default=np.nan,
@@ -226,7 +231,10 @@ class DriveFriction:
                     f"{'no' if seen.hunts else 'not always'}: it hunts in {seen.count} of"
                     f" {seen.ended} simulated runs"
                 )
-            hunts = f"yes, {seen.describe_swing()}" if seen.hunts else "not seen in simulation"
+            if seen.hunts:
+                hunts = f"yes, {seen.describe_swing()}"
+            else:
+                hunts = "not seen in simulation"
         if self.refuted:
             rests += (
                 ". One friction of the class is proved to keep the axis from rest; the real one may"
@@ -256,11 +264,10 @@ class DriveFriction:
 
     def describe_rest(self) -> str:
         """Return where a proved loop comes to rest, as text."""
-        rest = (
-            "at the set point, by the integral part"
-            if self.has_integral
-            else "where friction holds it"
-        )
+        if self.has_integral:
+            rest = "at the set point, by the integral part"
+        else:
+            rest = "where friction holds it"
         if self.has_integral and self.fit is not None and isinstance(self.largest, tuple):
             stretch = format_length(self.largest[1] / self.fit.coupling, self.fit.units[1])
             return f"with the motor {rest}, and the load within {stretch} of it"
@@ -285,19 +292,17 @@ class DriveFriction:
             distance += f" for friction up to {self.largest_forces}"
         if asked is not None:
             seen = self.simulated
-            far = (
-                np.nan
-                if seen is None
-                else np.fmax(seen.offset, seen.amplitude if seen.hunts else np.nan)
-            )
+            if seen is None:
+                far = np.nan
+            else:
+                far = np.fmax(seen.offset, seen.amplitude if seen.hunts else np.nan)
             simulated = "; in simulation yes" if far <= asked else ""
-            answer = (
-                "yes"
-                if known <= asked
-                else "no, as simulated"
-                if far > asked
-                else f"not proved{simulated}"
-            )
+            if known <= asked:
+                answer = "yes"
+            elif far > asked:
+                answer = "no, as simulated"
+            else:
+                answer = f"not proved{simulated}"
             answer = f". Within {format_length(asked, unit)}: {answer}"
         return distance + answer
 
@@ -349,11 +354,10 @@ class DriveFriction:
         rows = []
         if self.proved:
             two = self.fit is not None and self.fit.load_mass > 0
-            added = (
-                f", and with {1e3 * self.added_delay:.3g} ms of additional delay"
-                if self.added_delay
-                else ""
-            )
+            if self.added_delay:
+                added = f", and with {1e3 * self.added_delay:.3g} ms of additional delay"
+            else:
+                added = ""
             ends = "motor, load and the spring between them" if two else "mass"
             rows = [
                 f"It rests {self.describe_rest()}. The proof was repeated at both ends of {ends}"
@@ -415,12 +419,14 @@ def _tabulate_assumptions(
         half = factor * HALF_WIDTH * fit.stds.get(name, 0.0)
         if not half or name not in assumptions:
             continue
-        read = (
-            f"{format_rounded(factor * getattr(fit, name), half)} +- {half:.1g}"
-            if np.isfinite(half)
-            else "left open"
-        )
-        quantity = f"{label} [{unit_of(unit, fit.units)}]" if unit else label
+        if np.isfinite(half):
+            read = f"{format_rounded(factor * getattr(fit, name), half)} +- {half:.1g}"
+        else:
+            read = "left open"
+        if unit:
+            quantity = f"{label} [{unit_of(unit, fit.units)}]"
+        else:
+            quantity = label
         table.append((quantity, read, *assumptions[name]))
     return tuple(table)
 
@@ -457,7 +463,10 @@ def _assumptions_with_load(
     ratios = [f"{one.stiction:.3g}" for one in friction]
 
     def ends(name: str, port: str = "") -> str:
-        low, high = interval_at_port(fit, name, port) if port else fit.interval(name)
+        if port:
+            low, high = interval_at_port(fit, name, port)
+        else:
+            low, high = fit.interval(name)
         return " and ".join(f"{REPORTED[name][2] * end:.5g}" for end in (low, high))
 
     return {
@@ -513,7 +522,10 @@ def judge_friction(
             ),
         )
     # the loop has delay and lag of the settings, so the machine keeps only the delay beyond them
-    known = 0.0 if actual else settings.delay + settings.lag
+    if actual:
+        known = 0.0
+    else:
+        known = settings.delay + settings.lag
     read, *ends = (
         friction_behind_lag(replace(one, delay=max(0.0, fit.delay - known)), settings.lag)
         for one in (assumed.machine, *machines_of_fit(fit)[1:])
@@ -646,7 +658,10 @@ def largest_added_delay(
         return low * _ADDED_STEP * period
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (middle, high) if proves(middle) else (low, middle)
+        if proves(middle):
+            low, high = middle, high
+        else:
+            low, high = low, middle
     return low * _ADDED_STEP * period
 
 

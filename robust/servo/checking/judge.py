@@ -186,15 +186,17 @@ def check(
     candidates = moving or list(range(len(records)))
     chosen = candidates[highest_level([blas[k] for k in candidates])]
     given = settings
-    timings = (
-        [settings]
-        if actual
-        else timings_of(records[chosen], settings, masses, slides=chosen in moving)
-    )
+    if actual:
+        timings = [settings]
+    else:
+        timings = timings_of(records[chosen], settings, masses, slides=chosen in moving)
     machine_bla, nominal, settings = fit_machine(blas[chosen], timings, actual=actual)
     advance()
     at_rest = [record for k, record in enumerate(records) if k not in moving]
-    force, note = (None, "") if fit is not None else _read_force(records, under, masses)
+    if fit is not None:
+        force, note = None, ""
+    else:
+        force, note = _read_force(records, under, masses)
     if force is not None and force.creeps:
         friction = DriveFriction(note=_CREEP_NOTE)
     else:
@@ -217,7 +219,10 @@ def check(
         machine = uncertainty(machine_bla, replace(nominal, warnings=()))
     model = replace(machine, nominal=behind_lag(machine.nominal, settings.lag))
     report = replace(check_loop(model, K, delay=settings.delay), peak=peak)
-    factor = None if report.nominally_stable else stabilizing_factor(model, K, settings.delay)
+    if report.nominally_stable:
+        factor = None
+    else:
+        factor = stabilizing_factor(model, K, settings.delay)
     advance()
     doubted = [
         (
@@ -329,10 +334,16 @@ def with_bound(
     the upper end of the interval as read.
     """
     force = friction.force
-    largest = Fs if Fs is not None or force is None else float(force.Fs[1])
+    if Fs is not None or force is None:
+        largest = Fs
+    else:
+        largest = float(force.Fs[1])
     if largest is None or not np.isfinite(largest) or np.isfinite(friction.within):
         return friction
-    damped = 0.0 if force is None else float(np.nan_to_num(force.bristle_time))
+    if force is None:
+        damped = 0.0
+    else:
+        damped = float(np.nan_to_num(force.bristle_time))
     any_friction = Bounded(largest, damped, position_unit=settings.base_unit)
     plants, two = [], force is not None and force.load is not None
     if machine is not None and not two:
@@ -367,11 +378,16 @@ def _report_of_drive(report: RobustnessReport, *, misled: bool) -> RobustnessRep
     that misleads.
     """
     if report.verdict is Verdict.NOT_ROBUST and misled:
-        what = report.reason if report.nominally_stable else f"the model is {report.reason}"
+        if report.nominally_stable:
+            what = report.reason
+        else:
+            what = f"the model is {report.reason}"
         reason = f"{what}; but the trace cannot judge these gains, see the warning"
         return replace(report, verdict=Verdict.NOT_CERTIFIED, reason=reason, advice="")
     # the advice for a general loop is to lower the gain, which is wrong for a kp that is too low
-    return report if report.nominally_stable else replace(report, advice="")
+    if report.nominally_stable:
+        return report
+    return replace(report, advice="")
 
 
 def simulate_drive(
@@ -389,7 +405,10 @@ def simulate_drive(
     stable : True if the linear loop is stable, by its model or because the traces were recorded in
     it.
     """
-    force = None if friction.force is None else with_load(friction.force, friction.fit)
+    if friction.force is None:
+        force = None
+    else:
+        force = with_load(friction.force, friction.fit)
     reason = reason_against_simulation(force, settings, masses)
     if not stable:
         reason = "the linear loop is unstable"

@@ -74,12 +74,18 @@ def fit_machine(
             machine = bla.times(
                 np.exp(s * timing.delay) * (1 + s * timing.lag), output_unit=bla.output_units
             )
-        late = "" if actual else _reason_of_late_settings(machine, timing)
+        if actual:
+            late = ""
+        else:
+            late = _reason_of_late_settings(machine, timing)
         if late:
             reason = reason or late
             continue
         best, others = fit_orders(machine, cascade(timing, output_unit=bla.input_units[0]))
-        leads = "" if actual else _reason_of_lead(best.G, machine, timing)
+        if actual:
+            leads = ""
+        else:
+            leads = _reason_of_lead(best.G, machine, timing)
         if not leads:
             return machine, best, timing
         reason = reason or leads
@@ -107,7 +113,9 @@ def timings_of(record: nlfrf.Record, settings: Drive, masses: int, *, slides: bo
     lag = min(max(settings.lag, numbers["lag"] if later else 0.0), late)
     traced = replace(settings, lag=lag, delay_periods=(late - lag) * settings.fs)
     # the phase of a load looks like delay: 4 of 59 axes showed up to 0.8 periods more than they had
-    return [traced, settings] if slides and later and masses == 1 else [settings, traced]
+    if slides and later and masses == 1:
+        return [traced, settings]
+    return [settings, traced]
 
 
 def _reason_of_lead(machine: control.StateSpace, bla: nlfrf.Bla, settings: Drive) -> str:

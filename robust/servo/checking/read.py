@@ -182,7 +182,10 @@ def read_experiments(
             designs.append(of_trace[0])
             of_trace = of_trace[of_trace[0].ms.n_realizations :]
     counts = [design.ms.n_realizations for design in designs]
-    repeats = len(traces) // counts[0] if len(designs) == 1 else 1
+    if len(designs) == 1:
+        repeats = len(traces) // counts[0]
+    else:
+        repeats = 1
     if sum(counts) * repeats != len(traces):
         raise ValueError(
             f"design must be one for all traces, or one for each, got {len(designs)} designs with"
@@ -255,7 +258,9 @@ def compare_gains(design: nlfrf.signals.AxisExperiment, settings: Drive) -> Reco
     same = settings.base_unit == design.position_unit and design.has_gains(
         settings.kv, kp, settings.tn
     )
-    return RecordedGains.SAME if same else RecordedGains.OTHER
+    if same:
+        return RecordedGains.SAME
+    return RecordedGains.OTHER
 
 
 def _to_drive_units(
@@ -283,11 +288,10 @@ def _to_drive_units(
     given = record.u_unit or settings.output_unit
     if given not in ("A", force):
         raise ValueError(f"trace must have an input in A or {force}, got {path.name} in {given}")
-    unit = (
-        "A"
-        if np.isnan(settings.torque_constant) and "A" in (given, settings.output_unit)
-        else force
-    )
+    if np.isnan(settings.torque_constant) and "A" in (given, settings.output_unit):
+        unit = "A"
+    else:
+        unit = force
     scale = 1.0 if given == unit else settings.torque_constant
     if np.isnan(scale):
         raise ValueError(

@@ -121,7 +121,9 @@ class SimulatedRest:
     @property
     def amplitude(self) -> float:
         """Median amplitude of the runs that hunt [m] or [rad]; zero if none hunts."""
-        return float(np.median(self.amplitudes[self.amplitudes > 0])) if self.count else 0.0
+        if self.count:
+            return float(np.median(self.amplitudes[self.amplitudes > 0]))
+        return 0.0
 
     def __str__(self) -> str:
         ended, laws = self.ended, ", ".join(self.laws)
@@ -139,8 +141,13 @@ class SimulatedRest:
     @property
     def offset(self) -> float:
         """Largest distance from the set point at the end [m] or [rad]; nan if none is known."""
-        known = np.zeros(0) if self.offsets is None else self.offsets[np.isfinite(self.offsets)]
-        return float(known.max()) if known.size else np.nan
+        if self.offsets is None:
+            known = np.zeros(0)
+        else:
+            known = self.offsets[np.isfinite(self.offsets)]
+        if known.size:
+            return float(known.max())
+        return np.nan
 
     def describe_end(self) -> str:
         """Return a clause with the largest distance from the set point at the end; empty if
@@ -208,7 +215,10 @@ def simulate_rest(
     from scipy.stats import qmc
 
     laws = laws_not_refuted(force)
-    run = tuple(law for law in laws if law in _STIFF) if "rigid" in laws else laws
+    if "rigid" in laws:
+        run = tuple(law for law in laws if law in _STIFF)
+    else:
+        run = laws
     draws = qmc.Sobol(4 + _MOVES, seed=1).random_base2(int(np.ceil(np.log2(_RUNS))))
     found: list[tuple[float, float, float]] = []
     for k in order:
@@ -229,7 +239,10 @@ def _run_to_the_end(
     """
     axis, oversampling = _draw_axis(law, force, settings, draws[:4])
     way = _coulomb_of(force) / (_gain_in_force(settings) * settings.kv)
-    reset = settings.tn if np.isfinite(settings.tn) else 1 / settings.kv
+    if np.isfinite(settings.tn):
+        reset = settings.tn
+    else:
+        reset = 1 / settings.kv
     move, hold = (int(count * reset * settings.fs) + 1 for count in (_MOVE, _HOLD))
     ends = way * np.cumsum(10 ** (1.5 * draws[4:] - 1) * np.resize([1.0, -1.0], _MOVES))
     position = np.concatenate([np.repeat(ends, move), np.full(hold, ends[-1])])
@@ -253,7 +266,10 @@ def with_load(force: FrictionForce, fit: FrictionFit | None) -> FrictionForce:
         return force
     if not np.isfinite([fit.stds[name] for name in ("mass", "load_mass", "coupling")]).all():
         return force
-    share = float(np.clip(fit.load_Fs / fit.Fs, 0.0, 1.0)) if fit.Fs > 0 else np.nan
+    if fit.Fs > 0:
+        share = float(np.clip(fit.load_Fs / fit.Fs, 0.0, 1.0))
+    else:
+        share = np.nan
     return replace(force, load=coupled_load(fit, share))
 
 
@@ -279,9 +295,14 @@ def _draw_axis(
     def part(share: float) -> Law | None:
         sliding = replace(force.sliding, coulomb=share * force.sliding.coulomb)
         own = replace(force, sliding=sliding, Fs=share * force.Fs, K0=share * force.K0)
-        return _draw_friction(law, own, settings, draws)[0] if share else None
+        if share:
+            return _draw_friction(law, own, settings, draws)[0]
+        return None
 
-    at_load = float(draws[1]) if np.isnan(load.share) else load.share
+    if np.isnan(load.share):
+        at_load = float(draws[1])
+    else:
+        at_load = load.share
     coupled = replace(
         axis,
         motor_inertia=force.sliding.mass - load.mass,
@@ -389,5 +410,7 @@ def _describe_offset(force: FrictionForce, settings: Drive) -> str:
 def _format_gain(name: str, number: float, settings: Drive) -> str:
     """Return a gain with its unit; a reset time is in ms."""
     if name == "tn":
-        return f"{1e3 * number:.4g} ms" if np.isfinite(number) else "none (no integral action)"
+        if np.isfinite(number):
+            return f"{1e3 * number:.4g} ms"
+        return "none (no integral action)"
     return f"{number:.4g} {settings.kp_unit if name == 'kp' else '1/s'}"

@@ -122,7 +122,10 @@ def design_experiment(
         raise ValueError(
             f"base_velocity must not be zero with strokes, got zero with {strokes} strokes"
         )
-    directions = np.tile([1.0, -1.0], strokes) if strokes else np.ones(1)
+    if strokes:
+        directions = np.tile([1.0, -1.0], strokes)
+    else:
+        directions = np.ones(1)
     wanted = _wanted_force(source, ms)
     if isinstance(source, ServoAxis):
         _warn_of_loop(source, wanted)
@@ -248,7 +251,10 @@ def _warn_of_loop(axis: ServoAxis, wanted: Multisine) -> None:
         return
     crossover, (first, last) = crossover_frequency(axis), wanted.f[[0, -1]]
     if not first / _FAR <= crossover <= last * _FAR:
-        where = "nowhere" if np.isnan(crossover) else f"at {crossover:.3g} Hz"
+        if np.isnan(crossover):
+            where = "nowhere"
+        else:
+            where = f"at {crossover:.3g} Hz"
         data_warning(
             f"the loop with {gains} crosses over {where}, far outside the lines of {first:g} to"
             f" {last:g} Hz: a trace cannot show its margins. Take a band around the crossover, or"
@@ -275,7 +281,10 @@ def _experiment_within(
     """Return the experiment at its level, or at the largest level within the limits; refuse a level
     beyond them.
     """
-    source, plant = source if isinstance(source, tuple) else (source, None)
+    if isinstance(source, tuple):
+        source, plant = source
+    else:
+        source, plant = source, None
     if plant is not None:
         require_kind("plant", plant, Bla)
     if limits is not None:
@@ -283,9 +292,10 @@ def _experiment_within(
     force_response, position_response = drive_loop(
         source, require_choice("port", port, PORTS), f=wanted.f, plant=plant
     )
-    position, force = (
-        source.units if isinstance(source, ServoAxis) else (source.y_unit, source.u_unit)
-    )
+    if isinstance(source, ServoAxis):
+        position, force = source.units
+    else:
+        position, force = source.y_unit, source.u_unit
     position = POSITIONS.get(position, (position,))[0]
     draft = AxisExperiment(
         ms=replace(wanted, amplitude=wanted.amplitude / np.abs(force_response)),
@@ -383,7 +393,10 @@ def _level_within(
     largest = left[tightest] / each[tightest]
     if rms is None and not np.isfinite(largest):
         raise ValueError("rms must be given without limits, got none")
-    level = largest if rms is None else require_positive("rms", rms)
+    if rms is None:
+        level = largest
+    else:
+        level = require_positive("rms", rms)
     if level > largest * (1 + 1e-12):
         raise ValueError(
             f"rms must be at most {largest:.3g} {draft.force_unit} within the limits, got {level:g}"

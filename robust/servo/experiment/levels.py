@@ -217,7 +217,10 @@ def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLe
     position = np.array([one.position for one in read])
     units = (records[0].u_unit or experiment.force_unit, experiment.position_unit)
     states, reason = _judge_levels(read, units, experiment.gains)
-    chosen = [] if reason else _choose_levels(states, stiffness)
+    if reason:
+        chosen = []
+    else:
+        chosen = _choose_levels(states, stiffness)
     shape = experiment.force_amplitude / np.sqrt(np.sum(experiment.force_amplitude**2) / 2)
     set_point = np.array([_level_of_spectrum(record, shape) for record in records])
     return AxisLevels(
@@ -319,8 +322,14 @@ def _judge_levels(
     ]
     good = [k for k, one in enumerate(read) if one.readable]
     force, unit = units[0], f"{units[0]}/{units[1]}"
-    held = _held_levels(read, gains) if len(good) > 3 else 0
-    below = _what_lies_below(read, units, gains, held) if len(good) > 3 else ""
+    if len(good) > 3:
+        held = _held_levels(read, gains)
+    else:
+        held = 0
+    if len(good) > 3:
+        below = _what_lies_below(read, units, gains, held)
+    else:
+        below = ""
     if reason := _reason_against_reading(read, units, below, held):
         return states, reason
     k, position = (
@@ -358,7 +367,10 @@ def _judge_breaking_away(
     """
     force, unit_k = unit
     k0, k_end = float(np.median(k[:n_plateau])), float(k[-1])
-    share = (k - k_end) / (k0 - k_end) if k_end < k0 else np.ones(k.size)
+    if k_end < k0:
+        share = (k - k_end) / (k0 - k_end)
+    else:
+        share = np.ones(k.size)
     settled = abs(k[-1] - k[-2]) < _SETTLED * k0 and k_end < _STICKS * k0
     for i, one, left in zip(good, k, share, strict=True):
         if one >= _STICKS * k0:
@@ -420,7 +432,9 @@ def _what_lies_below(
             f" the encoder; from {lowest} on it does not. {finer}"
         )
     unresolved = gains.size - len(read) + first > 0 or read[first].steps < _PLATEAU_SPAN * _STEPS
-    return finer if unresolved else f"Begin the ramp below {lowest}: raise --span"
+    if unresolved:
+        return finer
+    return f"Begin the ramp below {lowest}: raise --span"
 
 
 def _reason_against_reading(

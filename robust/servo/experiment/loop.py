@@ -28,11 +28,10 @@ def drive_loop(
     position becomes m or rad.
     """
     if isinstance(source, ServoAxis):
-        G = (
-            plant_frf(source, f)
-            if plant is None
-            else _interpolate_frf(plant.f, np.asarray(plant.G), f=f, what="plant")
-        )
+        if plant is None:
+            G = plant_frf(source, f)
+        else:
+            G = _interpolate_frf(plant.f, np.asarray(plant.G), f=f, what="plant")
         force = port_frf(source, G, port=port, f=f)
         return force, G * force
     if not isinstance(source, Record):
@@ -170,7 +169,9 @@ def crossover_frequency(axis: ServoAxis) -> float:
     f = np.geomspace(1e-6, 1.0, 3000)[:-1] * axis.drive.fs / 2
     L = 1 / port_frf(axis, plant_frf(axis, f), port="force", f=f) - 1
     above = np.flatnonzero(np.abs(L) >= 1)
-    return float(f[above[-1]]) if above.size else np.nan
+    if above.size:
+        return float(f[above[-1]])
+    return np.nan
 
 
 def port_frf(axis: ServoAxis, G: np.ndarray, *, port: str, f: np.ndarray) -> np.ndarray:

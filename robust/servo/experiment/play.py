@@ -131,7 +131,10 @@ def _require_designed_gains(axis: ServoAxis, path: Path) -> None:
     ]
     design: object = None
     with suppress(ValueError):  # the file of the same name is no design
-        design = load(found[0].with_suffix(".npz")) if found else None
+        if found:
+            design = load(found[0].with_suffix(".npz"))
+        else:
+            design = None
     if not isinstance(design, AxisExperiment):
         return
     drive = axis.drive
@@ -162,4 +165,6 @@ def _stop_sample(trace: Trajectory, limits: AxisLimits) -> int:
         | (np.abs(trace.v[0]) > limits.velocity)
         | (way > limits.travel)
     )
-    return int(np.argmax(passed)) if passed.any() else trace.t.size
+    if passed.any():
+        return int(np.argmax(passed))
+    return trace.t.size

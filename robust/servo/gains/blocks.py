@@ -131,7 +131,10 @@ def _fixed_parts(settings: Drive, plant_input: str) -> list[control.StateSpace]:
     """
     dt, n = settings.dt, settings.position_every
     both = settings.encoder == "both"
-    motor, load = ("motor", "load") if both else ("position", "position")
+    if both:
+        motor, load = "motor", "load"
+    else:
+        motor, load = "position", "position"
     factor = settings.load_scale.factor if both else settings.position_scale.factor
     velocity = times(
         settings.position_scale.factor, realise_section(velocity_section(settings), dt)
@@ -218,5 +221,8 @@ def with_blocks(
         for name in own
         if isinstance(block := blocks[name], Filter)
     ]
-    tn = kp / K_v.ki if K_v.ki else np.inf
+    if K_v.ki:
+        tn = kp / K_v.ki
+    else:
+        tn = np.inf
     return replace(settings, kv=K_x.kp, kp=kp / scale, tn=tn, filters=tuple(filters))

@@ -67,11 +67,10 @@ class _DriveReading:
 
     def __str__(self) -> str:
         other = self.alternative
-        more = (
-            ""
-            if other is None
-            else f"\nthe same controller: kv = {other.kv:.6g} 1/s, tn = {1e3 * other.tn:.6g} ms"
-        )
+        if other is None:
+            more = ""
+        else:
+            more = f"\nthe same controller: kv = {other.kv:.6g} 1/s, tn = {1e3 * other.tn:.6g} ms"
         return f"{self.settings}{more}\nerror at most {self.misfit:.1e} of K"
 
 
@@ -198,11 +197,17 @@ def _read_pid(K: np.ndarray, p: np.ndarray, like: Drive) -> list[tuple[float, fl
     )
     slow, fast = (root for _, root in roots)
     # of the position loop, of the velocity loop
-    pairs = [(slow, fast), (fast, slow)] if n0 else [(fast, 0.0)]
+    if n0:
+        pairs = [(slow, fast), (fast, slow)]
+    else:
+        pairs = [(fast, 0.0)]
     found, refusals = [], []
     for position, velocity in pairs:
         z, a = 1 / (1 - position) if np.isfinite(position) else 0.0, -velocity / (1 - velocity)
-        kv = (1 - b) * (1 - z) * like.fs / (z - b) if z - b > _CANCELS * (1 - b) else -1.0
+        if z - b > _CANCELS * (1 - b):
+            kv = (1 - b) * (1 - z) * like.fs / (z - b)
+        else:
+            kv = -1.0
         if not (kv >= 0 and a >= 0 and z <= 1 and abs(1 - a - b) > _CANCELS * (1 - b)):
             refusals.append((z, a))
             continue
@@ -254,7 +259,10 @@ def _settings_of(like: Drive, kp: float, kv: float, a: float, b: float) -> Drive
             f" {like.output_unit}/({like.base_unit}/s), kv = {kv:.4g} 1/s and 1/tn ="
             f" {a * like.fs:.4g} 1/s"
         )
-    lag = like.velocity_lag if np.isnan(b) else b / (1 - b) * like.dt
+    if np.isnan(b):
+        lag = like.velocity_lag
+    else:
+        lag = b / (1 - b) * like.dt
     return replace(
         like,
         kp=kp * like.kp / like.gain,
@@ -290,11 +298,10 @@ def _parts_of(settings: Drive, angles: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 def _response_at(system: control.StateSpace, angles: np.ndarray) -> np.ndarray:
     """Return (inputs, W) response of a sampled system with one output at angles [rad/sample]."""
-    found = (
-        response_by_channel(system, angles / timebase(system))
-        if system.nstates
-        else system.D[:, :, None]
-    )
+    if system.nstates:
+        found = response_by_channel(system, angles / timebase(system))
+    else:
+        found = system.D[:, :, None]
     return np.asarray(np.broadcast_to(found[0], (system.ninputs, angles.size)))
 
 

@@ -110,7 +110,9 @@ class _FeedforwardGains:
         While the axis slides in the direction of its set point the friction that is not compensated
         belongs to the class `Bounded(q * Fs)`.
         """
-        return self.friction_error / self.stiction[1] if self.stiction[1] else 0.0
+        if self.stiction[1]:
+            return self.friction_error / self.stiction[1]
+        return 0.0
 
     @property
     def drive_gains(self) -> tuple[tuple[str, float, str], ...]:
@@ -219,8 +221,10 @@ def feedforward(
         require_kind("settings", settings, Drive)
         settings.output_factor(settings.force_unit)
     read = (None, None) if plant is None else _rigid_body(plant)
-    mass = read[0] if mass is None else mass
-    viscous = read[1] if viscous is None else viscous
+    if mass is None:
+        mass = read[0]
+    if viscous is None:
+        viscous = read[1]
     if mass is None:
         raise ValueError("mass must be given [kg] without a plant, got none")
     if stiction is not None and stribeck_velocity is None:
@@ -246,7 +250,10 @@ def feedforward(
             f"stiction must be at least coulomb, {found['coulomb'].tolist()}, got"
             f" {found['stiction'].tolist()}"
         )
-    lead = 0.0 if settings is None else settings.lag + settings.delay + settings.dt / 2
+    if settings is None:
+        lead = 0.0
+    else:
+        lead = settings.lag + settings.delay + settings.dt / 2
     return _FeedforwardGains(**found, lead=lead, settings=settings)
 
 

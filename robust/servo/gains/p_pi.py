@@ -94,9 +94,10 @@ def cascade(
 def with_set_point(settings: Drive, *, output_unit: str = "") -> control.StateSpace:
     """Return the drive from (position set point, measured positions) to u, each in its own unit."""
     scale = settings.gain * settings.output_factor(output_unit or settings.output_unit)
-    factor = (
-        settings.load_scale.factor if settings.encoder == "both" else settings.position_scale.factor
-    )
+    if settings.encoder == "both":
+        factor = settings.load_scale.factor
+    else:
+        factor = settings.position_scale.factor
     n, held = settings.position_every, hold_mean(settings)
     # differences over a period of the position loop
     ahead = settings.velocity_feedforward * settings.fs / n
@@ -115,9 +116,10 @@ def _measured_velocity(settings: Drive) -> control.StateSpace:
     velocity = times(
         settings.position_scale.factor, realise_section(velocity_section(settings), settings.dt)
     )
-    factor = (
-        settings.load_scale.factor if settings.encoder == "both" else settings.position_scale.factor
-    )
+    if settings.encoder == "both":
+        factor = settings.load_scale.factor
+    else:
+        factor = settings.position_scale.factor
     join = _added if settings.encoder == "both" else in_parallel
     return join(velocity, times(settings.kv * factor, hold_mean(settings)))
 

@@ -174,4 +174,6 @@ def solve_step(step: Step) -> tuple[np.ndarray | None, str]:
         positive=sum(len(part) for part in positive),
         cones=[len(cone) for cone in cones for _ in cone[0]],
     )
-    return (None, failed) if failed else (x[:n], "")
+    if failed:
+        return None, failed
+    return x[:n], ""

@@ -44,7 +44,9 @@ class DesignTask:
     @property
     def objective(self) -> Demand | None:
         """Return the demand that is minimised, if the aim is gamma."""
-        return self.gamma if self.aim == "gamma" else None
+        if self.aim == "gamma":
+            return self.gamma
+        return None
 
     def split(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return (W,) Y and F X; by sums, because the threads of a matrix product cost more than
@@ -106,7 +108,9 @@ def linear_rows(task: DesignTask, theta: np.ndarray) -> np.ndarray:
     shape = basis.structure
     if not shape.free:
         scale = np.concatenate([np.sign(theta[:1]), np.zeros(basis.n_x)])[None, :]
-        return np.vstack([scale, np.sign(theta[0]) * basis.gain_rows()]) if task.positive else scale
+        if task.positive:
+            return np.vstack([scale, np.sign(theta[0]) * basis.gain_rows()])
+        return scale
     if task.stable:
         # Y must not vanish on the circle through -slowest and -fastest: its roots stay inside
         span = basis.fastest - basis.slowest
@@ -226,7 +230,10 @@ def _convex_step(
 
     aims = task.rows
     if not level:
-        aims = [] if task.objective is None else [task.objective]
+        if task.objective is None:
+            aims = []
+        else:
+            aims = [task.objective]
     linear = linear_rows(task, theta) @ T
     Y0, X0 = task.basis.zero_frequency()
     x0 = float(X0 @ theta)
@@ -295,7 +302,10 @@ def _improve_start(
             mask = mask | missed  # the lines that limited the step were not in the program
             if not is_lower(after, before, 0.0):
                 continue
-        slow = 0 if is_lower(after, before, _STEP_GAIN) else slow + 1
+        if is_lower(after, before, _STEP_GAIN):
+            slow = 0
+        else:
+            slow = slow + 1
         if is_lower(after, before, 0.0):
             theta = best / np.linalg.norm(best)
         history.append(after[0] if after[0] > 1 + _TOLERANCE else abs(after[1]))
@@ -338,12 +348,16 @@ def _line_search(task: DesignTask, old: np.ndarray, new: np.ndarray) -> tuple[np
         for reach in ladder:
             trial = old + reach * (new - old)
             found = task.merit(trial)
-            decided = task.decide_stability(old, trial) if found < merit else (Stability.STABLE, "")
+            if found < merit:
+                decided = task.decide_stability(old, trial)
+            else:
+                decided = Stability.STABLE, ""
             if found < merit and decided[0] is Stability.STABLE:
                 best, merit = trial, found
             elif reach > 1:
                 break
-            obstacle = obstacle if obstacle[1] else decided
+            if not (obstacle[1]):
+                obstacle = decided
             if reach < 1 and best is not old:
                 break
         if best is not old:

@@ -106,7 +106,8 @@ def demand_row(
     default.
     """
     W = at.omega.size
-    index = np.flatnonzero(at.known) if index is None else index
+    if index is None:
+        index = np.flatnonzero(at.known)
     wide = {key: np.broadcast_to(v, W)[index] for key, v in dict(a=a, b=b, c=c).items()}
     right = dict(
         y=np.broadcast_to(y, W)[index] + 0j,
@@ -175,7 +176,10 @@ def limit_rows(
             )
         )
     if omega_c is not None:
-        least, highest = omega_c if isinstance(omega_c, (tuple, list)) else (omega_c, None)
+        if isinstance(omega_c, (tuple, list)):
+            least, highest = omega_c
+        else:
+            least, highest = omega_c, None
         rows.append(_gain_row(at, "omega_c", least, 1.0))
         if highest is not None:
             where = _nearest_lines(at, "omega_c", highest)
@@ -242,4 +246,6 @@ def _nearest_lines(at: PlantOnLines, name: str, omega: float) -> np.ndarray:
 
 
 def _describe_bound(bound: Bound) -> str:
-    return f"{bound:g}" if isinstance(bound, (int, float)) else "its limit"
+    if isinstance(bound, (int, float)):
+        return f"{bound:g}"
+    return "its limit"

@@ -177,7 +177,9 @@ def design_loop(
     )
     if found.met and omega_c and not options["resonates"]:
         found = _judge_crossover(found, family, omega_c[0])
-    return _with_lines_named(found, family, aim=aim, options=options) if found.met else found
+    if found.met:
+        return _with_lines_named(found, family, aim=aim, options=options)
+    return found
 
 
 def _warn_of_ringing(filter_time: float | None, dt: float) -> None:
@@ -239,11 +241,14 @@ def _best_filter(
         except ValueError as error:  # no start with this filter
             refused = error
             return np.inf
-        goal = (
-            design.gamma if np.isfinite(design.gamma) else -float(abs(response(design.K, omega)[0]))
-        )
+        if np.isfinite(design.gamma):
+            goal = design.gamma
+        else:
+            goal = -float(abs(response(design.K, omega)[0]))
         found.append(((not design.met, goal), design))
-        return goal if design.met else np.inf
+        if design.met:
+            return goal
+        return np.inf
 
     log_poles = np.linspace(np.log(basis.slowest), np.log(0.9 * basis.fastest), _N_FILTER_TIMES)
     goals = [merit(log_pole) for log_pole in log_poles]
@@ -267,7 +272,10 @@ def _has_positive_gains(K: control.StateSpace, dt: float) -> bool:
     s = np.sort(np.abs(2 / dt * (p - 1) / (p + 1) if dt else p))
     filter_time = 1 / s[-1]
     omega = np.geomspace(1e-2, 1.0, 12) * min(s[-1], 1 / dt if dt else np.inf)
-    s = 2j / dt * np.tan(omega * dt / 2) if dt else 1j * omega
+    if dt:
+        s = 2j / dt * np.tan(omega * dt / 2)
+    else:
+        s = 1j * omega
     parts = [np.ones_like(s), s / (filter_time * s + 1)] + ([1 / s] if K.nstates > 1 else [])
     columns = np.array(parts) / response(K, omega)
     gains = np.linalg.lstsq(
@@ -359,7 +367,10 @@ def largest_proved_gain(
     high = 2 * low
     while 0 < low < 1 and high > _PROOF_GAIN_RATIO * low:
         middle = float(np.sqrt(low * high))
-        low, high = (middle, high) if is_proved(middle) else (low, middle)
+        if is_proved(middle):
+            low, high = middle, high
+        else:
+            low, high = low, middle
     return low
 
 
@@ -396,7 +407,8 @@ def _what_is_known(options: LoopOptions, n_unstable: int) -> KnownPlant:
     rises.
     """
     n = options["plant_integrators"]
-    n = None if n is None else require_integer("plant_integrators", n, least=0)
+    if n is not None:
+        n = require_integer("plant_integrators", n, least=0)
     return KnownPlant(
         n_unstable=n_unstable,
         n_integrators=n,
@@ -410,11 +422,10 @@ def _starts_for(task: DesignTask, options: LoopOptions) -> list[np.ndarray]:
     """
     if options["start"] is not None:
         return _check_start(task, options["start"])
-    n_starts = (
-        options["n_starts"]
-        if options["prove"] is None
-        else max(options["n_starts"], _PROVED_STARTS)
-    )
+    if options["prove"] is None:
+        n_starts = options["n_starts"]
+    else:
+        n_starts = max(options["n_starts"], _PROVED_STARTS)
     return _search_starts(task, n_starts)
 
 
@@ -457,7 +468,10 @@ def _refuse_without_start(task: DesignTask, start: Controller | None) -> NoRetur
     plants = "every plant" if len(task.family) > 1 else "the plant"
     gains = " with positive gains" if task.positive else ""
     gaps = [gap for at in task.family if (gap := _describe_phase_gap(at))]
-    because = gaps[0] if gaps else "Or use a structure of higher order"
+    if gaps:
+        because = gaps[0]
+    else:
+        because = "Or use a structure of higher order"
     if task.positive and all(read_below(*at.measured)[0].sign < 0 for at in task.family):
         because = "By its phase y falls as u rises: change the sign of one of them"
     raise ValueError(
@@ -488,7 +502,10 @@ def _per_demand_list(name: str, given: float | tuple[float, ...] | None) -> list
     """Return one number or two as a list; the gain always has two."""
     if given is None:
         return []
-    many = list(given) if isinstance(given, (tuple, list)) else [given]
+    if isinstance(given, (tuple, list)):
+        many = list(given)
+    else:
+        many = [given]
     if len(many) != 2 and (name == "gain" or len(many) != 1):
         wanted = "(omega, least |L| there)" if name == "gain" else "one number or (low, high)"
         raise ValueError(f"{name} must be {wanted}, got {short_form(given)}")
@@ -515,14 +532,16 @@ def _structure_basis(
     omega = at.omega[
         at.known & (at.omega >= at.lowest * (1 - 1e-9)) & (at.omega <= at.highest * (1 + 1e-9))
     ]
-    s = 2 / dt * np.tan(omega * dt / 2) if dt else omega
+    if dt:
+        s = 2 / dt * np.tan(omega * dt / 2)
+    else:
+        s = omega
     low, high = float(s.min()), float(s.max())
     derivative = shape.name in ("PD", "PID")  # a filter below half a sample rings
-    top = (
-        min(FASTEST * high, (1 if derivative else FASTEST_SAMPLED) * 2 / dt)
-        if dt
-        else FASTEST * high
-    )
+    if dt:
+        top = min(FASTEST * high, (1 if derivative else FASTEST_SAMPLED) * 2 / dt)
+    else:
+        top = FASTEST * high
     middle = float(np.sqrt(low * min(high, top)))
     slowest = middle if derivative else 0.0  # a derivative filter, and no second integrator
     return Basis(structure=shape, a=middle, dt=dt, slowest=slowest, fastest=top, fixed=F)
@@ -536,9 +555,10 @@ def _evaluate_design(
     """
     K = task.basis.controller(theta)
     one = control.StateSpace([], [], [], [[1.0]], task.basis.dt)
-    K_free = (
-        None if is_constant(task.basis.fixed) else replace(task.basis, fixed=one).controller(theta)
-    )
+    if is_constant(task.basis.fixed):
+        K_free = None
+    else:
+        K_free = replace(task.basis, fixed=one).controller(theta)
     state, trouble = loops_stable(K, task.family, task.n_unstable)
     good = state is Stability.STABLE
     k = response(K, task.at.omega)
@@ -567,7 +587,10 @@ def _evaluate_design(
     text = "; ".join(
         f"{name} is missed by a factor {v:.4g} at {format_hertz(w)}" for v, name, w in failed[:3]
     )
-    reason = f"not found: {text} ({why})" if failed else why
+    if failed:
+        reason = f"not found: {text} ({why})"
+    else:
+        reason = why
     if undecided := describe_open_reading(K, task.family, task.n_unstable):
         state, reason = Stability.UNDECIDED, f"{undecided}; {reason}"
     crossovers, peak_S, peak_T = _describe_loop(task, K)

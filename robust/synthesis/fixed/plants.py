@@ -202,11 +202,8 @@ def _measured_lines(
             f" {np.pi / omega[-1]:.3g} s, or design for a continuous model of these lines (robust"
             " model)"
         )
-    G = (
-        G
-        if isinstance(plant, DiscsOnLines)
-        else G * hold_and_delay_factor(plant, omega, dt=dt, delay=delay)
-    )
+    if not isinstance(plant, DiscsOnLines):
+        G = G * hold_and_delay_factor(plant, omega, dt=dt, delay=delay)
     radius = relative_radius(form, w, np.abs(G)) * np.abs(G)
     n = omega.size
     band = (float(omega[0]), float(omega[-1]))
@@ -222,7 +219,10 @@ def _measured_lines(
         )
     low = right[0]
     omega, G = np.concatenate([low.omega[::_BELOW], omega]), np.concatenate([low.G[::_BELOW], G])
-    size = np.ones(omega.size) if FORMS[form].vanishes_with_plant else np.abs(G)
+    if FORMS[form].vanishes_with_plant:
+        size = np.ones(omega.size)
+    else:
+        size = np.abs(G)
     w = np.concatenate([radius_below(omega[-n:], w / size[-n:]) * size[:-n], w])
     above = omega[-1] * np.geomspace(1.2, 100, 14)
     above = above[above * dt < 0.99 * np.pi]
@@ -366,13 +366,15 @@ def _design_grid(
     """Return frequencies [rad/s] for a parametric plant: at its features and those of weight,
     demands, controllers.
     """
-    lines = lines if lines.size else plant_features(loop.G, loop.dt, extra)
+    if not lines.size:
+        lines = plant_features(loop.G, loop.dt, extra)
     grids = [np.array(extra)]
     for w in (
         None,
         *(w for w in weights if isinstance(w, (control.StateSpace, control.TransferFunction))),
     ):
-        w = None if w is None else state_space("weight", w)
+        if w is not None:
+            w = state_space("weight", w)
         grids.append(replace(loop, w_P=w).grid(lines) if w is None or w.nstates else np.zeros(0))
     grids += [replace(loop, K=one).grid(lines) for one in K]
     omega = np.unique(np.concatenate(grids))

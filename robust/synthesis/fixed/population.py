@@ -158,8 +158,6 @@ def _costs(hard: np.ndarray, goal: np.ndarray, price: float) -> np.ndarray:
     missed = np.log(np.maximum(hard, 1.0))
     size = np.log(np.maximum(np.abs(goal), 1e-300))
     goal = np.where(goal < 0, -size, size)
-    return (
-        goal + price * missed
-        if np.isfinite(price)
-        else np.where(missed > 0, missed, goal - _MET_FIRST)
-    )
+    if np.isfinite(price):
+        return goal + price * missed
+    return np.where(missed > 0, missed, goal - _MET_FIRST)

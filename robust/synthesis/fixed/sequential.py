@@ -249,7 +249,10 @@ def _matrix_on_lines(plant: Bla | UncertaintyModel, dt: float, delay: float) -> 
     N = plant.nominal
     modes = structure_grid(N)
     low, high = min(modes[1], plant.omega[0]), max(modes[-1], plant.omega[-1])
-    far = np.pi / dt if dt else _BAND_EXTENSION * high
+    if dt:
+        far = np.pi / dt
+    else:
+        far = _BAND_EXTENSION * high
     omega = np.unique(np.concatenate([plant.omega, modes, np.geomspace(low, far, _N_LINES)]))
     omega = omega[(omega > 0) & (omega * dt < np.pi * (1 - 1e-6))]
     G = frequency_response_matrices((N.A, N.B, N.C, N.D), omega, dt)
@@ -259,7 +262,8 @@ def _matrix_on_lines(plant: Bla | UncertaintyModel, dt: float, delay: float) -> 
         radius = right.reshape(n, n, -1).transpose(2, 1, 0)
         return MatrixOnLines(omega=omega, G=G, left=none, right=none.swapaxes(1, 2), radius=radius)
     left = _diagonal_matrices(np.abs([response(w, omega) for w in plant.left]))
-    left = G @ left if plant.form == INPUT else left
+    if plant.form == INPUT:
+        left = G @ left
     return MatrixOnLines(
         omega=omega, G=G, left=left, right=_diagonal_matrices(right), radius=np.zeros(G.shape)
     )
@@ -271,7 +275,9 @@ def _diagonal_matrices(sizes: np.ndarray) -> np.ndarray:
 
 def _crossover_of(given: float | tuple[float, float] | None) -> float:
     """Return the crossover that orders the loops: the fastest is closed first."""
-    return float(np.min(given)) if given is not None else 0.0
+    if given is not None:
+        return float(np.min(given))
+    return 0.0
 
 
 def _loop_name(plant: Bla | UncertaintyModel, k: int) -> str:
@@ -315,8 +321,14 @@ def _tighten_demands(own: LoopTask, share: float) -> LoopTask:
     )
     omega_c, gain = options["omega_c"], options["gain"]
     if omega_c is not None:
-        low, high = omega_c if isinstance(omega_c, tuple) else (omega_c, None)
-        omega_c = low / share if high is None else (min(low / share, high), max(high * share, low))
+        if isinstance(omega_c, tuple):
+            low, high = omega_c
+        else:
+            low, high = omega_c, None
+        if high is None:
+            omega_c = low / share
+        else:
+            omega_c = min(low / share, high), max(high * share, low)
     if gain is not None:
         gain = (gain[0], gain[1] / share)
     return structure, {

@@ -84,7 +84,9 @@ def _project_on_structure(basis: Basis, K0: control.StateSpace, omega: np.ndarra
         scale = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
         theta = np.linalg.svd(A / scale, full_matrices=False)[2][-1] / scale
         weight = 1 / np.maximum(np.abs(k * (Y @ theta[: basis.n_y])), 1e-300)
-    return theta if np.real(basis.Y(np.zeros(1, complex)) @ theta[: basis.n_y])[0] > 0 else -theta
+    if np.real(basis.Y(np.zeros(1, complex)) @ theta[: basis.n_y])[0] > 0:
+        return theta
+    return -theta
 
 
 def loops_stable(
@@ -94,7 +96,10 @@ def loops_stable(
     reason if not.
     """
     for i, at in enumerate(family):
-        who = f" of plant {i + 1}" if len(family) > 1 else ""
+        if len(family) > 1:
+            who = f" of plant {i + 1}"
+        else:
+            who = ""
         if at.loop is not None:
             found, why = _stable_by_poles(at.loop, K)
             if found is not Stability.STABLE:
@@ -182,9 +187,15 @@ def find_start(
     Y_columns = (basis.Y(s) * basis.integrals(s)[:, None]).T
     X_columns = (basis.X(s) * response(basis.fixed, omega)[:, None]).T
     thin_rows = [row.on(thin) for row in rows]
-    thin_aim = None if aim is None else aim.on(thin)
+    if aim is None:
+        thin_aim = None
+    else:
+        thin_aim = aim.on(thin)
     Y0, X0 = basis.zero_frequency()
-    gain_rows = basis.gain_rows().T if positive else np.zeros((0, 0))
+    if positive:
+        gain_rows = basis.gain_rows().T
+    else:
+        gain_rows = np.zeros((0, 0))
 
     def merit(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return (N,) worst demand and (N,) goal on a few lines."""
@@ -329,7 +340,10 @@ def _barely_damped(G: control.StateSpace, sigma: float) -> control.StateSpace:
     would be rounding.
     """
     dt = timebase(G)
-    A = G.A * np.exp(-sigma * dt) if dt else G.A - sigma * np.eye(G.nstates)
+    if dt:
+        A = G.A * np.exp(-sigma * dt)
+    else:
+        A = G.A - sigma * np.eye(G.nstates)
     return control.ss(A, G.B, G.C, G.D, G.dt)
 
 

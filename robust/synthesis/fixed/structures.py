@@ -192,7 +192,9 @@ class Basis:
     @property
     def n_y(self) -> int:
         """Return the number of parameters of Y; one, its scale, if its poles are fixed."""
-        return self.structure.n_poles + 1 if self.structure.free else 1
+        if self.structure.free:
+            return self.structure.n_poles + 1
+        return 1
 
     @property
     def n_x(self) -> int:
@@ -259,7 +261,10 @@ class Basis:
         """
         degree = roots.shape[1]
         q = np.exp(2j * np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
-        s = self.a * (1 + q) / (1 - q) if degree else np.ones(1, complex)
+        if degree:
+            s = self.a * (1 + q) / (1 - q)
+        else:
+            s = np.ones(1, complex)
         factors = (
             (s[:, None, None] - roots) / (s[:, None, None] + self.a) / (1 + np.abs(roots) / self.a)
         )
@@ -278,7 +283,10 @@ class Basis:
 
     def roots(self, part: np.ndarray) -> np.ndarray:
         """Return the roots in s for a part of theta, without those at infinity."""
-        found = np.roots(part[::-1]) if np.any(part) else np.zeros(0)
+        if np.any(part):
+            found = np.roots(part[::-1])
+        else:
+            found = np.zeros(0)
         missing = part.size - 1 - found.size  # at q = infinity
         far = np.abs(1 - found) < 1e-7
         s = self.a * (1 + found[~far]) / (1 - found[~far])
@@ -319,11 +327,10 @@ class Basis:
 
     def zeros_and_poles(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return zeros and poles of K without its known factor, in the s plane."""
-        y = (
-            self.roots(theta[: self.n_y])
-            if self.structure.free
-            else np.array(self.structure.poles, dtype=complex)
-        )
+        if self.structure.free:
+            y = self.roots(theta[: self.n_y])
+        else:
+            y = np.array(self.structure.poles, dtype=complex)
         return self.roots(theta[self.n_y :]), np.concatenate(
             [np.zeros(self.structure.n_integrators), y]
         )
@@ -347,4 +354,6 @@ class Basis:
     @property
     def omega_mid(self) -> float:
         """Return the frequency [rad/s] of the basis pole."""
-        return 2 / self.dt * float(np.arctan(self.a * self.dt / 2)) if self.dt else self.a
+        if self.dt:
+            return 2 / self.dt * float(np.arctan(self.a * self.dt / 2))
+        return self.a

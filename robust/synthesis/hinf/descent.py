@@ -99,11 +99,10 @@ def least_level(P: control.StateSpace, n_y: int, n_u: int, near: float) -> float
         low = max(low * (1 - width), 0.0)
     while high - low > _LEVEL_TOLERANCE * high:
         middle = (low + high) / 2
-        low, high = (
-            (middle, high)
-            if solve_riccati_pair(plant, middle, quick=True) is None
-            else (low, middle)
-        )
+        if solve_riccati_pair(plant, middle, quick=True) is None:
+            low, high = middle, high
+        else:
+            low, high = low, middle
     return high
 
 
@@ -124,7 +123,10 @@ def _equal_scalings(scaling: list[control.StateSpace]) -> list[list[int]]:
     """
     dt = timebase(scaling[0])
     x = 1j * np.geomspace(1e-6, 1e6, 200)
-    points = (1 + x) / (1 - x) if dt else x
+    if dt:
+        points = (1 + x) / (1 - x)
+    else:
+        points = x
     sizes = [np.log(np.abs([one(point) for point in points])).ravel() for one in scaling[:-1]]
     groups: list[list[int]] = []
     for k, size in enumerate(sizes):

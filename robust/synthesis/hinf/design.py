@@ -114,11 +114,10 @@ class Design(Unpacked):
     CL: control.StateSpace | None = None
 
     def __str__(self) -> str:
-        found = (
-            []
-            if np.isnan(self.gamma)
-            else [f"gamma {self.gamma:.4g}{' proved' if self.certified else ''}"]
-        )
+        if np.isnan(self.gamma):
+            found = []
+        else:
+            found = [f"gamma {self.gamma:.4g}{' proved' if self.certified else ''}"]
         found += [f"at best {self.gamma_min:.4g}"] if np.isfinite(self.gamma_min) else []
         limits = "" if self.met and found else self.limits_in_words
         text = (
@@ -131,11 +130,9 @@ class Design(Unpacked):
         """Describe whether the limits are met."""
         if self.stability is Stability.UNDECIDED:
             return "STABILITY NOT DECIDED"
-        return (
-            f"every limit met{f' on {self.n_lines} lines' * (self.n_lines > 0)}"
-            if self.met
-            else "LIMITS NOT MET"
-        )
+        if self.met:
+            return f"every limit met{f' on {self.n_lines} lines' * (self.n_lines > 0)}"
+        return "LIMITS NOT MET"
 
     @property
     def loop_in_words(self) -> str:
@@ -145,7 +142,10 @@ class Design(Unpacked):
         if np.isnan(self.peak_S):
             return ""
         at = [format_hertz(omega) for omega in self.crossovers]
-        most = f"{at[0]} to {at[-1]} ({len(at)} of them)" if len(at) > 4 else ", ".join(at)
+        if len(at) > 4:
+            most = f"{at[0]} to {at[-1]} ({len(at)} of them)"
+        else:
+            most = ", ".join(at)
         asked = " to ".join(map(format_hertz, self.omega_c)) + " or above" * (
             len(self.omega_c) == 1
         )

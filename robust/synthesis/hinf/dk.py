@@ -109,11 +109,10 @@ class DkDesign(Unpacked):
         if not np.isfinite(self.mu):
             return f"no controller: {self.reason}"
         proved = self.certificate is not None and self.certificate.holds
-        below = (
-            "robust performance"
-            if self.mu < 1
-            else "no robust performance, because mu is not below 1"
-        )
+        if self.mu < 1:
+            below = "robust performance"
+        else:
+            below = "no robust performance, because mu is not below 1"
         return (
             f"{describe_controller(self.K)}: mu {self.mu:.4g} ({below}),"
             f" {f'proved below {1.01 * self.mu:.4g} at all frequencies' if proved else 'on a grid, not proved'}\n"
@@ -227,7 +226,8 @@ def dk_iteration(
     n_y, n_u = require_integer("n_y", n_y, least=1), require_integer("n_u", n_u, least=1)
     order = require_integer("order", order, least=0)
     n_rounds = require_integer("n_rounds", n_rounds, least=1)
-    blocks = () if blocks is None else blocks
+    if blocks is None:
+        blocks = ()
     s = structure_for("blocks", blocks, (P.noutputs - n_y, P.ninputs - n_u), of="P without y and u")
     mu_min = require_nonnegative("mu_min", mu_min)
     best, reason = _empty_design(P, n_y, n_u), f"{format_count(n_rounds, 'round')} made"
@@ -266,7 +266,10 @@ def dk_iteration(
         fall = best.mu - last.design.mu
         if last.design.mu < best.mu:
             best, of_best = last.design, last
-        idle = 0 if fall > _LEAST_PROGRESS else idle + 1
+        if fall > _LEAST_PROGRESS:
+            idle = 0
+        else:
+            idle = idle + 1
         if best.mu <= mu_min:
             reason = f"mu reached {mu_min:g}"
             break
@@ -286,8 +289,14 @@ def dk_iteration(
             if np.isfinite(best.mu)
             else "; not reduced"
         )
-    CL = lower_lft(P, best.K) if np.isfinite(best.mu) else None
-    certificate = None if CL is None else certify(CL, blocks, 1.01 * best.mu)
+    if np.isfinite(best.mu):
+        CL = lower_lft(P, best.K)
+    else:
+        CL = None
+    if CL is None:
+        certificate = None
+    else:
+        certificate = certify(CL, blocks, 1.01 * best.mu)
     return replace(best, history=tuple(history), certificate=certificate, reason=reason, CL=CL)
 
 
@@ -320,17 +329,19 @@ def _alternate(
     """
     is_first, failed = not np.isfinite(last.design.mu), ""
     tried: list[_Attempt] = []
-    stretch = 1.0 if not last.order else min(_STRETCH * last.share, _LONGEST_STRETCH)
+    if not last.order:
+        stretch = 1.0
+    else:
+        stretch = min(_STRETCH * last.share, _LONGEST_STRETCH)
     for share, highest in _scaling_attempts(is_first, stretch, order):
         if any(each.design.mu < best for each in tried) and share < 1:
             break
-        wanted, used = (
-            (last.scaling, 0)
-            if is_first
-            else fit_scalings(
+        if is_first:
+            wanted, used = last.scaling, 0
+        else:
+            wanted, used = fit_scalings(
                 last.design, P, s=s, scaling=last.scaling, stretch=share, order=highest
             )
-        )
         found, failed = _attempt(
             P, wanted, s=s, sizes=sizes, blocks=blocks, omega=omega, order=used, share=share
         )
@@ -436,7 +447,8 @@ def _reduce_by_mu(
         one = control.StateSpace(*(to_discrete(*small) if timebase(P) else small), P.dt)
         if decide_stability(lower_lft(P, one)).stable:
             judged = _judge_by_mu(P, one, blocks=blocks, omega=omega)
-            found = judged if judged.mu < found.mu else found
+            if judged.mu < found.mu:
+                found = judged
     return found
 
 
@@ -446,7 +458,10 @@ def _scaling_attempts(is_first: bool, stretch: float, order: int) -> list[tuple[
     """
     if is_first:
         return [(1.0, 0)]
-    whole = [(1.0, order)] if stretch <= 1 else [(stretch, order), (1.0, order)]
+    if stretch <= 1:
+        whole = [(1.0, order)]
+    else:
+        whole = [(stretch, order), (1.0, order)]
     return [*whole, (0.5, order), (0.5, order // 2)]
 
 
@@ -507,7 +522,10 @@ def _judge_by_mu(
     structure.
     """
     N = lower_lft(P, K)
-    at = structure_grid(N)[1:] if omega is None else np.asarray(omega, dtype=float)
+    if omega is None:
+        at = structure_grid(N)[1:]
+    else:
+        at = np.asarray(omega, dtype=float)
     curve = upper(response_by_channel(N, at), blocks).value
     return DkDesign(
         K=K, mu=float(curve.max()), omega=at, curve=curve, history=(), certificate=None, reason=""

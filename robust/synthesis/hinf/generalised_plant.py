@@ -122,7 +122,9 @@ def _independent_directions(effects: np.ndarray) -> np.ndarray:
     units = 1 / np.where(sizes > 0, sizes, 1.0)
     _, values, V = np.linalg.svd(effects * units)
     rank = int(np.count_nonzero(values > _RANK_TOLERANCE * values.max(initial=0.0)))
-    return np.eye(rank) if rank == len(V) else units[:, None] * V[:rank].T
+    if rank == len(V):
+        return np.eye(rank)
+    return units[:, None] * V[:rank].T
 
 
 def _shift_from_minus_one(A: np.ndarray, B2: np.ndarray, C2: np.ndarray) -> np.ndarray:
@@ -146,7 +148,10 @@ def _scale_plant(
     A, B, C = scale_states(A, B, C)
     size = np.abs(np.linalg.eigvals(A))
     size = size[size > 1e-12 * size.max(initial=0.0)]
-    speed = float(np.exp(np.mean(np.log(size)))) if size.size else 1.0
+    if size.size:
+        speed = float(np.exp(np.mean(np.log(size))))
+    else:
+        speed = 1.0
     A, B, C = A / speed, B / np.sqrt(speed), C / np.sqrt(speed)
     for _ in range(10):
         for k in range(A.shape[0]):
@@ -181,7 +186,10 @@ def hidden_mode(plant: Plant) -> str:
         ):
             if rank_margin(matrix) < _RANK_TOLERANCE:
                 s = mode * plant.speed
-                where = f"z = {(1 + s) / (1 - s):.4g}" if plant.dt else f"s = {s:.4g}"
+                if plant.dt:
+                    where = f"z = {(1 + s) / (1 - s):.4g}"
+                else:
+                    where = f"s = {s:.4g}"
                 return f"{description} the mode at {where}"
     return ""
 
@@ -294,7 +302,10 @@ def _typical_gain(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndarray)
     """Return the median gain around the poles; for a path of zero gain the size of the matrices, or
     one.
     """
-    speed = np.abs(np.linalg.eigvals(A)) if A.size else np.ones(1)
+    if A.size:
+        speed = np.abs(np.linalg.eigvals(A))
+    else:
+        speed = np.ones(1)
     speed = speed[speed > 1e-9]
     low, high = min(speed.min(initial=1.0), 1.0), max(speed.max(initial=1.0), 1.0)
     gains = np.linalg.norm(
@@ -302,7 +313,9 @@ def _typical_gain(A: np.ndarray, B: np.ndarray, *, C: np.ndarray, D: np.ndarray)
     )
     typical = float(np.median(gains))
     size = float(np.linalg.norm(B) * np.linalg.norm(C) + np.linalg.norm(D))
-    return typical if typical > 1e-9 * size else size or 1.0
+    if typical > 1e-9 * size:
+        return typical
+    return size or 1.0
 
 
 def normalise_plant(plant: Plant) -> Plant | None:

@@ -71,7 +71,9 @@ def _direct_term_bound(plant: Plant) -> float:
 def _uncontrolled_direct_term(plant: Plant) -> float:
     """Return the norm of the direct term in outputs that u does not reach."""
     upper = plant.D11[: plant.D11.shape[0] - plant.B2.shape[1]]
-    return float(np.linalg.norm(upper, 2)) if upper.size else 0.0
+    if upper.size:
+        return float(np.linalg.norm(upper, 2))
+    return 0.0
 
 
 def solve_riccati_pair(plant: Plant, gamma: float, *, quick: bool = False) -> _Solution | None:
@@ -179,7 +181,10 @@ def _bisect_level(
         if np.isfinite(high):
             floor = max(low, enough)
             # far from both ends go down by decades; near, halve
-            gamma = high / 8 if floor < high / 64 else float(np.sqrt(floor * high))
+            if floor < high / 64:
+                gamma = high / 8
+            else:
+                gamma = float(np.sqrt(floor * high))
         elif n_tried:
             gamma = low * 4
         n_tried += 1
@@ -277,17 +282,26 @@ def _synthesise_between_circles(
 
 def _circle_ends(plant: Plant, below: int, above: int) -> tuple[float, float]:
     """Return the real points of a circle: decades below the slowest pole and above the fastest."""
-    speeds = np.abs(np.linalg.eigvals(plant.A)) if plant.A.size else np.ones(1)
+    if plant.A.size:
+        speeds = np.abs(np.linalg.eigvals(plant.A))
+    else:
+        speeds = np.ones(1)
     speeds = speeds[speeds > 1e-9 * max(1.0, float(speeds.max()))]
     slow = float(min(speeds.min(initial=1.0), 1.0))
-    fast = max(1.0, float(np.linalg.norm(plant.A, 2))) if plant.A.size else 1.0
+    if plant.A.size:
+        fast = max(1.0, float(np.linalg.norm(plant.A, 2)))
+    else:
+        fast = 1.0
     return slow * 10.0**-below, _BEYOND_POLES * fast * 10.0**above
 
 
 def _regular_outside(plant: Plant, below: int, above: int) -> list[Plant]:
     """Return the regular problems outside a disc in the left half plane, the hardest one first."""
     a, b = _circle_ends(plant, below, above)
-    problem = plant if (below, above) == _AXIS_RUNG else map_region(plant, -a, -b)
+    if (below, above) == _AXIS_RUNG:
+        problem = plant
+    else:
+        problem = map_region(plant, -a, -b)
     if hidden_mode(problem):
         return []
     lacking = (
@@ -419,7 +433,9 @@ def _close_stable_loop(
 ) -> tuple[control.StateSpace, control.StateSpace] | None:
     """Return a controller and the loop of P with it; None if that is not stable."""
     closed = lower_lft(P, K)
-    return (K, closed) if decide_stability(closed).stable else None
+    if decide_stability(closed).stable:
+        return K, closed
+    return None
 
 
 def _keep_if_better(
@@ -428,7 +444,10 @@ def _keep_if_better(
     """Take a controller and its loop if it is better by the original norm, and the lower bound at
     its peak.
     """
-    achieved, peak = _norm_as_given(loop[1]) if loop else (np.inf, np.nan)
+    if loop:
+        achieved, peak = _norm_as_given(loop[1])
+    else:
+        achieved, peak = np.inf, np.nan
     if loop is None or achieved >= found.gamma:
         return found
     where = (np.tan(peak * plant.dt / 2) if plant.dt else peak) / plant.speed
@@ -440,27 +459,29 @@ def _norm_as_given(closed: control.StateSpace) -> tuple[float, float]:
     """Return the norm, at least its value on a grid in the original coordinates of the loop, and
     its peak frequency.
     """
-    poles = (
-        to_s_plane(np.linalg.eigvals(closed.A), timebase(closed)) if closed.nstates else np.zeros(0)
-    )
+    if closed.nstates:
+        poles = to_s_plane(np.linalg.eigvals(closed.A), timebase(closed))
+    else:
+        poles = np.zeros(0)
     near = np.concatenate([np.abs(poles.imag), np.abs(poles)])
     omega = np.unique(near[:, None] * (1 + np.linspace(-0.03, 0.03, 31)))
     if timebase(closed):
         omega = omega[omega <= np.pi / timebase(closed)]
     gains = np.linalg.svd(np.moveaxis(response_by_channel(closed, omega), 2, 0), compute_uv=False)
     found = hinf_norm(closed)
-    return (
-        max(found, (float(gains.max()), float(omega[gains[:, 0].argmax()])))
-        if omega.size
-        else found
-    )
+    if omega.size:
+        return max(found, (float(gains.max()), float(omega[gains[:, 0].argmax()])))
+    return found
 
 
 def _usual_points(plant: Plant) -> np.ndarray:
     """Return frequencies of the scaled plant (W,): zero, infinity, those of its poles and some
     around them.
     """
-    poles = np.linalg.eigvals(plant.A) if plant.A.size else np.ones(1)
+    if plant.A.size:
+        poles = np.linalg.eigvals(plant.A)
+    else:
+        poles = np.ones(1)
     around = np.geomspace(*_circle_ends(plant, 1, 1), 60)
     return np.unique(np.concatenate([[0.0, np.inf], around, np.abs(poles), np.abs(poles.imag)]))
 
@@ -478,7 +499,10 @@ def unchangeable_gain(plant: Plant, omega: np.ndarray) -> float:
 
 def unmeasured_gain(plant: Plant, omega: np.ndarray) -> float:
     """Return `unchangeable_gain` for disturbances that do not show in y."""
-    poles = np.linalg.eigvals(plant.A) if plant.A.size else np.zeros(0)
+    if plant.A.size:
+        poles = np.linalg.eigvals(plant.A)
+    else:
+        poles = np.zeros(0)
     everywhere = _unmeasured_space(plant, _ANY_POINT, 0).shape[1]
     gains = [0.0]
     for w in omega:
@@ -499,11 +523,10 @@ def _unmeasured_space(plant: Plant, s: complex, dimension: int) -> np.ndarray:
     `dimension` is the known dimension, or 0 for the directions that are zero to rounding.
     """
     n = plant.A.shape[0]
-    pencil = (
-        np.block([[plant.A - s * np.eye(n), plant.B1], [plant.C2, plant.D21]])
-        if np.isfinite(s)
-        else plant.D21
-    )
+    if np.isfinite(s):
+        pencil = np.block([[plant.A - s * np.eye(n), plant.B1], [plant.C2, plant.D21]])
+    else:
+        pencil = plant.D21
     rows = np.linalg.norm(pencil, axis=1, keepdims=True)
     _, sizes, V = np.linalg.svd(pencil / np.where(rows > 0, rows, 1.0))
     rank = len(V) - dimension if dimension else np.count_nonzero(sizes > _KERNEL_TOLERANCE)
@@ -727,7 +750,10 @@ def synthesise(
             P, plant, wanted=wanted, n_steps=n_steps - found.n_steps
         )
         for loop in (_close_stable_loop(P, K) for K in others):
-            achieved = _norm_as_given(loop[1])[0] if loop else np.inf
+            if loop:
+                achieved = _norm_as_given(loop[1])[0]
+            else:
+                achieved = np.inf
             if loop and achieved < found.gamma:
                 found = replace(found, K=loop[0], gamma=achieved)
         low = min(found.gamma_min, found.gamma)
@@ -780,7 +806,10 @@ def _fails_in_digits(
     """Return True if no controller reaches a level, in multiple precision; None if undecided, or P
     is not stiff.
     """
-    speeds = np.abs(np.linalg.eigvals(plant.A)) if plant.A.size else np.ones(1)
+    if plant.A.size:
+        speeds = np.abs(np.linalg.eigvals(plant.A))
+    else:
+        speeds = np.ones(1)
     slowest = speeds[speeds > 0].min(initial=np.inf)
     if not np.linalg.norm(plant.A) > _STIFF * slowest:
         return None
@@ -799,7 +828,10 @@ def _settle_lower_bound(
     # a level that was reached must not fail: otherwise the problem is singular, and no bound
     # follows
     if found.found and fails(reached) is False:
-        ends = (0.0, low) if low and not fails(low) else (low, reached)
+        if low and not fails(low):
+            ends = 0.0, low
+        else:
+            ends = low, reached
         if ends[0] == 0 or found.gamma > _NEAR_BOUND * factor * low:
             low = _bisect_level(
                 lambda level: not fails(level), ends, tolerance=_TOLERANCE, n_steps=MOST_STEPS
@@ -814,8 +846,14 @@ def _controllers_by_other_means(
     Gramians of P.
     """
     n_u, n_y = plant.into_u.shape[0], plant.out_of_y.shape[1]
-    omega = np.unique(np.abs(np.linalg.eigvals(P.A))) if P.nstates else np.ones(1)
-    speeds = np.abs(to_s_plane(omega, timebase(P))) if timebase(P) else omega
+    if P.nstates:
+        omega = np.unique(np.abs(np.linalg.eigvals(P.A)))
+    else:
+        omega = np.ones(1)
+    if timebase(P):
+        speeds = np.abs(to_s_plane(omega, timebase(P)))
+    else:
+        speeds = omega
     speeds = speeds[speeds > 0]
     inverses = [np.zeros((n_u, n_y))]
     for at in (speeds.min(initial=1.0) / 10, speeds.max(initial=1.0)):
@@ -850,23 +888,22 @@ def _synthesise_singular(
     found = _synthesise_between_circles(P, plant, nothing, wanted=wanted, n_steps=n_steps)
     late, n_tried = found.n_steps >= n_steps, nothing.n_steps + found.n_steps
     if not found.found:
-        why = (
-            _ALL_STEPS_MADE
-            if late
-            else "no level met the existence conditions, with any regularisation"
-        )
+        if late:
+            why = _ALL_STEPS_MADE
+        else:
+            why = "no level met the existence conditions, with any regularisation"
         return replace(nothing, n_steps=n_tried, reason=why)
-    low = (
-        min(found.gamma_min, found.gamma)
-        if found.gamma_min > _KERNEL_TOLERANCE * found.gamma
-        else 0.0
-    )
+    if found.gamma_min > _KERNEL_TOLERANCE * found.gamma:
+        low = min(found.gamma_min, found.gamma)
+    else:
+        low = 0.0
     reason = ""
     if found.gamma > _SINGULAR_TOLERANCE * low and found.gamma > wanted[0]:
         why = _ALL_STEPS_MADE if late else "the problem is singular"
-        known = (
-            f"no controller reaches less than {low:.4g}" if low > 0 else "no lower bound was found"
-        )
+        if low > 0:
+            known = f"no controller reaches less than {low:.4g}"
+        else:
+            known = "no lower bound was found"
         reason = f"{why}: gamma {found.gamma:.4g} was reached, {known}"
     return replace(found, level=low, gamma_min=low, n_steps=n_tried, reason=reason)
 
@@ -894,11 +931,10 @@ def _synthesise_regular(
     best = replace(nothing, gamma_min=low, level=high, n_steps=nothing.n_steps + n_tried)
     late = n_tried >= n_steps
     if not np.isfinite(high):
-        what = (
-            _ALL_STEPS_MADE
-            if late
-            else f"no level up to {_LARGEST_GAMMA:.0e} met the existence conditions"
-        )
+        if late:
+            what = _ALL_STEPS_MADE
+        else:
+            what = f"no level up to {_LARGEST_GAMMA:.0e} met the existence conditions"
         return replace(best, reason=what)
     best = replace(
         best, reason="the loop with the controller of the Riccati equations is not stable"
@@ -911,18 +947,14 @@ def _synthesise_regular(
         if loop is None:
             continue
         achieved = hinf_norm(loop[1])[0]
-        reason = (
-            ""
-            if achieved <= gamma * 1.001
-            else f"the norm reached is above the requested level {gamma:.4g}"
-        )
+        if achieved <= gamma * 1.001:
+            reason = ""
+        else:
+            reason = f"the norm reached is above the requested level {gamma:.4g}"
         if late:
             reason = f"{_ALL_STEPS_MADE} with gamma between {low:.4g} and {high:.4g}"
-        best = (
-            replace(best, K=loop[0], gamma=achieved, reason=reason)
-            if achieved < best.gamma
-            else best
-        )
+        if achieved < best.gamma:
+            best = replace(best, K=loop[0], gamma=achieved, reason=reason)
         if achieved <= gamma * 1.001:
             break
     return best

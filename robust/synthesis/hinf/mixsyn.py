@@ -103,7 +103,10 @@ def mixsyn(
     names = G.output_labels, G.input_labels
     if step and dt and abs(step / dt - 1) > 1e-9:
         raise ValueError(f"dt must be the sampling time of the plant, {step:g} s, got {dt:g} s")
-    G = sampled(G, dt, delay) if dt and not step else delayed(G, delay, order=_PADE_ORDER)
+    if dt and not step:
+        G = sampled(G, dt, delay)
+    else:
+        G = delayed(G, delay, order=_PADE_ORDER)
     dt = step or dt
     weights = {"w_P": [w_P], "w_u": [w_u], "w_T": [w_T]}
     if _is_unstructured_model(model):
@@ -126,7 +129,10 @@ def mixsyn(
     found = hinfsyn(P, n_y, n_u, gamma_min=gamma_min, factor=factor, n_steps=n_steps)
     K = control.StateSpace(found.K.A, found.K.B, found.K.C, found.K.D, dt)
     with_names(K, *names)
-    reason = found.reason if found.found else f"not found: {found.reason}"
+    if found.found:
+        reason = found.reason
+    else:
+        reason = f"not found: {found.reason}"
     return Design(
         K=K,
         gamma=found.gamma,

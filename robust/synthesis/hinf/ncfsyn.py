@@ -80,7 +80,10 @@ def ncfsyn(
     shaped = in_series(W1, G, W2, dt=dt)
     matrices = (shaped.A, shaped.B, shaped.C, shaped.D)
     # the bilinear map keeps stability and norms: a sampled design is a continuous one
-    A, B, C, D = to_continuous(*matrices) if dt else matrices
+    if dt:
+        A, B, C, D = to_continuous(*matrices)
+    else:
+        A, B, C, D = matrices
     # No iteration: both Riccati equations are independent of gamma, and gamma_min follows from them.
     X, Z = _riccati_solutions(A, B, C=C, D=D)
     gamma_min = float(np.sqrt(1 + max(np.linalg.eigvals(X @ Z).real, default=0.0)))
@@ -107,7 +110,10 @@ def ncfsyn(
     proof = certify_closed_loop(
         _coprime_factor_plant(shaped), K_inf, achieved, subject="norm of the shaped loop"
     )
-    reason = "" if proof.holds else f"gamma is not certified: {proof.reason}"
+    if proof.holds:
+        reason = ""
+    else:
+        reason = f"gamma is not certified: {proof.reason}"
     return Design(
         K=K, gamma=proof.level, gamma_min=gamma_min, reason=reason, certificate=proof, CL=CL
     )
@@ -171,7 +177,10 @@ def _shaping_system(name: str, given: Weight, *, n: int, dt: float) -> control.S
     W = multivariable(name, given)
     if (W.ninputs, W.noutputs) == (1, 1) and n > 1:
         W = block_diagonal([W] * n, W.dt)
-    n_channels, side = (W.noutputs, "outputs") if name == "W1" else (W.ninputs, "inputs")
+    if name == "W1":
+        n_channels, side = W.noutputs, "outputs"
+    else:
+        n_channels, side = W.ninputs, "inputs"
     if n_channels != n:
         raise ValueError(
             f"{name} must have {n} {side}, one a channel of G, or be a single one for all, got"
@@ -235,7 +244,9 @@ def crossover_weight(G: LinearSystem, omega_c: float) -> control.StateSpace:
         )
     gains = np.abs(response_by_channel(G, omega_c * np.array([0.9, 1.0, 1.1])))
     loops = [_crossover_of_loop(gains[k, k], omega_c, dt) for k in range(G.ninputs)]
-    return loops[0] if len(loops) == 1 else block_diagonal(loops, dt)
+    if len(loops) == 1:
+        return loops[0]
+    return block_diagonal(loops, dt)
 
 
 def _crossover_of_loop(gains: np.ndarray, omega_c: float, dt: float) -> control.StateSpace:
@@ -246,7 +257,10 @@ def _crossover_of_loop(gains: np.ndarray, omega_c: float, dt: float) -> control.
             f" {omega_c:g} rad/s ({omega_c / (2 * np.pi):g} Hz)"
         )
     flat = np.log(gains[2] / gains[0]) / np.log(1.1 / 0.9) > -0.5
-    zeros = np.zeros(0) if flat else np.array([-omega_c / 5])
+    if flat:
+        zeros = np.zeros(0)
+    else:
+        zeros = np.array([-omega_c / 5])
     W = from_roots(zeros, np.zeros(1), 1.0, 0.0)
     if dt:
         # the bilinear map is scaled to be exact at omega_c

@@ -101,7 +101,10 @@ class LimitValue:
     def __str__(self) -> str:
         kind = "hard" if self.hard else "soft"
         where = format_hertz(self.omega)
-        how = f"on {self.n_lines} lines" if self.n_lines else "norm"
+        if self.n_lines:
+            how = f"on {self.n_lines} lines"
+        else:
+            how = "norm"
         return (
             f"{kind}  {self.limit} on plant {self.plant}: {self.ratio:.5g} of its bound at {where},"
             f" {how}"

@@ -107,11 +107,9 @@ class FrictionLimit:
     @property
     def machines(self) -> tuple[FrictionPlant, ...]:
         """Return the machines of the limit."""
-        return (
-            self.machine.machines
-            if isinstance(self.machine, MachineWithFriction)
-            else (self.machine,)
-        )
+        if isinstance(self.machine, MachineWithFriction):
+            return self.machine.machines
+        return (self.machine,)
 
     def weighting(self, dt: float) -> None:
         """Return None, because the ratio is not the gain of a system."""
@@ -170,7 +168,10 @@ class FrictionChannel:
         grows.
         """
         size = np.abs(poles)[np.abs(poles) > 0]
-        top = _BELOW_NYQUIST * np.pi / self.dt if self.dt else 100 * size.max(initial=1.0)
+        if self.dt:
+            top = _BELOW_NYQUIST * np.pi / self.dt
+        else:
+            top = 100 * size.max(initial=1.0)
         low = max(_LOWEST * top, _SLOWEST * size.min(initial=top))
         return np.union1d(
             np.geomspace(low, top, _N_LINES),

@@ -116,7 +116,8 @@ class Limit:
         """
         found = []
         for part in (self.weight, self.bound):
-            part = control.StateSpace([], [], [], [[part]], dt) if isinstance(part, float) else part
+            if isinstance(part, float):
+                part = control.StateSpace([], [], [], [[part]], dt)
             if not isinstance(part, control.StateSpace) or (
                 timebase(part) != dt and not is_clockless(part)
             ):
@@ -125,7 +126,9 @@ class Limit:
                 control.StateSpace(part.A, part.B, part.C, part.D, dt, remove_useless_states=False)
             )
         W, bound = found
-        return in_series(W, biproper_inverse(bound)) if bound.D[0, 0] else None
+        if bound.D[0, 0]:
+            return in_series(W, biproper_inverse(bound))
+        return None
 
     @property
     def systems(self) -> tuple[control.StateSpace, ...]:
@@ -150,7 +153,9 @@ def _magnitude(name: str, given: Magnitude) -> Magnitude:
         if not is_stable(system):
             raise ValueError(f"{name} must be stable, got a pole at {rightmost_pole(system):.4g}")
         return system
-    return given if callable(given) else require_positive(name, given)
+    if callable(given):
+        return given
+    return require_positive(name, given)
 
 
 def _evaluate_magnitude(name: str, given: Magnitude, omega: np.ndarray) -> np.ndarray:
@@ -228,7 +233,9 @@ class Channel:
             return _largest_singular_values(H[:, self.rows[:, None], self.columns])
         assert perturbation is not None
         N = perturbation.pull_out(H, *self.places)
-        return disc_gain(N, smooth=True) if d is None else scaled_gain(N, self.blocks, d)
+        if d is None:
+            return disc_gain(N, smooth=True)
+        return scaled_gain(N, self.blocks, d)
 
     def exact_gain(self, H: np.ndarray, perturbation: Perturbation | None) -> np.ndarray:
         """Return the unweighted gain (W,) of the report, with the best scalings; inf if the set
@@ -238,7 +245,9 @@ class Channel:
             return self.gain(H, None, None)
         assert perturbation is not None
         N = perturbation.pull_out(H, *self.places)
-        return largest_gain(N, self.blocks) if self.is_scaled else disc_gain(N)
+        if self.is_scaled:
+            return largest_gain(N, self.blocks)
+        return disc_gain(N)
 
     def slopes(
         self, H: np.ndarray, perturbation: Perturbation | None, d: np.ndarray | None
@@ -255,7 +264,10 @@ class Channel:
             return found
         assert perturbation is not None
         (N,) = perturbation.pull_out(H[None], *self.places)
-        gains = [disc_slope(N)] if d is None else scaled_slopes(N, self.blocks, d)
+        if d is None:
+            gains = [disc_slope(N)]
+        else:
+            gains = scaled_slopes(N, self.blocks, d)
         return [(gain, perturbation.carry_back(Q, *self.places, H.shape)) for gain, Q in gains]
 
     def best_scalings(

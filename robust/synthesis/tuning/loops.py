@@ -67,7 +67,9 @@ def _bilinear_frequency(omega: np.ndarray, dt: float) -> np.ndarray:
 
 def true_frequency(image: np.ndarray, dt: float) -> np.ndarray:
     """Return true frequencies [rad/s] for those in the plane of the bilinear map."""
-    return 2 / dt * np.arctan(np.asarray(image) * dt / 2) if dt else np.asarray(image, dtype=float)
+    if dt:
+        return 2 / dt * np.arctan(np.asarray(image) * dt / 2)
+    return np.asarray(image, dtype=float)
 
 
 @value(copy=False)
@@ -145,15 +147,22 @@ class ModelledLoop:
         s = np.concatenate([np.zeros(0, complex), *roots])
         found = np.concatenate([np.abs(s), mode_lines(s, (0.0, np.inf))])
         found = found[np.isfinite(found) & (found > 0)]
-        top = np.pi / self.dt if self.dt else np.inf
-        return np.abs((found + top) % (2 * top) - top) if self.dt else found
+        if self.dt:
+            top = np.pi / self.dt
+        else:
+            top = np.inf
+        if self.dt:
+            return np.abs((found + top) % (2 * top) - top)
+        return found
 
     def close(self, M: np.ndarray) -> ClosedLoop | None:
         """Return the loop with the blocks M; None if it has no solution, or one that is not
         finite.
         """
         loop = self.fixed.close(M)
-        return loop if loop is not None and np.isfinite(loop.A).all() else None
+        if loop is not None and np.isfinite(loop.A).all():
+            return loop
+        return None
 
     def band(self, channel: AnyChannel) -> tuple[float, float]:
         """Return the band of a limit in the plane of the bilinear map [rad/s]."""
@@ -179,11 +188,10 @@ class ModelledLoop:
         perturbation = replace(
             perturbation, drives=np.where(known[:, None, None], perturbation.drives, 0)
         )
-        gain = (
-            channel.exact_gain(H, perturbation)
-            if exact
-            else channel.gain(H, perturbation, self.scalings_at(channel, omega))
-        )
+        if exact:
+            gain = channel.exact_gain(H, perturbation)
+        else:
+            gain = channel.gain(H, perturbation, self.scalings_at(channel, omega))
         return np.where(known, gain * factor, 0.0)
 
     def perturbation(self, true: np.ndarray) -> Perturbation:
@@ -193,7 +201,9 @@ class ModelledLoop:
 
     def scalings_at(self, channel: AnyChannel, omega: np.ndarray) -> np.ndarray | None:
         """Return the scalings (W, K) of the search; None if the limit has none."""
-        return self.scalings[channel.index].at(omega) if channel.is_scaled else None
+        if channel.is_scaled:
+            return self.scalings[channel.index].at(omega)
+        return None
 
     def refit_scalings(self, loop: ClosedLoop) -> None:
         """Fit the scalings of the worst cases to a loop again, on more lines where these are too
@@ -226,7 +236,9 @@ class ModelledLoop:
         """Return the function for responses: from the modes, or without their rounding for a
         friction limit.
         """
-        return loop.responses_by_elimination if self.has_friction else loop.responses
+        if self.has_friction:
+            return loop.responses_by_elimination
+        return loop.responses
 
     def grid(self, loop: ClosedLoop) -> np.ndarray:
         """Return frequencies that resolve every mode of the loop [rad/s], with zero and
@@ -234,7 +246,10 @@ class ModelledLoop:
         """
         poles = loop.poles
         size = np.abs(poles)
-        size = size[size > 1e-12 * size.max(initial=0.0)] if size.size else np.ones(1)
+        if size.size:
+            size = size[size > 1e-12 * size.max(initial=0.0)]
+        else:
+            size = np.ones(1)
         wide = np.geomspace(0.05 * size.min(), 20 * size.max(), _N_LINES)
         kept = [frequency for frequencies in self.added.values() for frequency in frequencies]
         return np.unique(
@@ -344,7 +359,10 @@ class ModelledLoop:
                 sides=(L, R),
                 slopes=slopes,
             )
-        perturbation = self.perturbation(true) if channel.perturbation is not None else None
+        if channel.perturbation is not None:
+            perturbation = self.perturbation(true)
+        else:
+            perturbation = None
         d = self.scalings_at(channel, np.array([omega]))
         gains = channel.slopes(H, perturbation, None if d is None else d[0])
         return _peaks_of_gains(
@@ -371,7 +389,10 @@ class ModelledLoop:
             k = int(np.argmax(exact))
             best, where = float(exact[k]), float(omega[k])
             certain = False
-            weighting = channel.limit.weighting(self.dt) if channel.perturbation is None else None
+            if channel.perturbation is None:
+                weighting = channel.limit.weighting(self.dt)
+            else:
+                weighting = None
             if weighting is not None and best > 0:
                 matrices = _weighted_channel(loop, channel, weighting=weighting, dt=self.dt)
                 best, where, certain = _norm_over_band(
@@ -401,9 +422,15 @@ class ModelledLoop:
         dense grid.
         """
         poles, (low, high) = loop.poles, self.band(channel)
-        size = np.abs(poles)[np.abs(poles) > 0] if poles.size else np.ones(1)
+        if poles.size:
+            size = np.abs(poles)[np.abs(poles) > 0]
+        else:
+            size = np.ones(1)
         light = poles[(poles.imag > 0) & (np.abs(poles.real) < 0.3 * poles.imag)]
-        near = cluster_at_modes(light, _N_AROUND) if light.size else np.zeros(0)
+        if light.size:
+            near = cluster_at_modes(light, _N_AROUND)
+        else:
+            near = np.zeros(0)
         edges = np.array([edge for edge in (low, high) if np.isfinite(edge)])
         omega = [
             np.geomspace(1e-3 * size.min(), 1e3 * size.max(), _N_DENSE),
@@ -458,7 +485,10 @@ class ModelledLoop:
         """Return frequencies of the plane [rad/s] that show the curve of a limit, within its
         band.
         """
-        size = np.abs(loop.poles)[np.abs(loop.poles) > 0] if loop.poles.size else np.ones(1)
+        if loop.poles.size:
+            size = np.abs(loop.poles)[np.abs(loop.poles) > 0]
+        else:
+            size = np.ones(1)
         low, high = self.band(channel)
         high = min(high, 20 * float(size.max()))
         low = max(low, min(0.05 * float(size.min()), 1e-2 * high))
@@ -625,11 +655,10 @@ class MeasuredLoop:
         n = self.n_states
         A, B, C, D = M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]
         W = len(self.image)
-        Phi = (
-            np.linalg.inv(1j * self.image[:, None, None] * np.eye(n) - A)
-            if n
-            else np.zeros((W, 0, 0), complex)
-        )
+        if n:
+            Phi = np.linalg.inv(1j * self.image[:, None, None] * np.eye(n) - A)
+        else:
+            Phi = np.zeros((W, 0, 0), complex)
         left = np.concatenate(
             [C @ Phi, np.broadcast_to(np.eye(self.n_out), (W, self.n_out, self.n_out))], axis=2
         )
@@ -665,14 +694,21 @@ class MeasuredLoop:
 
     def scalings_on_lines(self, channel: Channel) -> np.ndarray | None:
         """Return the scalings (W, K) of the search; None if the limit has none."""
-        return np.exp(self.scalings[channel.index].log_d.T) if channel.is_scaled else None
+        if channel.is_scaled:
+            return np.exp(self.scalings[channel.index].log_d.T)
+        return None
 
     def close(self, M: np.ndarray) -> _ClosedLines | None:
         """Return the loop with the blocks M; None if it has no solution, or the lines do not show
         that it is stable.
         """
-        H = self.responses(M) if all(self.stability_by_winding(M)) else None
-        return None if H is None else _ClosedLines(M=M, H=H)
+        if all(self.stability_by_winding(M)):
+            H = self.responses(M)
+        else:
+            H = None
+        if H is None:
+            return None
+        return _ClosedLines(M=M, H=H)
 
     def refit_scalings(self, loop: _ClosedLines) -> None:
         """Fit the scalings of the worst cases to a loop again."""

@@ -54,7 +54,10 @@ def find_stable(problem: TuningProblem, x: np.ndarray, n_steps: int = 150) -> Ev
     def function(x: np.ndarray) -> tuple[float, np.ndarray, Evaluation]:
         inside = np.clip(x, low, high)
         found = problem.evaluate(inside, peaks=False)
-        slope = found.poles[0].gradient if found.poles else np.zeros(x.size)
+        if found.poles:
+            slope = found.poles[0].gradient
+        else:
+            slope = np.zeros(x.size)
         outside = x - inside
         return (
             found.excess + float(np.abs(outside).sum()),
@@ -99,7 +102,10 @@ def _bfgs(
                 if float(g_t @ d) >= _WOLFE[1] * slope:
                     break
                 low = t
-            t = (low + high) / 2 if np.isfinite(high) else 2 * low
+            if np.isfinite(high):
+                t = (low + high) / 2
+            else:
+                t = 2 * low
             if np.isfinite(high) and high - low < 1e-12 * max(1.0, high):
                 break
         if best is None:
@@ -233,7 +239,10 @@ def _descend_on_penalty(problem: TuningProblem, current: Evaluation, rho: float)
             best = found
             problem.report(found)
         outside = x - inside
-        slope = found.merit_slope(rho) if found.stable else np.zeros(x.size)
+        if found.stable:
+            slope = found.merit_slope(rho)
+        else:
+            slope = np.zeros(x.size)
         return (
             merit + float(np.abs(outside).sum()),
             np.where(outside == 0, slope, np.sign(outside)),
@@ -454,7 +463,10 @@ def _model_merit(
     peaks : peaks with their levels; groups : (limit, plant) of the hard limits.
     """
     soft = [level + float(peak.gradient @ d) for peak, level in peaks if not peak.hard]
-    total = max(soft) if soft else 0.0
+    if soft:
+        total = max(soft)
+    else:
+        total = 0.0
     for group in groups:
         excess = [
             level + HARD_LIMIT_MARGIN + float(peak.gradient @ d)
@@ -498,7 +510,10 @@ def _damped_update(H: np.ndarray, s: np.ndarray, *, y: np.ndarray, fresh: bool) 
         H = np.clip(sy / ss, 1e-4, 1e4) * np.eye(s.size)
     Hs = H @ s
     sHs = float(s @ Hs)
-    theta = 1.0 if sy >= 0.2 * sHs else 0.8 * sHs / (sHs - sy)
+    if sy >= 0.2 * sHs:
+        theta = 1.0
+    else:
+        theta = 0.8 * sHs / (sHs - sy)
     r = theta * y + (1 - theta) * Hs
     H = H - np.outer(Hs, Hs) / sHs + np.outer(r, r) / float(s @ r)
     H = (H + H.T) / 2

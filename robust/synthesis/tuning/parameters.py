@@ -76,7 +76,10 @@ class Controller:
                 if along is not None:
                     numbers = {key: array.astype(complex) for key, array in numbers.items()}
                 for i, parameter in enumerate(own):
-                    step = 1j * _COMPLEX_STEP if along == k + i else 0.0
+                    if along == k + i:
+                        step = 1j * _COMPLEX_STEP
+                    else:
+                        step = 0.0
                     numbers[parameter.name][parameter.index] = parameter.from_coordinate(
                         x[k + i] + step
                     )

@@ -99,10 +99,14 @@ class Plants:
             self, "n_unstable", require_integer("n_unstable", self.n_unstable, least=0)
         )
         lpv, at = self.models if isinstance(self.models, LpvModel) else None, self.at
-        at = lpv.points if lpv is not None and at is None else at
+        if lpv is not None and at is None:
+            at = lpv.points
         models = tuple(as_list(self.models))
         if at is not None:
-            count = np.size(at) if lpv is not None else len(models)
+            if lpv is not None:
+                count = np.size(at)
+            else:
+                count = len(models)
             at, _ = require_points(at, count, None, "plant")
         if lpv is not None:
             if not np.array_equal(at[[0, -1]], lpv.points[[0, -1]]):
@@ -123,7 +127,9 @@ class Plants:
     @property
     def thetas(self) -> np.ndarray:
         """(N,) operating points scaled to [-1, 1]; zeros without operating points."""
-        return np.zeros(len(self.models)) if self.at is None else to_theta(self.at, self.at)
+        if self.at is None:
+            return np.zeros(len(self.models))
+        return to_theta(self.at, self.at)
 
     def check_channels(self, name: str, model: PlantModel) -> None:
         """Refuse a value that is not a plant, or one with other channels."""
@@ -160,7 +166,10 @@ def _local_model(plant: LpvModel, point: float) -> PlantModel:
     if timebase(weight) and not plant.dt:
         G = sampled(G, timebase(weight))
     size = np.abs(to_s_plane(poles(G), timebase(G)))
-    size = size[size > 0] if size.any() else np.ones(1)
+    if size.any():
+        size = size[size > 0]
+    else:
+        size = np.ones(1)
     top = min(10 * size.max(), 0.99 * np.pi / (timebase(G) or 1e-99))
     return UncertaintyModel(
         nominal=G,
@@ -276,7 +285,10 @@ def _see_single_set(
             f"{name} must have a sampled nominal for worst=True in the {model.form} form in a"
             " sampled loop, got a continuous one. Use sampled(nominal, dt), or another form"
         )
-    perturbation = _perturbation_of_disc(loop) if worst else None
+    if worst:
+        perturbation = _perturbation_of_disc(loop)
+    else:
+        perturbation = None
     if (
         perturbation is not None
         and not is_bounded(perturbation(np.array([0.1 / dt if dt else 1.0])))[0]
@@ -305,7 +317,9 @@ def _behind_hold_and_delay(
         )
     if step:
         return delayed(G, delay_samples("delay", delay, step) * step)
-    return sampled(G, dt, delay) if dt else delayed(G, delay)
+    if dt:
+        return sampled(G, dt, delay)
+    return delayed(G, delay)
 
 
 def see_machine(
@@ -375,7 +389,10 @@ def _perturbation_of_disc(loop: Loop) -> Callable[[np.ndarray], Perturbation]:
 def _disc_of_form(form: str, w: np.ndarray, *, G: np.ndarray, W: np.ndarray) -> Perturbation:
     """Return the disc (G + g Delta)/(1 + a Delta) of a form with weight w."""
     row, one = FORMS[form], np.ones_like(G)
-    scaled = W * G if row.depends_on_units else G
+    if row.depends_on_units:
+        scaled = W * G
+    else:
+        scaled = G
     return _disc_around(
         np.asarray(row.a(w, scaled, one, one)), np.asarray(plant_numerator(form, w, G=G, W=W))
     )
@@ -406,8 +423,12 @@ def _perturbation_of_matrices(model: UncertaintyModel) -> Callable[[np.ndarray],
     n_y, n_u, dt = model.n_outputs, model.n_inputs, timebase(model.nominal)
     # column after column of G, as in `UncertaintyModel.open_loop`
     elements = model.form == ELEMENTS
-    reads = np.repeat(np.eye(n_u), n_y, axis=0) if elements else np.eye(n_u)
-    acts = np.tile(np.eye(n_y), n_u) if elements else np.eye(len(model.left))
+    if elements:
+        reads = np.repeat(np.eye(n_u), n_y, axis=0)
+        acts = np.tile(np.eye(n_y), n_u)
+    else:
+        reads = np.eye(n_u)
+        acts = np.eye(len(model.left))
     left = _stacked(model.left or (control.StateSpace([], [], [], [[1.0]], dt),), dt)
     right = _stacked(model.right, dt)
     at_input = model.form == INPUT
@@ -466,11 +487,12 @@ def _see_measured(
     seen = G * hold_and_delay_factor(model, omega, dt=dt, delay=delay)
     if G.shape[:2] != (1, 1):
         square = G.shape[0] == G.shape[1]
-        readings = (
-            read_below(omega, np.linalg.det(np.moveaxis(seen, 2, 0)), n_unstable=n_unstable)
-            if square
-            else ()
-        )
+        if square:
+            readings = read_below(
+                omega, np.linalg.det(np.moveaxis(seen, 2, 0)), n_unstable=n_unstable
+            )
+        else:
+            readings = ()
         return MeasuredPlant(
             omega=omega,
             G=seen,
@@ -488,9 +510,15 @@ def _see_measured(
     measured, W = (
         np.concatenate([np.full(n, part[0]), part]) for part in (measured / seen[0, 0], W)
     )
-    size = np.ones(ours.size) if FORMS[form].vanishes_with_plant else np.abs(ours)
+    if FORMS[form].vanishes_with_plant:
+        size = np.ones(ours.size)
+    else:
+        size = np.abs(ours)
     w = np.concatenate([radius_below(omega, np.abs(w) / size[n:]) * size[:n], w])
-    perturbation = _disc_of_form(form, w, G=ours, W=np.asarray(W * measured)) if worst else None
+    if worst:
+        perturbation = _disc_of_form(form, w, G=ours, W=np.asarray(W * measured))
+    else:
+        perturbation = None
     return MeasuredPlant(
         omega=np.concatenate([low.omega, omega]),
         G=ours[None, None],

@@ -73,7 +73,9 @@ class Evaluation:
 
     def merit(self, rho: float) -> float:
         """Return the exact penalty that is minimised."""
-        return self.soft + rho * self.hard if self.stable else np.inf
+        if self.stable:
+            return self.soft + rho * self.hard
+        return np.inf
 
     def merit_slope(self, rho: float) -> np.ndarray:
         """Return the slope of the merit, for the active pieces."""
@@ -131,9 +133,15 @@ class TuningProblem:
                 for place in self.movable_poles(k, loop.poles)
             ]
         rows.sort(reverse=True)
-        excess = rows[0][0] if rows else -np.inf
+        if rows:
+            excess = rows[0][0]
+        else:
+            excess = -np.inf
         slopes = self.at_points(self.controller.slopes, x)
-        seen = rows[:_N_POLES] if pole_slopes else []
+        if pole_slopes:
+            seen = rows[:_N_POLES]
+        else:
+            seen = []
         pole_rows = [
             self.pole_gradient(loops[k], place, value_, slopes[k]) for value_, k, place in seen
         ]
@@ -160,7 +168,9 @@ class TuningProblem:
         if not all(np.isfinite(M).all() for M in matrices):
             return None
         loops = [scene.close(M) for scene, M in zip(self.scenes, matrices, strict=True)]
-        return None if any(loop is None for loop in loops) else loops
+        if any(loop is None for loop in loops):
+            return None
+        return loops
 
     def loops_at(self, x: np.ndarray) -> list[tuple[ModelledLoop | MeasuredLoop, Any]]:
         """Return every scene with its loop, at coordinates at which there is one."""
@@ -212,9 +222,10 @@ class TuningProblem:
             if isinstance(scene, MeasuredLoop):
                 continue
             loops = [scene.close(matrices[k]) for matrices in tried]
-            open_poles = (
-                np.linalg.eigvals(scene.fixed.A) if len(scene.fixed.A) else np.zeros(0, complex)
-            )
+            if len(scene.fixed.A):
+                open_poles = np.linalg.eigvals(scene.fixed.A)
+            else:
+                open_poles = np.zeros(0, complex)
             if any(loop is None for loop in loops):
                 continue
             near = np.ones(open_poles.size, bool)
@@ -225,9 +236,10 @@ class TuningProblem:
                 )
                 near &= distance <= _FIXED_MODE_TOLERANCE / 10 * (1 + np.abs(open_poles))
             n_own = self.controller.n_states  # their rows in A are zero before the loop is closed
-            own = (
-                np.argsort(np.abs(open_poles), kind="stable")[:n_own] if n_own else np.zeros(0, int)
-            )
+            if n_own:
+                own = np.argsort(np.abs(open_poles), kind="stable")[:n_own]
+            else:
+                own = np.zeros(0, int)
             near[[place for place in own if abs(open_poles[place]) == 0]] = False
             self.fixed_modes[k] = open_poles[near]
         self.refuse_fixed_unstable()
@@ -241,13 +253,12 @@ class TuningProblem:
                 size = np.abs(np.linalg.eigvals(scene.fixed.A)).max(initial=0.0)
                 worst = modes[int(np.argmax(modes.real))]
                 if worst.real >= -_STABILITY_TOLERANCE * size * 1e-3:
-                    s = (
-                        complex(
+                    if self.dt:
+                        s = complex(
                             np.log((1 + worst * self.dt / 2) / (1 - worst * self.dt / 2)) / self.dt
                         )
-                        if self.dt
-                        else worst
-                    )
+                    else:
+                        s = worst
                     raise ValueError(
                         "system must have no unstable pole that is independent of all blocks,"
                         f" got a pole at s = {complex(s):.4g} rad/s with plant {k}. Remove the"
@@ -281,7 +292,10 @@ class TuningProblem:
         if evaluation.stable and (self.best is None or is_better(evaluation, self.best)):
             self.best = evaluation
         if self.progress is not None:
-            best = np.inf if self.best is None else worst_ratio(self.best)
+            if self.best is None:
+                best = np.inf
+            else:
+                best = worst_ratio(self.best)
             self.progress(self.n_evaluated, best, max(0.0, self.deadline - time.monotonic()))
 
 

@@ -211,7 +211,10 @@ def _require_points(plant: Plants, controller: Controller, limits: Limits) -> No
     """Refuse scheduled numbers for plants without operating points, or with too few."""
     for name, degree in controller.scheduled.items():
         if plant.at is None or degree > len(plant.at) - 1:
-            count = "no" if plant.at is None else f"{len(plant.at)}"
+            if plant.at is None:
+                count = "no"
+            else:
+                count = f"{len(plant.at)}"
             raise ValueError(
                 f"plant must have at least {degree + 1} operating points for {name} of degree"
                 f" {degree}, got {count}: Plants(models, ..., at=points), or an LpvModel"
@@ -264,7 +267,10 @@ def make_loops(
     for k, seen in enumerate(see_plants(plants, dt, delay=delay, worst=worst)):
         if isinstance(seen, ModelledPlant):
             G = _with_perturbation(seen.system, plants, dt)
-            into, out = _perturbation_names(n_u, n_y) if worst else ([], [])
+            if worst:
+                into, out = _perturbation_names(n_u, n_y)
+            else:
+                into, out = [], []
             joined = join_by_name(
                 [*parts, G], ports, external=external + into, looked_at=looked_at + out
             )
@@ -372,7 +378,9 @@ def _channels_of(
 
 def _limit_name(k: int, limits: Limits) -> str:
     n_hard = sum(is_hard for _, is_hard in limits)
-    return f"hard[{k}]" if k < n_hard else f"soft[{k - n_hard}]"
+    if k < n_hard:
+        return f"hard[{k}]"
+    return f"soft[{k - n_hard}]"
 
 
 def _require_paths(problem: TuningProblem, limits: Limits) -> None:
@@ -399,13 +407,12 @@ def _require_paths(problem: TuningProblem, limits: Limits) -> None:
                 responses.append(scene.responses(M))
             else:
                 loop = scene.close(M)
-                omega = (
-                    np.array([0.37, 1.9, 11.0])
-                    if loop is None or not loop.poles.size
-                    else (
+                if loop is None or not loop.poles.size:
+                    omega = np.array([0.37, 1.9, 11.0])
+                else:
+                    omega = (
                         np.geomspace(0.1, 10, 5)[:, None] * np.maximum(np.abs(loop.poles), 1e-6)
                     ).ravel()
-                )
                 responses.append(None if loop is None else loop.responses_by_elimination(omega))
         for channel in scene.channels:
             size = [
@@ -456,7 +463,8 @@ def _search(
                 spread.append(np.inf)
                 continue
             current = find_stable(problem, x)
-            last = current if last is None or current.excess < last.excess else last
+            if last is None or current.excess < last.excess:
+                last = current
             if not current.stable:
                 spread.append(np.inf)
                 continue
@@ -574,7 +582,10 @@ def _make_design(
                 )
             )
     values.sort(key=lambda one: (not one.hard, -one.ratio))
-    excess = np.inf if found is None else found.excess - problem.decay
+    if found is None:
+        excess = np.inf
+    else:
+        excess = found.excess - problem.decay
     stable = bool(values) and _is_surely_stable(problem, x)
     found_design = TunedDesign(
         blocks=problem.controller.blocks_at(x),
@@ -593,7 +604,10 @@ def _make_design(
         delay=delay,
     )
     worst = any(isinstance(limit, Limit) and limit.worst for limit, _ in limits)
-    broken = _find_broken_sets(found_design) if worst and found_design.met else ()
+    if worst and found_design.met:
+        broken = _find_broken_sets(found_design)
+    else:
+        broken = ()
     return replace(found_design, met=found_design.met and not broken, broken_sets=broken)
 
 

@@ -126,7 +126,9 @@ def disc_slope(N: np.ndarray) -> tuple[float, np.ndarray]:
 
 def _direction(z: complex) -> complex:
     """Return z/|z|, or one for zero."""
-    return z / abs(z) if z else 1.0
+    if z:
+        return z / abs(z)
+    return 1.0
 
 
 def _inverse_slack(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
