@@ -1098,7 +1098,7 @@ def report(
         nlfrf.load_record,
         u=(input or (*plant.inputs, "u")[0]) if plant.is_single else list(plant.inputs),
         y=(output or (*plant.outputs, "y")[0]) if plant.is_single else list(plant.outputs),
-        r=(reference[0] if plant.is_single else reference) if reference else None,
+        r=reference[0] if reference and plant.is_single else reference or None,
         fs=fs,
         n_samples=period,
         n_discard=discard,

@@ -273,7 +273,11 @@ def _unit_ratio(
     (base, size), (own, own_size) = (
         known.get(one, (one, 1.0)) for one in (unit or designed, designed)
     )
-    return (1.0 if base == own else constant if base == "A" else np.nan) * size / own_size
+    if base == own:
+        return size / own_size
+    if base == "A":
+        return constant * size / own_size
+    return np.nan
 
 
 def in_design_units(record: Record, experiment: AxisExperiment) -> Record:

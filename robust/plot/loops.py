@@ -151,7 +151,6 @@ def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
             report.margins.omega_rs,
             report.margins.omega_rp,
         )
-    if single or report.given.band is not None:
         inside = (f >= ax.get_xlim()[0]) & (f <= ax.get_xlim()[1])
     else:
         inside = f > 0

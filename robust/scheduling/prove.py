@@ -295,9 +295,11 @@ def prove_schedule(
     """
     claim = _claim(plant, K, rate=rate, delay=delay, gain=gain, level=level)
     sampled = bool(claim.controller.dt)
-    degrees = (
-        ((0, 1) if sampled else (0,)) if claim.jumps else _SAMPLED_DEGREES if sampled else _DEGREES
-    )
+    degrees: tuple[int, ...]
+    if claim.jumps:
+        degrees = (0, 1) if sampled else (0,)
+    else:
+        degrees = _SAMPLED_DEGREES if sampled else _DEGREES
     if degree is not None:
         degrees = (require_integer("degree", degree, least=0),)
     found, used, reason = None, degrees[-1], ""

@@ -263,18 +263,15 @@ def _steps_and_starts(
 
 
 def _find_kinds(layout: Layout, columns: Mapping[int, np.ndarray]) -> list[Kind]:
-    return [
-        (
-            (Kind.CLOCK if is_rising(columns[j]) else Kind.NUMBERS)
-            if j in columns
-            else Kind.CLOCK
-            if layout.moments[j]
-            else Kind.TEXT
-            if filled
-            else Kind.EMPTY
-        )
-        for j, filled in enumerate(layout.filled)
-    ]
+    kinds = []
+    for j, filled in enumerate(layout.filled):
+        if j in columns and not is_rising(columns[j]):
+            kinds.append(Kind.NUMBERS)
+        elif j in columns or layout.moments[j]:
+            kinds.append(Kind.CLOCK)
+        else:
+            kinds.append(Kind.TEXT if filled else Kind.EMPTY)
+    return kinds
 
 
 def _split_header_line(line: str, delimiter: str, width: int) -> list[str]:

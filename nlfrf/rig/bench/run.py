@@ -119,7 +119,10 @@ def run(
     """
     given = {"controller": controller, "fs": fs, "hold": hold, "initial": initial}
     given |= {"disturbance": disturbance, "noise": noise}
-    steps = (4 if controller is not None else 1) if oversampling is None else oversampling
+    if oversampling is None:
+        steps = 1 if controller is None else 4
+    else:
+        steps = oversampling
     begin = (0.0, 0.0) if initial is None else initial
     if isinstance(machine, ServoAxis):
         _require_unused("a servo axis", given, ("controller", "fs", "hold", "disturbance"))

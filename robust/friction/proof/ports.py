@@ -119,7 +119,6 @@ def bound_of_ports(loop: FrictionLoop, forces: np.ndarray, bristle_time: float =
             for jump in loop.jumps
         ):
             return np.nan
-    if bristle_time:
         ends = [loop.columns, loop.columns + bristle_time * loop.F @ loop.columns]
     else:
         ends = [loop.columns]

@@ -286,8 +286,11 @@ class MatrixForm:
         """Return L and R of E = L W_l Delta W_r R, the difference of plant G_p and nominal G: "",
         "G" or "G_p".
         """
-        left = ("G_p" if self.inverse else "G") if self.acts == "u" else ""
-        right = ("G_p" if self.inverse and not left else "G") if self.reads == "y" else ""
+        left = right = ""
+        if self.acts == "u":
+            left = "G_p" if self.inverse else "G"
+        if self.reads == "y":
+            right = "G_p" if self.inverse and not left else "G"
         return left, right
 
 

@@ -298,11 +298,15 @@ def _to_drive_units(
             f"torque_constant must be given [{force}/A] between a gain in {settings.kp_unit} and a"
             f" trace in {given}, got none"
         )
+    if record.hold == "unknown":
+        hold = "band-limited" if actual else "zoh"
+    else:
+        hold = record.hold
     return replace(
         record,
         u=record.u * scale,
         y=record.y * factor,
         input_units=(unit,),
         output_units=(base,),
-        hold=("band-limited" if actual else "zoh") if record.hold == "unknown" else record.hold,
+        hold=hold,
     )

@@ -310,25 +310,21 @@ def _judge_levels(
     gains : (S,) relative set point of each level; the lowest levels have no record if nothing
     moved.
     """
-    states = [
-        (
-            FrictionRegime.OPEN
-            if one.readable
-            else FrictionRegime.LIMITED
-            if one.limited
-            else FrictionRegime.TOO_SMALL
-        )
-        for one in read
-    ]
+    states = []
+    for level in read:
+        if level.readable:
+            states.append(FrictionRegime.OPEN)
+        elif level.limited:
+            states.append(FrictionRegime.LIMITED)
+        else:
+            states.append(FrictionRegime.TOO_SMALL)
     good = [k for k, one in enumerate(read) if one.readable]
     force, unit = units[0], f"{units[0]}/{units[1]}"
     if len(good) > 3:
         held = _held_levels(read, gains)
-    else:
-        held = 0
-    if len(good) > 3:
         below = _what_lies_below(read, units, gains, held)
     else:
+        held = 0
         below = ""
     if reason := _reason_against_reading(read, units, below, held):
         return states, reason

@@ -149,9 +149,6 @@ class ModelledLoop:
         found = found[np.isfinite(found) & (found > 0)]
         if self.dt:
             top = np.pi / self.dt
-        else:
-            top = np.inf
-        if self.dt:
             return np.abs((found + top) % (2 * top) - top)
         return found
 
