@@ -120,7 +120,6 @@ def moved():
         dt=5e-3,
         delay=5e-3,
         n_starts=1,
-        time_cap=8.0,
     )
     return design, plant
 
