@@ -35,7 +35,7 @@ import robust
 from benchmarks.drawn_files import KINDS, Case, draw, draw_kind
 from benchmarks.readers_here import readers_in_this_process
 from nlfrf import cli as measuring
-from nlfrf.io.channels import read_channels
+from nlfrf.io.measurement_files import read_channels
 from robust import cli as controlling
 
 COMMAND_SHARE = 0.05  # of the files, on which the commands are run, too

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from nlfrf._base.own_process import FACTOR, MEMORY_LIMIT, receive, send
-from nlfrf.io import channels
+from nlfrf.io import measurement_files
 from nlfrf.io.readers import matlab
 from tests.support.hostile_files import FAMILIES, harm_of
 from tests.support.measurement_files import WRITERS, fuzz
@@ -109,7 +109,7 @@ def main():
             f"{family:<14} {n} hostile files: {done} did harm; {time.perf_counter() - begin:.1f} s",
             flush=True,
         )
-    channels.read_in_own_process = matlab.read_in_own_process = forked
+    measurement_files.read_in_own_process = matlab.read_in_own_process = forked
     for suffix in [name for name in asked.only if name in WRITERS]:
         CRASHED.clear()
         begin = time.perf_counter()

@@ -13,7 +13,7 @@ from functools import cache
 from unittest import mock
 
 from nlfrf._base.own_process import receive, send
-from nlfrf.io import channels
+from nlfrf.io import measurement_files
 from nlfrf.io.readers import matlab
 
 
@@ -49,7 +49,7 @@ def read(file, path):
 def readers_in_this_process():
     """Let all that loads files read them here."""
     with (
-        mock.patch.object(channels, "read_in_own_process", read),
+        mock.patch.object(measurement_files, "read_in_own_process", read),
         mock.patch.object(matlab, "read_in_own_process", read),
     ):
         yield

@@ -22,8 +22,8 @@ from .records.record import Record as Record
 from .records.record import join_records as join_records
 from .records.samples import record_from_samples as record_from_samples
 from .rig.bench.level_study import level_study as level_study
+from .rig.bench.presets import servo_axis as servo_axis
 from .rig.bench.rig import paper_rig as paper_rig
-from .rig.bench.servo import servo_axis as servo_axis
 from .rig.bench.simulate import simulate as simulate
 from .signals.crest import reduce_crest as reduce_crest
 from .signals.multisine import Multisine as Multisine

@@ -31,9 +31,9 @@ from nlfrf._base.command import (
 from nlfrf._base.files import LOAD_OPTIONS, MULTIRECORD_KINDS, require_writable, stated_kind
 from nlfrf._base.values import ArrayField, to_json, wrap_lines
 from nlfrf.doctor import examine
-from nlfrf.io.channels import extra_of_file
 from nlfrf.io.designs import load_design
 from nlfrf.io.inspection import screen_file
+from nlfrf.io.measurement_files import extra_of_file
 from nlfrf.io.records import ReadOptions
 from nlfrf.io.results import load_own
 from nlfrf.signals.lines import KINDS, grid_lines

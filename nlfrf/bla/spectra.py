@@ -31,7 +31,7 @@ from nlfrf._base.numbers import (
 from nlfrf._base.values import value
 from nlfrf.bla.line_index import LineIndex
 from nlfrf.records.record import Record
-from nlfrf.records.screening.output import N_POLYNOMIAL, WINDOW_LINES, is_transient
+from nlfrf.records.screening.transients import N_POLYNOMIAL, WINDOW_LINES, is_transient
 
 TREATMENTS = ("auto", "none", "discard", "local")  # treatments of the transient
 _LINES_PER_SIDE = 6  # lines on either side of a harmonic for one fit

@@ -23,9 +23,10 @@ from nlfrf._base.arguments import (
 from nlfrf._base.files import to_path
 from nlfrf._base.numbers import rfft_at, squared_modulus
 from nlfrf._base.units import OUTPUTS, POSITIONS
-from nlfrf.io.channels import Channels, read_channels, to_paths
+from nlfrf.io.channels import Channels
 from nlfrf.io.designs import load_experiment
-from nlfrf.io.records import find_lost_rows
+from nlfrf.io.measurement_files import read_channels, to_paths
+from nlfrf.io.rows import find_lost_rows
 from nlfrf.records.record import Record, SignalLabels
 from nlfrf.records.reference import design_period
 from nlfrf.records.screening.input import warn_about_channel

@@ -21,7 +21,7 @@ from nlfrf._base.files import (
     write_table,
 )
 from nlfrf._base.values import value
-from nlfrf.io.channels import read_channels
+from nlfrf.io.measurement_files import read_channels
 from nlfrf.io.stored_values import load_value, save_value
 from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine

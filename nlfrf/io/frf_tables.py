@@ -14,7 +14,8 @@ import numpy as np
 from nlfrf._base.arguments import MissingArgumentError, data_warning, join_names, require_positive
 from nlfrf.bla.bla import Bla
 from nlfrf.bla.from_frf import bla_from_frf
-from nlfrf.io.channels import Channels, read_channels
+from nlfrf.io.channels import Channels
+from nlfrf.io.measurement_files import read_channels
 from nlfrf.io.readers.names import (
     ROLES,
     TURN,

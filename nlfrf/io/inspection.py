@@ -15,7 +15,7 @@ import numpy as np
 from nlfrf._base.arguments import format_count, label_with_unit
 from nlfrf._base.values import value
 from nlfrf.bla.bla import Bla
-from nlfrf.io.channels import Channels, read_channels
+from nlfrf.io.channels import Channels
 from nlfrf.io.direction import (
     MAX_CANDIDATES,
     WHOLE_TOLERANCE,
@@ -25,9 +25,10 @@ from nlfrf.io.direction import (
     is_set_point,
 )
 from nlfrf.io.frf_tables import describe_frfs, find_frfs
+from nlfrf.io.measurement_files import read_channels
 from nlfrf.io.readers.clock import UNIT_SUFFIX, is_time_name
-from nlfrf.io.records import find_lost_rows, find_rows_off, merge_alternating_rows, unfold_periods
 from nlfrf.io.results import value_in
+from nlfrf.io.rows import find_lost_rows, find_rows_off, merge_alternating_rows, unfold_periods
 from nlfrf.io.uneven_clock import UnevenClock
 from nlfrf.records.record import Record
 from nlfrf.records.screened import ScreenedStreams, screen_streams

@@ -13,8 +13,9 @@ import numpy as np
 from nlfrf._base.arguments import require_choice, require_kind
 from nlfrf._base.files import DECIMALS, FILE_KINDS, describe_wrong_file, to_path, write_table
 from nlfrf.bla.bla import Bla
-from nlfrf.io.channels import Channels, read_channels
+from nlfrf.io.channels import Channels
 from nlfrf.io.designs import DESIGNS, save_experiment, save_multisine
+from nlfrf.io.measurement_files import read_channels
 from nlfrf.io.stored_records import (
     MULTIRECORD_SCHEMA,
     RECORD_SCHEMA,
@@ -23,8 +24,8 @@ from nlfrf.io.stored_records import (
     stored_records,
 )
 from nlfrf.io.stored_values import save_value, value_from_file
+from nlfrf.records.periods import Cutting
 from nlfrf.records.record import Record
-from nlfrf.records.samples import Cutting
 from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine
 

@@ -24,9 +24,9 @@ from nlfrf._base.files import (
 from nlfrf._base.values import ArrayField, field_names
 from nlfrf.io.channels import Channels
 from nlfrf.io.stored_values import AXES_ORDER, names_from_json, require_known_version
+from nlfrf.records.periods import Cutting
 from nlfrf.records.record import Record, join_records
 from nlfrf.records.reference import fill_reference, reconstruct_references
-from nlfrf.records.samples import Cutting
 from nlfrf.signals.lines import LineGrid
 
 RECORD_SCHEMA = "nlfrf-record"

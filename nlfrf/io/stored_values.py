@@ -17,7 +17,8 @@ from nlfrf._base.arguments import one_line
 from nlfrf._base.files import VERSION, Role, describe_wrong_file, to_path, write_arrays
 from nlfrf._base.values import field_names
 from nlfrf.bla.bla import Covariances, DistortionLevels, Experiment
-from nlfrf.io.channels import Channels, read_channels
+from nlfrf.io.channels import Channels
+from nlfrf.io.measurement_files import read_channels
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
 

@@ -11,7 +11,7 @@ import control
 import numpy as np
 
 from nlfrf._base.arguments import one_line, short_form
-from nlfrf._base.files import parse_json_of
+from nlfrf._base.parsing import parse_json_of
 from nlfrf._base.types import JsonObject
 from robust._base.types import Controller
 from robust.analysis.findings import Proofs

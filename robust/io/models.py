@@ -12,7 +12,8 @@ import numpy as np
 
 import nlfrf
 from nlfrf._base.arguments import one_line, require_kind, require_nonnegative, short_form
-from nlfrf._base.files import parse_json_of, require_file_of, require_schema, to_path, write_json
+from nlfrf._base.files import require_file_of, to_path, write_json
+from nlfrf._base.parsing import parse_json_of, require_schema
 from nlfrf._base.types import Json, JsonObject
 from nlfrf._base.values import ArrayField, field_names
 from robust._base.types import Controller

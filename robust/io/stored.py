@@ -8,7 +8,7 @@ import numpy as np
 from nlfrf import load as load
 from nlfrf import save as save
 from nlfrf._base.arguments import short_form
-from nlfrf._base.files import parse_json_of
+from nlfrf._base.parsing import parse_json_of
 from robust.io.learning import LEARNING_SCHEMA, load_learning, save_learning
 from robust.io.models import (
     CERTIFICATE_SCHEMAS,

@@ -377,7 +377,7 @@ def _require_design(traces: list[Path]) -> None:
     """Refuse the trace of a servo axis without its design, which has the names of its signals and
     its periods.
     """
-    from nlfrf.io.channels import read_channels
+    from nlfrf.io.measurement_files import read_channels
 
     for path in traces:
         file = read_channels(path)

@@ -16,7 +16,7 @@ from nlfrf._base.arguments import (
     require_positive,
     short_form,
 )
-from nlfrf._base.files import parse_toml
+from nlfrf._base.parsing import parse_toml
 from nlfrf._base.types import Json, JsonObject
 from nlfrf._base.units import parse_quantity, split_quantity, unit_factor
 from nlfrf._base.values import value

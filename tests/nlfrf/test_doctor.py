@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from nlfrf import doctor
-from nlfrf.io.channels import extra_of_file
+from nlfrf.io.measurement_files import extra_of_file
 
 ROOT = Path(__file__).parents[2]
 

@@ -93,7 +93,7 @@ HEAVY = {
     ),
     "clarabel": "robust.synthesis.conic",
     "jinja2": "robust.pages.html",
-    "jsonschema": "nlfrf._base.files",
+    "jsonschema": "nlfrf._base.parsing",
     "flint": (
         "robust.proofs.exact robust.proofs.search.scheduled robust.friction.exact"
         " robust.models.sets.membership robust.mu.pieces robust.scheduling.attack"

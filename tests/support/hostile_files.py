@@ -13,7 +13,7 @@ import numpy as np
 from numpy.lib import format as npy
 
 from nlfrf._base import own_process
-from nlfrf.io.channels import read_channels
+from nlfrf.io.measurement_files import read_channels
 from tests.support import measurement_files as files
 
 SECRET = 7777.0 + np.arange(64)  # numbers that stand in another file of the machine

@@ -10,13 +10,20 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 
 from nlfrf._base.numbers import BLOCK_ENTRIES, TINY, power, rfft_at, streams_equal
 from nlfrf._base.values import value
 from nlfrf.records.screening.decimation import common_smooth_step, decimate
+from nlfrf.records.screening.drifts import (
+    ALONE,
+    FEW,
+    NEGLIGIBLE,
+    describe_gain_drift,
+    describe_offset_drift,
+    fit_line,
+)
 from nlfrf.records.screening.gaps import (
     TRANSIENT_RANK,
     find_corrupted_periods,
@@ -30,130 +37,13 @@ from nlfrf.records.screening.input import (
     describe_slips,
     interpolate_bandlimited,
 )
-from nlfrf.signals.lines import chance_correlation
-
-# ---- Drifts over the periods of a record: the gain from u to y, evenly or in a step, and the
-# operating point.
-
-_MIN_GAIN_DRIFT = 0.02  # smallest change of gain over the record that is reported
-_NEGLIGIBLE = 1e-6  # differences of periods, over the rms, that are ignored
-_MIN_OFFSET_DRIFT = (
-    0.15  # smallest reported change of the operating point over the record, in rms of the output
+from nlfrf.records.screening.transients import (
+    N_POLYNOMIAL,
+    WINDOW_LINES,
+    is_transient,
+    smooth_basis,
 )
-# periods that separate a drift from a transient; share that fewer periods must explain
-_FEW = 4
-_ALONE = 0.9
-_CLEAR_SHARE = 0.3  # largest rest beside a clear change, as a share of it
-_DRIFT_CURE = "let the machine settle, or cut the record into shorter ones (n_discard)"
-
-
-def _describe_gain_drift(
-    at: np.ndarray, gain: np.ndarray, *, noise: float, explained: float
-) -> str:
-    """Describe a drift or step of the gain of the periods `at`, with its numbers; empty if there is
-    neither.
-
-    `explained` is the explained share of the nonrepeating power. If it is small, a first period
-    alone may be in transient, and among few periods each may be such a first one.
-    """
-    if at.size < 2 or (at.size < _FEW and explained < _ALONE):
-        return ""
-    slope, bend = _fit_line(at, gain)
-    drift = slope * float(np.ptp(at))
-    place, step, rest = _find_step(gain)
-    least = max(_MIN_GAIN_DRIFT, noise)
-    # two periods fit a step and a line alike
-    if rest < bend or at.size < 3:
-        if (
-            abs(step) > least
-            and rest < _CLEAR_SHARE * abs(step)
-            and (place > 1 or explained > _ALONE)
-        ):
-            return (
-                f"the gain from u to y steps by {100 * step:+.2g} % before period"
-                f" {at[place] + 1}, and G is an average of both gains; {_DRIFT_CURE}"
-            )
-        if place == 1:  # the first period alone: a transient, and no drift of the others
-            return ""
-    if at.size >= _FEW and abs(drift) > least and bend < _CLEAR_SHARE * abs(drift):
-        return (
-            f"the gain from u to y drifts by {100 * drift:+.2g} % over the record, and G is an"
-            f" average over the record; {_DRIFT_CURE}"
-        )
-    return ""
-
-
-def _describe_offset_drift(offset: np.ndarray) -> str:
-    """Describe a wandering operating point of the periods; empty if it does not wander."""
-    change = float(np.ptp(offset))
-    if change <= _MIN_OFFSET_DRIFT:
-        return ""
-    return (
-        f"the operating point of y drifts by {100 * change:.2g} % of its rms over the record,"
-        " and G is an average over these points. Hold the operating point by a slow loop, or"
-        " cut the record into shorter ones (n_discard)"
-    )
-
-
-def _fit_line(at: np.ndarray, x: np.ndarray) -> tuple[float, float]:
-    """Return the slope of the straight line through x and the largest departure from it."""
-    fit = np.polyfit(at, x, 1)
-    return float(fit[0]), float(np.abs(x - np.polyval(fit, at)).max())
-
-
-def _find_step(x: np.ndarray) -> tuple[int, float, float]:
-    """Return place and relative size of the step of x (n,), and the largest departure from a
-    step.
-    """
-    first, last = (
-        np.maximum.accumulate(part) - np.minimum.accumulate(part) for part in (x, x[::-1])
-    )
-    rest = np.maximum(first[:-1], last[-2::-1]) / 2
-    k = int(np.argmin(rest))
-    before, after = float(np.mean(x[: k + 1])), float(np.mean(x[k + 1 :]))
-    return k + 1, after / before - 1 if before else 0.0, float(rest[k])
-
-
-# ---- Transients between periods: they are smooth over frequency; noise and faults are not.
-
-N_POLYNOMIAL = 3
-_MAX_WINDOWS = 1000  # windows that suffice to detect a transient
-# neighbouring lines of a window over which a difference between periods is tested for smoothness
-WINDOW_LINES = 12
-
-
-def is_transient(first: np.ndarray, last: np.ndarray) -> bool:
-    """Return whether two periods differ by more than noise: noise is rough over frequency, a
-    transient is smooth.
-
-    Parameters
-    ----------
-    first, last : (M, K) complex ndarray
-        Spectra of two periods on neighbouring lines.
-    """
-    n_windows = first.shape[1] // WINDOW_LINES
-    step = max(1, first.shape[0] * n_windows // _MAX_WINDOWS)
-    difference = first[:, : n_windows * WINDOW_LINES] - last[:, : n_windows * WINDOW_LINES]
-    windows = difference.reshape(len(difference), -1, WINDOW_LINES)[:, ::step].reshape(
-        -1, WINDOW_LINES
-    )
-    total = power(windows)
-    if np.add.reduce(total) <= 1e-20 * np.add.reduce(power(last)):
-        return False
-    explained = power(windows @ _smooth_basis())
-    rest = np.maximum(total - explained, 1e-12 * total)
-    # in noise the ratio is F(6, 18): mean 1.125, standard deviation 0.75
-    ratio = explained / np.maximum(rest, TINY) * (WINDOW_LINES - N_POLYNOMIAL) / N_POLYNOMIAL
-    return bool(ratio.sum() > ratio.size * (1.5 + 5 * 0.75 / ratio.size**0.5))
-
-
-@cache
-def _smooth_basis() -> np.ndarray:
-    """Return (WINDOW, N_POLYNOMIAL) orthonormal polynomials on the lines of a window."""
-    return np.linalg.qr(np.linspace(-1, 1, WINDOW_LINES)[:, None] ** np.arange(N_POLYNOMIAL))[
-        0
-    ].astype(complex)
-
+from nlfrf.signals.lines import chance_correlation
 
 #: Thresholds, all tuned on `benchmarks.bench_screening`. Two damped modes explain 0.5 to 0.9 of a
 #: gap and 0.1 of noise; four explain less than 0.95 of a start from rest in one of 300 random
@@ -228,11 +118,11 @@ class _OutputAlignment:
         at = np.flatnonzero(self.sound)
         if at.size < 2:
             return 0.0
-        pace, bend = _fit_line(at, (self.delay - self.jumps)[at])
+        pace, bend = fit_line(at, (self.delay - self.jumps)[at])
         spread = float(np.sqrt(np.sum((at - at.mean()) ** 2)))
-        straight = at.size < _FEW or bend < 0.3 * abs(pace) * np.ptp(at)
+        straight = at.size < FEW or bend < 0.3 * abs(pace) * np.ptp(at)
         likely = (
-            self.explained > (_ALONE if at.size < _FEW else 0.1)
+            self.explained > (ALONE if at.size < FEW else 0.1)
             or abs(pace) * spread > 3 * _SIGMAS * self.noise
         )
         if abs(pace) * spread > _SIGMAS * self.noise and straight and likely:
@@ -316,12 +206,12 @@ class _OutputAlignment:
     def drift(self) -> str:
         """Description of a drift over the record, with numbers and cure; empty without a drift."""
         at = np.flatnonzero(self.sound)
-        changed = _describe_gain_drift(
+        changed = describe_gain_drift(
             at, self.gain[at], noise=_SIGMAS * self.gain_noise, explained=self.explained
         )
-        if changed or at.size < _FEW:
+        if changed or at.size < FEW:
             return changed
-        return _describe_offset_drift(self.offset[at])
+        return describe_offset_drift(self.offset[at])
 
 
 def align_output(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> _OutputAlignment:
@@ -367,7 +257,7 @@ def align_output(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> _OutputAlig
             )
     first = int(np.argmax(lag.sound))
     begins = y[max(first - 1, 0)] - y[max(first, 1)]
-    differs = power(begins) > _NEGLIGIBLE**2 * power(y[-1])
+    differs = power(begins) > NEGLIGIBLE**2 * power(y[-1])
     if (
         len(y) > 2
         and differs
@@ -694,7 +584,7 @@ def _periods_share_a_signal(X: np.ndarray, chance: np.ndarray) -> np.ndarray:
     windows = X[:, : n_lines // size * size].reshape(n_periods, -1, size)
     free = 1.0
     if size == WINDOW_LINES:
-        smooth = _smooth_basis()
+        smooth = smooth_basis()
         windows = windows - (windows @ smooth) @ smooth.T
         free -= N_POLYNOMIAL / WINDOW_LINES
     total = np.maximum(np.mean(np.abs(windows) ** 2, axis=(0, 2)), TINY)

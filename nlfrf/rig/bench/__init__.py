@@ -5,9 +5,10 @@ drive        a drive: gains, filters, sampling and units, for a simulated or a r
 level_study  a multisine at several rms values
 machine      machines with several coupled masses
 motion       a rig or a friction law without a controller, from rest
+presets      typical servo axes, each with a drive that is tuned for it
 rig          the machine `Rig`, the example `paper_rig`, a stage with two axes
 run          simulate any machine under any signal
-servo        a servo axis with its drive: motor, load, P-PI cascade; four presets
+servo        a servo axis with its drive: motor, load, P-PI cascade
 simulate     multisine experiments, run to steady state
 trajectory   the motion of a machine, sample by sample
 """

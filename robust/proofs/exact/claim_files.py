@@ -16,7 +16,8 @@ from typing import Annotated, ClassVar, Protocol, TypeVar, get_args, get_origin,
 
 import numpy as np
 
-from nlfrf._base.files import parse_json, require_schema, write_json
+from nlfrf._base.files import write_json
+from nlfrf._base.parsing import parse_json, require_schema
 from nlfrf._base.types import Json, JsonObject
 from robust.proofs.exact.claim import LpvMatrices, Matrices
 

@@ -10,7 +10,8 @@ from dataclasses import fields
 
 from nlfrf._base.arguments import require_known, short_form
 from nlfrf._base.drive_entries import read_drive_entries
-from nlfrf._base.files import parse_toml, to_path
+from nlfrf._base.files import to_path
+from nlfrf._base.parsing import parse_toml
 from nlfrf._base.units import parse_quantity
 from nlfrf.rig import Drive, ServoAxis
 

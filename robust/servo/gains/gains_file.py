@@ -7,7 +7,7 @@ import warnings
 
 from nlfrf._base.arguments import short_form
 from nlfrf._base.drive_entries import USUAL_KV, is_unusual_gain, read_drive_entries
-from nlfrf._base.files import parse_toml
+from nlfrf._base.parsing import parse_toml
 from nlfrf._base.types import Json
 from nlfrf.rig import Drive
 from robust._base.warnings import DesignWarning

@@ -13,7 +13,7 @@ import pytest
 
 import nlfrf
 from nlfrf._base import own_process
-from nlfrf.io.channels import read_channels
+from nlfrf.io.measurement_files import read_channels
 from tests.support.hostile_files import (
     FAMILIES,
     bomb,

@@ -11,7 +11,7 @@ import pytest
 
 import nlfrf
 from nlfrf import cli
-from nlfrf.io.records import find_lost_rows
+from nlfrf.io.rows import find_lost_rows
 from tests.support.belt import FS, PERIOD, run, write_log
 
 BELT = {"u": "Kraft [N]", "y": "Position [mm]"}

@@ -10,7 +10,7 @@ import pytest
 
 import nlfrf
 from nlfrf._base.files import MULTIRECORD_KINDS, stated_kind
-from nlfrf.io import channels
+from nlfrf.io import measurement_files
 from nlfrf.io.designs import load_design
 from tests.support.measurement_files import damaged
 
@@ -255,11 +255,11 @@ def test_a_file_of_ours_is_read_once(tmp_path, monkeypatch):
     nlfrf.save(played(ms), tmp_path / "record.npz")
     nlfrf.save(ms, tmp_path / "design.npz")
     nlfrf.save(nlfrf.identify(played(ms)), tmp_path / "frm.npz")
-    reader, reads = channels.READERS[".npz"], []
+    reader, reads = measurement_files.READERS[".npz"], []
     counting = reader._replace(
         contents=lambda path: reads.append(path.stem) or reader.contents(path)
     )
-    monkeypatch.setitem(channels.READERS, ".npz", counting)
+    monkeypatch.setitem(measurement_files.READERS, ".npz", counting)
     for name in ("record", "design", "frm"):
         nlfrf.load(tmp_path / f"{name}.npz")
         nlfrf.inspect_file(tmp_path / f"{name}.npz")

@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import robust
-from nlfrf._base.files import parse_json
+from nlfrf._base.parsing import parse_json
 from robust import check, prove_friction, prove_schedule
 from robust.friction import MaxwellSlip
 from robust.friction.exact.claim import FrictionClaim

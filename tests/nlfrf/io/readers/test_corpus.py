@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import nlfrf
-from nlfrf.io.channels import read_channels
+from nlfrf.io.measurement_files import read_channels
 from tests.support import measurement_files as files
 from tests.support.measurement_files import FS, MS, WRITERS, N, P, T, U, Y, fuzz, lvm
 
@@ -430,14 +430,16 @@ def test_a_package_missing_in_the_process_apart_is_named_with_its_extra(
     suffix, extra, tmp_path, monkeypatch
 ):
     from nlfrf._base.own_process import read_in_own_process
-    from nlfrf.io import channels
+    from nlfrf.io import measurement_files
 
     reader = tmp_path / "reader.py"
     reader.write_text("def contents(path):\n    import a_package_that_is_missing\n")
     path = tmp_path / f"run{suffix}"
     path.write_bytes(b"MDF     4.10")
     monkeypatch.setattr(
-        channels, "read_in_own_process", lambda _, path: read_in_own_process(str(reader), path)
+        measurement_files,
+        "read_in_own_process",
+        lambda _, path: read_in_own_process(str(reader), path),
     )
     with pytest.raises(
         ValueError, match=rf"needs a_package_that_is_missing, .* pip install 'nlfrf\[{extra}\]'"

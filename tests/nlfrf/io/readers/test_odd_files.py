@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import nlfrf
-from nlfrf.io.channels import read_channels
+from nlfrf.io.measurement_files import read_channels
 from nlfrf.io.readers.layout import make_unique
 from tests.support.measurement_files import FS, T, U, Y, lvm
 
