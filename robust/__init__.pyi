@@ -25,10 +25,10 @@ from .friction.proof.prove import prove_friction as prove_friction
 from .io.stored import load as load
 from .io.stored import save as save
 from .lti.sampling import sampled as sampled
+from .models.fit.given_weights import performance_weight as performance_weight
+from .models.fit.measurement import frd as frd
 from .models.fit.nominal import fit_nominal as fit_nominal
-from .models.fit.nominal import frd as frd
 from .models.fit.weights import fit_weight as fit_weight
-from .models.fit.weights import performance_weight as performance_weight
 from .models.sets.build import uncertainty as uncertainty
 from .models.sets.model import UncertaintyModel as UncertaintyModel
 from .models.sets.plants import uncertainty_of_plants as uncertainty_of_plants

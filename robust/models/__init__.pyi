@@ -1,7 +1,7 @@
-from .fit.nominal import NominalFit as NominalFit
-from .fit.weights import control_weight as control_weight
-from .fit.weights import delay_weight as delay_weight
-from .fit.weights import makeweight as makeweight
+from .fit.given_weights import control_weight as control_weight
+from .fit.given_weights import delay_weight as delay_weight
+from .fit.given_weights import makeweight as makeweight
+from .fit.nominal_fit import NominalFit as NominalFit
 from .lpv import LpvModel as LpvModel
 from .operating_points import interpolate as interpolate
 from .sets.family import choose_form as choose_form

@@ -29,7 +29,8 @@ from nlfrf._base.arguments import (
 )
 from robust._base.warnings import DesignWarning
 from robust.lti.lti import response
-from robust.models.fit.nominal import NominalFit, fit_nominal
+from robust.models.fit.nominal import fit_nominal
+from robust.models.fit.nominal_fit import NominalFit
 from robust.models.lpv import LpvModel, require_points
 from robust.models.sets.build import uncertainty
 from robust.models.sets.forms import DEFAULT_FORM, FORMS

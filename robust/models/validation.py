@@ -16,7 +16,7 @@ from nlfrf._base.values import value
 from robust._base.channels import require_matrix, require_single
 from robust.lti.lti import timebase
 from robust.lti.sampling import hold_correction
-from robust.models.fit.nominal import bla_behind_hold, require_same_channels, require_same_units
+from robust.models.fit.measurement import bla_behind_hold, require_same_channels, require_same_units
 from robust.models.fit.shared_poles import hermitian_power
 from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.models.sets.radius import nominal_response, smooth_covariance

@@ -24,7 +24,8 @@ from nlfrf._base.axes import (
 )
 from robust._base.channels import require_matrix, require_single
 from robust.lti.lti import response, response_by_channel, timebase
-from robust.models.fit.nominal import NominalFit, bla_behind_hold
+from robust.models.fit.measurement import bla_behind_hold
+from robust.models.fit.nominal_fit import NominalFit
 from robust.models.sets.forms import FORMS
 from robust.models.sets.model import UncertaintyModel, require_one_channel
 from robust.models.sets.orders import OrderScan

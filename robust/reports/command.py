@@ -34,9 +34,10 @@ from robust.io.models import load_bla, load_controller_context, load_model
 from robust.io.models import load_controller as load_stored_controller
 from robust.io.pid import format_gains
 from robust.lti.sampling import discretize
-from robust.models.fit.nominal import NominalFit, fit_nominal
+from robust.models.fit.given_weights import performance_weight
+from robust.models.fit.nominal import fit_nominal
+from robust.models.fit.nominal_fit import NominalFit
 from robust.models.fit.search import UNLIKELY_COST
-from robust.models.fit.weights import performance_weight
 from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.models.sets.orders import describe_order, scan_orders
 from robust.synthesis.pid_file import load_pid

@@ -26,7 +26,7 @@ from nlfrf.plot import (
 from robust.analysis.text import describe_confidence
 from robust.lti.lti import poles, timebase, zeros
 from robust.lti.sampling import without_pade
-from robust.models.fit.nominal import NominalFit
+from robust.models.fit.nominal_fit import NominalFit
 from robust.models.sets.model import UncertaintyModel
 from robust.models.validation import Validation, validate
 from robust.pages import html

@@ -20,7 +20,7 @@ from robust.analysis.robustness import check
 from robust.analysis.text import describe_confidence
 from robust.friction.proof.protocol import FrictionProof
 from robust.lti.realisation import multivariable, state_space
-from robust.models.fit.nominal import NominalFit
+from robust.models.fit.nominal_fit import NominalFit
 from robust.models.sets.model import UncertaintyModel, describe_no_set
 from robust.pages.html import render_page
 from robust.pages.section import Section

@@ -31,17 +31,14 @@ from robust._base.types import AnySystem, Weight
 from robust._base.warnings import DesignWarning
 from robust.lti.realisation import multivariable
 from robust.models.fit.class_error import mean_size, smooth_size, target_loop
-from robust.models.fit.nominal import (
-    NominalFit,
+from robust.models.fit.doubts import checked_weight
+from robust.models.fit.measurement import (
     bla_behind_hold,
-    checked_weight,
     matrices_given,
     require_same_channels,
     require_same_units,
-    sampling_time_of,
-    single_nominal,
-    with_delays,
 )
+from robust.models.fit.nominal_fit import NominalFit, sampling_time_of, single_nominal, with_delays
 from robust.models.fit.weights import larger_of_neighbours
 from robust.models.sets.family import DIAGONAL, is_plant
 from robust.models.sets.forms import ADDITIVE, AUTO, DEFAULT_FORM, ELEMENTS, FORMS, RECORD_FORMS

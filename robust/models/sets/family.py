@@ -31,7 +31,8 @@ from robust._base.warnings import DesignWarning
 from robust.lti.lti import poles as poles_of
 from robust.lti.lti import response_by_channel, timebase, to_s_plane
 from robust.lti.realisation import frequency_response, multivariable
-from robust.models.fit.nominal import NominalFit, fit_nominal
+from robust.models.fit.nominal import fit_nominal
+from robust.models.fit.nominal_fit import NominalFit
 from robust.models.fit.spectral import fit_matrix_weights
 from robust.models.sets.block_weights import smallest_block_weights
 from robust.models.sets.forms import AUTO, BLOCK_FORMS, ELEMENTS, MATRIX_FORMS

@@ -12,7 +12,7 @@ from nlfrf._base.arguments import data_warning, short_form
 from robust._base.warnings import DesignWarning
 from robust.lti.lti import response, timebase
 from robust.lti.sampling import hold_correction, hold_response
-from robust.models.fit.nominal import frd
+from robust.models.fit.measurement import frd
 from robust.models.sets.forms import DEFAULT_FORM
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import RadiusSpec, record_radius_parts, sum_of_parts

@@ -97,7 +97,8 @@ from robust.lti.realisation import (
     rightmost_pole,
     state_space,
 )
-from robust.models.fit.nominal import NominalFit, checked_weight, sampling_time_of, single_nominal
+from robust.models.fit.doubts import checked_weight
+from robust.models.fit.nominal_fit import NominalFit, sampling_time_of, single_nominal
 from robust.models.fit.weights import cover_sampled
 from robust.models.sets.coprime import invertible_scaling, require_below_one
 from robust.models.sets.forms import (

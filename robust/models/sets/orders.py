@@ -23,17 +23,10 @@ from nlfrf._base.values import value
 from robust._base.warnings import DesignWarning
 from robust.lti.lti import response, timebase, to_s_plane
 from robust.models.fit.class_error import balance, mean_size, smooth_size, target_loop
-from robust.models.fit.nominal import (
-    OUTSIDE_FACTOR,
-    Measurement,
-    NominalFit,
-    bla_behind_hold,
-    checked_orders,
-    fit_nominal,
-    likeliest_fit,
-    matrices_given,
-    start_search,
-)
+from robust.models.fit.doubts import OUTSIDE_FACTOR
+from robust.models.fit.measurement import Measurement, bla_behind_hold, matrices_given
+from robust.models.fit.nominal import checked_orders, fit_nominal, likeliest_fit, start_search
+from robust.models.fit.nominal_fit import NominalFit
 from robust.models.fit.rational import Roots
 from robust.models.fit.search import UNLIKELY_COST, FitSearch
 from robust.models.sets.radius import (

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from nlfrf._base.arguments import keep_warnings, require_integer
 from robust._base.types import AnySystem
-from robust.models.fit.nominal import NominalFit
+from robust.models.fit.nominal_fit import NominalFit
 from robust.models.sets.family import DIAGONAL, is_full, make_family_set, require_plants
 from robust.models.sets.model import UncertaintyModel, count_channels
 from robust.models.sets.radius import Extrapolation, checked_slope

@@ -17,7 +17,8 @@ from nlfrf._base.arguments import format_count, require_choice
 from robust._base.types import AnySystem
 from robust.lti.lti import response
 from robust.lti.realisation import frequency_response, state_space
-from robust.models.fit.nominal import NominalFit, checked_weight, sampling_time_of, single_nominal
+from robust.models.fit.doubts import checked_weight
+from robust.models.fit.nominal_fit import NominalFit, sampling_time_of, single_nominal
 from robust.models.sets.family import CLOSE_LIFT, LIFT, MAX_LIFT, MAX_ROUNDS, TOLERANCE
 from robust.models.sets.forms import DEFAULT_FORM, FORMS, Form
 from robust.models.sets.membership import require_equal_roots

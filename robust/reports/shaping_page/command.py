@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nlfrf._base.files import page_path, write_text
-from robust.models.fit.weights import performance_weight
+from robust.models.fit.given_weights import performance_weight
 from robust.models.sets.model import UncertaintyModel
 from robust.reports.shaping_page.generated_text import PartSources
 from robust.reports.shaping_page.page import page_content, page_text

@@ -19,7 +19,7 @@ from robust.friction.reading.in_motion import fit_linear
 from robust.friction.reading.numbers import HALF_WIDTH
 from robust.lti.connections import in_series
 from robust.lti.lti import response
-from robust.models.fit.nominal import NominalFit
+from robust.models.fit.nominal_fit import NominalFit
 from robust.models.sets.orders import NEAR_BEST, UNDAMPED, doubtful_roots, scan_orders
 from robust.servo.gains.p_pi import cascade
 

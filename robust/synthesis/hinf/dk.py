@@ -25,7 +25,7 @@ from robust.lti.lti import response, response_by_channel, timebase
 from robust.lti.norms import continuous_image, to_discrete
 from robust.lti.realisation import multivariable
 from robust.lti.truncation import weighted_candidates
-from robust.models.fit.weights import minimum_phase
+from robust.models.fit.weight_search import minimum_phase
 from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.mu.blocks import BlockStructure, structure_for

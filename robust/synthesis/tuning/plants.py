@@ -31,7 +31,7 @@ from robust.lti.lti import (
 )
 from robust.lti.realisation import multivariable
 from robust.lti.sampling import delay_samples, delayed, sampled
-from robust.models.fit.nominal import frd
+from robust.models.fit.measurement import frd
 from robust.models.lpv import LpvModel, require_points, to_theta
 from robust.models.sets.forms import DEFAULT_FORM, ELEMENTS, FORMS, INPUT, plant_numerator
 from robust.models.sets.measured import hold_and_delay_factor, parts_on_lines, warn_of_unknown_hold

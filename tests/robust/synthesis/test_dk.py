@@ -10,7 +10,7 @@ from robust import UncertaintyModel, check, dk_iteration, mixsyn, performance_we
 from robust.lti.connections import biproper_inverse, lower_lft
 from robust.lti.lti import response
 from robust.lti.norms import to_discrete
-from robust.models.fit.weights import minimum_phase
+from robust.models.fit.weight_search import minimum_phase
 from robust.mu.blocks import block_structure
 from robust.mu.gain import gain_bound
 from robust.proofs.search.stability import decide_stability

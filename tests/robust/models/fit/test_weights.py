@@ -10,9 +10,7 @@ from robust import fit_weight, performance_weight
 from robust.lti.lti import response
 from robust.lti.realisation import from_roots, order_roots
 from robust.models.fit.refinement import magnitude_problem, section_hessian
-from robust.models.fit.weights import (
-    cover_sampled,
-)
+from robust.models.fit.weights import cover_sampled
 
 OMEGA = np.geomspace(1, 1e4, 1000)
 LINES = np.sort(np.concatenate([8 * np.arange(500) + 1, 8 * np.arange(500) + 3])) * 0.5 * np.pi
