@@ -4,6 +4,7 @@ coprime          normalised coprime factors of a plant, and the plants with pert
 block_weights    the smallest W_l and W_r that cover several matrices, at each frequency, by a convex program
 build            `uncertainty`: the set around a nominal, from records
 family           sets from families of plants with several channels, and `choose_form`
+family_members   the members of a family on the lines where they are compared, and their nominal
 forms            the forms of uncertainty, one row each: perturbed plant, sensitivity, discs of the loop
 interconnection  several uncertainties, joined by the names of their signals
 joint            the probability that a whole FRF lies in the set

@@ -40,7 +40,8 @@ from robust.models.fit.measurement import (
 )
 from robust.models.fit.nominal_fit import NominalFit, sampling_time_of, single_nominal, with_delays
 from robust.models.fit.weights import larger_of_neighbours
-from robust.models.sets.family import DIAGONAL, is_plant
+from robust.models.sets.family import DIAGONAL
+from robust.models.sets.family_members import is_plant
 from robust.models.sets.forms import ADDITIVE, AUTO, DEFAULT_FORM, ELEMENTS, FORMS, RECORD_FORMS
 from robust.models.sets.joint import attach_records
 from robust.models.sets.model import UncertaintyModel

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from nlfrf._base.arguments import keep_warnings, require_integer
 from robust._base.types import AnySystem
 from robust.models.fit.nominal_fit import NominalFit
-from robust.models.sets.family import DIAGONAL, is_full, make_family_set, require_plants
+from robust.models.sets.family import DIAGONAL, is_full, make_family_set
+from robust.models.sets.family_members import require_plants
 from robust.models.sets.model import UncertaintyModel, count_channels
 from robust.models.sets.radius import Extrapolation, checked_slope
 from robust.models.sets.single_family import make_set_of_plants
