@@ -31,7 +31,8 @@ from robust.lti.truncation import balanced_candidates
 from robust.models.sets.forms import plant_numerator
 from robust.models.sets.model import UncertaintyModel, has_several_channels, require_one_channel
 from robust.proofs.search.certificate import Certificate
-from robust.synthesis.hinf.hinfsyn import Synthesis, hinfsyn
+from robust.synthesis.hinf.hinfsyn import hinfsyn
+from robust.synthesis.hinf.synthesis import Synthesis
 
 _REDUCTION_TOLERANCE = 0.01  # largest change of T F by removed states of F
 # singular value of T at zero frequency over the largest, below which T has no gain in a direction

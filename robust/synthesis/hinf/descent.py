@@ -24,7 +24,7 @@ from robust.synthesis.hinf.generalised_plant import (
     normalise_plant,
     prepare_plant,
 )
-from robust.synthesis.hinf.hinfsyn import solve_riccati_pair
+from robust.synthesis.hinf.riccati_pair import solve_riccati_pair
 
 _STEP = 1e-4  # step of a logarithm for the difference quotient
 _FIRST_STEP = 0.1  # norm of the first step in the logarithms, before the curvature is known

@@ -15,7 +15,8 @@ from robust.lti.sampling import delayed, discretize, sampled
 from robust.models.sets.forms import FORMS
 from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.synthesis.hinf.design import Design
-from robust.synthesis.hinf.hinfsyn import MOST_STEPS, hinfsyn
+from robust.synthesis.hinf.hinfsyn import hinfsyn
+from robust.synthesis.hinf.riccati_pair import MOST_STEPS
 
 _PADE_ORDER = 4
 _WEIGHTED_PORTS = {"w_P": "e", "w_u": "u", "w_T": "y"}  # the signal that each weight reads

@@ -17,7 +17,7 @@ from robust.proofs.exact.closed_loops import (
     verify_closed_loop,
 )
 from robust.proofs.search.stability import certify_closed_loop, norm_of_closed_loop
-from robust.synthesis.hinf.hinfsyn import Synthesis
+from robust.synthesis.hinf.synthesis import Synthesis
 from tests.robust.synthesis.test_hinfsyn import random_plant
 from tests.support.precise_lft import lft_gain, lft_norm
 

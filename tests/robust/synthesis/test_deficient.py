@@ -15,7 +15,8 @@ from robust.synthesis.hinf.generalised_plant import (
     normalise_plant,
     prepare_plant,
 )
-from robust.synthesis.hinf.hinfsyn import control_riccati, unchangeable_gain, unmeasured_gain
+from robust.synthesis.hinf.riccati_pair import control_riccati
+from robust.synthesis.hinf.unchangeable import unchangeable_gain, unmeasured_gain
 from tests.support.precise_lft import lft_gain
 
 S = control.tf("s")
