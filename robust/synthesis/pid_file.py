@@ -21,7 +21,8 @@ from nlfrf._base.types import Json, JsonObject
 from nlfrf._base.units import parse_quantity, split_quantity, unit_factor
 from nlfrf._base.values import value
 from robust._base.warnings import DesignWarning
-from robust.synthesis.blocks import Biquad, Filter, LowPass, Notch, Pid
+from robust.synthesis.filters import Biquad, Filter, LowPass, Notch
+from robust.synthesis.pid import Pid
 
 #: Filters: their frequency stands under their name, the other numbers under these names, with these
 #: defaults.

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import control
 
-from robust.synthesis.blocks import Lag, Lead, LowPass, Notch, Pid
+from robust.synthesis.filters import Lag, Lead, LowPass, Notch
+from robust.synthesis.pid import Pid
 
 
 def lead(omega: float, phase: float, *, dt: float = 0.0) -> control.StateSpace:

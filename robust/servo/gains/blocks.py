@@ -25,7 +25,9 @@ from robust.servo.gains.p_pi import (
     velocity_section,
     warn_of_slow_position_loop,
 )
-from robust.synthesis.blocks import Filter, Notch, Pid, TunableBlock
+from robust.synthesis.blocks import TunableBlock
+from robust.synthesis.filters import Filter, Notch
+from robust.synthesis.pid import Pid
 
 _LEAST_DEPTH = 1e-3  # of a notch as a block, because `tune` searches for its logarithm
 

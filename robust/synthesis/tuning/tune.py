@@ -29,7 +29,8 @@ from robust.lti.realisation import multivariable
 from robust.lti.stability import assess_stability, poles_with_rounding
 from robust.lti.wiring import Port, join_by_name
 from robust.models.sets.model import UncertaintyModel
-from robust.synthesis.blocks import Pid, TunableBlock, require_blocks
+from robust.synthesis.blocks import TunableBlock, require_blocks
+from robust.synthesis.pid import Pid
 from robust.synthesis.tuning.closing import ClosedLoop, state_plant
 from robust.synthesis.tuning.design import Ended, LimitValue, TunedDesign
 from robust.synthesis.tuning.friction import FrictionChannel, FrictionLimit
