@@ -222,82 +222,110 @@ def dk_iteration(
         )
     elif isinstance(P, UncertainSystem):
         P, blocks = _open_interconnection(P, blocks, n_y=n_y, n_u=n_u)
-    P = multivariable("P", P)
-    n_y, n_u = require_integer("n_y", n_y, least=1), require_integer("n_u", n_u, least=1)
+    problem = _checked_problem(P, blocks, n_y=n_y, n_u=n_u, omega=omega)
     order = require_integer("order", order, least=0)
     n_rounds = require_integer("n_rounds", n_rounds, least=1)
-    if blocks is None:
-        blocks = ()
-    s = structure_for("blocks", blocks, (P.noutputs - n_y, P.ninputs - n_u), of="P without y and u")
     mu_min = require_nonnegative("mu_min", mu_min)
-    best, reason = _empty_design(P, n_y, n_u), f"{format_count(n_rounds, 'round')} made"
-    history: list[tuple[float, float, int]] = []
-    idle = 0
-    of_best = _Attempt(
-        design=best, gamma=0.0, scaling=[_identity_scaling(timebase(P))] * len(s.kinds)
-    )
-    last, moves = of_best, None
-    for _ in range(n_rounds):
-        try:
-            if moves is None:
-                tried, failed = _alternate(
-                    P,
-                    last,
-                    s=s,
-                    sizes=(n_y, n_u),
-                    order=order,
-                    blocks=blocks,
-                    omega=omega,
-                    best=best.mu,
-                )
-            else:
-                tried, failed = _move_scalings(
-                    P, moves, s=s, sizes=(n_y, n_u), blocks=blocks, omega=omega
-                )
-        except (ValueError, np.linalg.LinAlgError) as error:
-            if not history:
-                raise
-            tried, failed = [], f"the next round failed: {error}"
-        if not tried:
-            reason = failed
-            break
-        last = min(tried, key=lambda each: each.design.mu)
-        history.append((last.gamma, last.design.mu, last.order))
-        fall = best.mu - last.design.mu
-        if last.design.mu < best.mu:
-            best, of_best = last.design, last
-        if fall > _LEAST_PROGRESS:
-            idle = 0
-        else:
-            idle = idle + 1
-        if best.mu <= mu_min:
-            reason = f"mu reached {mu_min:g}"
-            break
-        if moves is None and fall < _SLOW_PROGRESS:
-            moves, idle = _start_descent(P, of_best, s=s, sizes=(n_y, n_u)), 0
-        if idle > _PATIENCE:
-            reason = "mu no longer decreased"
-            break
+    found, history, reason = _iterate(problem, order=order, n_rounds=n_rounds, mu_min=mu_min)
+    best = found.design
     if most_states is not None and best.K.nstates > require_integer(
         "most_states", most_states, least=0
     ):
-        best = _reduce_by_mu(
-            P, of_best, most_states, s=s, sizes=(n_y, n_u), blocks=blocks, omega=omega
-        )
-        reason += (
-            f"; reduced from order {of_best.design.K.nstates}"
-            if np.isfinite(best.mu)
-            else "; not reduced"
-        )
+        best = _reduce_by_mu(problem, found, most_states)
+        if np.isfinite(best.mu):
+            reason += f"; reduced from order {found.design.K.nstates}"
+        else:
+            reason += "; not reduced"
+    CL, certificate = None, None
     if np.isfinite(best.mu):
-        CL = lower_lft(P, best.K)
-    else:
-        CL = None
-    if CL is None:
-        certificate = None
-    else:
-        certificate = certify(CL, blocks, 1.01 * best.mu)
+        CL = lower_lft(problem.P, best.K)
+        certificate = certify(CL, problem.blocks, 1.01 * best.mu)
     return replace(best, history=tuple(history), certificate=certificate, reason=reason, CL=CL)
+
+
+@value(copy=False)
+class _Problem:
+    """What is the same in all rounds: the plant, its blocks, the frequencies for mu."""
+
+    P: control.StateSpace
+    blocks: Blocks
+    structure: BlockStructure
+    sizes: tuple[int, int]  # n_y, n_u
+    omega: ArrayLike | None  # [rad/s], as given
+
+    @property
+    def nothing(self) -> DkDesign:
+        """The result before the first round."""
+        return DkDesign(
+            K=control.StateSpace([], [], [], np.zeros(self.sizes[::-1]), self.P.dt),
+            mu=np.inf,
+            omega=np.zeros(0),
+            curve=np.zeros(0),
+            history=(),
+            certificate=None,
+            reason="no controller was found",
+        )
+
+    def judge(self, K: control.StateSpace) -> DkDesign:
+        """Return the loop with a controller, judged by the upper bound of mu with the original
+        structure.
+        """
+        N = lower_lft(self.P, K)
+        if self.omega is None:
+            at = structure_grid(N)[1:]
+        else:
+            at = np.asarray(self.omega, dtype=float)
+        curve = upper(response_by_channel(N, at), self.blocks).value
+        return replace(self.nothing, K=K, mu=float(curve.max()), omega=at, curve=curve, reason="")
+
+    def scaled(self, scaling: list[Scaling]) -> control.StateSpace:
+        """Return D_L P D_R^-1 from one function per block with its inverse, y and u unscaled."""
+        dt, s = timebase(self.P), self.structure
+        left = [
+            d
+            for (d, _), row in zip(scaling, s.rows, strict=True)
+            for _ in range(row.stop - row.start)
+        ]
+        right = [
+            d
+            for (_, d), col in zip(scaling, s.cols, strict=True)
+            for _ in range(col.stop - col.start)
+        ]
+        y, u = (control.StateSpace([], [], [], np.eye(n), dt) for n in self.sizes)
+        return block_diagonal([*left, y], dt) * self.P * block_diagonal([*right, u], dt)
+
+    def attempt(
+        self, scaling: list[Scaling], *, order: int, share: float = 1.0
+    ) -> tuple[list[_Attempt], str]:
+        """Return the loop with the controller of the scaled plant, or the reason of a failure."""
+        found = synthesise(self.scaled(scaling), *self.sizes, factor=_SYNTHESIS_FACTOR)
+        if not found.found:
+            return [], f"the synthesis failed: {found.reason}"
+        plain = decide_stability(lower_lft(self.P, found.K))
+        if not plain.stable:
+            return [], f"the loop without its scalings is {plain}"
+        one = _Attempt(
+            design=self.judge(found.K),
+            gamma=found.gamma,
+            scaling=scaling,
+            order=order,
+            share=share,
+        )
+        return [one], ""
+
+
+def _checked_problem(
+    P: LinearSystem, blocks: Blocks | None, *, n_y: int, n_u: int, omega: ArrayLike | None
+) -> _Problem:
+    """Return the problem of a generalised plant; refuse sizes that do not fit."""
+    P = multivariable("P", P)
+    n_y, n_u = require_integer("n_y", n_y, least=1), require_integer("n_u", n_u, least=1)
+    if blocks is None:
+        blocks = ()
+    structure = structure_for(
+        "blocks", blocks, (P.noutputs - n_y, P.ninputs - n_u), of="P without y and u"
+    )
+    return _Problem(P=P, blocks=blocks, structure=structure, sizes=(n_y, n_u), omega=omega)
 
 
 @value(copy=False)
@@ -313,16 +341,46 @@ class _Attempt:
     share: float = 1.0
 
 
+def _iterate(
+    problem: _Problem, *, order: int, n_rounds: int, mu_min: float
+) -> tuple[_Attempt, list[tuple[float, float, int]], str]:
+    """Return the loop of least mu, the history of the rounds, and the reason why they ended."""
+    plain = [_identity_scaling(timebase(problem.P))] * len(problem.structure.kinds)
+    best = last = _Attempt(design=problem.nothing, gamma=0.0, scaling=plain)
+    history: list[tuple[float, float, int]] = []
+    idle, moves = 0, None
+    for _ in range(n_rounds):
+        try:
+            if moves is None:
+                tried, failed = _alternate(problem, last, order=order, best=best.design.mu)
+            else:
+                tried, failed = _move_scalings(problem, moves)
+        except (ValueError, np.linalg.LinAlgError) as error:
+            if not history:
+                raise
+            tried, failed = [], f"the next round failed: {error}"
+        if not tried:
+            return best, history, failed
+        last = min(tried, key=lambda each: each.design.mu)
+        history.append((last.gamma, last.design.mu, last.order))
+        fall = best.design.mu - last.design.mu
+        if last.design.mu < best.design.mu:
+            best = last
+        if fall > _LEAST_PROGRESS:
+            idle = 0
+        else:
+            idle = idle + 1
+        if best.design.mu <= mu_min:
+            return best, history, f"mu reached {mu_min:g}"
+        if moves is None and fall < _SLOW_PROGRESS:
+            moves, idle = _start_descent(problem, best), 0
+        if idle > _PATIENCE:
+            return best, history, "mu no longer decreased"
+    return best, history, f"{format_count(n_rounds, 'round')} made"
+
+
 def _alternate(
-    P: control.StateSpace,
-    last: _Attempt,
-    *,
-    s: BlockStructure,
-    sizes: tuple[int, int],
-    order: int,
-    blocks: Blocks,
-    omega: ArrayLike | None,
-    best: float,
+    problem: _Problem, last: _Attempt, *, order: int, best: float
 ) -> tuple[list[_Attempt], str]:
     """Return the loops with the scalings for the last one, the first time without any; or the
     reason of a failure.
@@ -340,51 +398,25 @@ def _alternate(
             wanted, used = last.scaling, 0
         else:
             wanted, used = fit_scalings(
-                last.design, P, s=s, scaling=last.scaling, stretch=share, order=highest
+                last.design,
+                problem.P,
+                s=problem.structure,
+                scaling=last.scaling,
+                stretch=share,
+                order=highest,
             )
-        found, failed = _attempt(
-            P, wanted, s=s, sizes=sizes, blocks=blocks, omega=omega, order=used, share=share
-        )
+        found, failed = problem.attempt(wanted, order=used, share=share)
         tried += found
     return tried, failed
 
 
-def _attempt(
-    P: control.StateSpace,
-    scaling: list[Scaling],
-    *,
-    s: BlockStructure,
-    sizes: tuple[int, int],
-    blocks: Blocks,
-    omega: ArrayLike | None,
-    order: int,
-    share: float = 1.0,
-) -> tuple[list[_Attempt], str]:
-    """Return the loop with the controller of the scaled plant, or the reason of a failure."""
-    found = synthesise(_scaled_plant(P, scaling, s, sizes), *sizes, factor=_SYNTHESIS_FACTOR)
-    if not found.found:
-        return [], f"the synthesis failed: {found.reason}"
-    plain = decide_stability(lower_lft(P, found.K))
-    if not plain.stable:
-        return [], f"the loop without its scalings is {plain}"
-    judged = _judge_by_mu(P, found.K, blocks=blocks, omega=omega)
-    return [
-        _Attempt(design=judged, gamma=found.gamma, scaling=scaling, order=order, share=share)
-    ], ""
-
-
-def _start_descent(
-    P: control.StateSpace, best: _Attempt, *, s: BlockStructure, sizes: tuple[int, int]
-) -> Iterator[list[control.StateSpace]]:
+def _start_descent(problem: _Problem, best: _Attempt) -> Iterator[list[control.StateSpace]]:
     """Yield scalings from those of the best loop along the gradient of the least norm."""
     near = [best.gamma]
 
     def least_norm(functions: list[control.StateSpace]) -> float:
-        found = least_level(
-            _scaled_plant(P, [(d, biproper_inverse(d)) for d in functions], s, sizes),
-            *sizes,
-            near[0],
-        )
+        scaled = problem.scaled([(d, biproper_inverse(d)) for d in functions])
+        found = least_level(scaled, *problem.sizes, near[0])
         near[0] = found if np.isfinite(found) else near[0]
         return found
 
@@ -392,37 +424,22 @@ def _start_descent(
 
 
 def _move_scalings(
-    P: control.StateSpace,
-    moves: Iterator[list[control.StateSpace]],
-    *,
-    s: BlockStructure,
-    sizes: tuple[int, int],
-    blocks: Blocks,
-    omega: ArrayLike | None,
+    problem: _Problem, moves: Iterator[list[control.StateSpace]]
 ) -> tuple[list[_Attempt], str]:
     """Return the loop with the scalings of the next step, or the reason why there is none."""
     functions = next(moves, None)
     if functions is None:
         return [], "mu no longer decreased"
     scaling: list[Scaling] = [(d, biproper_inverse(d)) for d in functions]
-    order = max(d.nstates for d in functions)
-    return _attempt(P, scaling, s=s, sizes=sizes, blocks=blocks, omega=omega, order=order)
+    return problem.attempt(scaling, order=max(d.nstates for d in functions))
 
 
-def _reduce_by_mu(
-    P: control.StateSpace,
-    best: _Attempt,
-    n: int,
-    *,
-    s: BlockStructure,
-    sizes: tuple[int, int],
-    blocks: Blocks,
-    omega: ArrayLike | None,
-) -> DkDesign:
+def _reduce_by_mu(problem: _Problem, best: _Attempt, n: int) -> DkDesign:
     """Return the loop of least mu with a controller of n states, truncated with the weight of the
     scaled loop.
     """
-    K, (n_y, n_u), scaled = best.design.K, sizes, _scaled_plant(P, best.scaling, s, sizes)
+    P, K, (n_y, n_u) = problem.P, best.design.K, problem.sizes
+    scaled = problem.scaled(best.scaling)
     n_w, n_z = scaled.ninputs - n_u, scaled.noutputs - n_y
     ports = (
         [*range(scaled.ninputs), *range(n_w, scaled.ninputs)],
@@ -440,13 +457,13 @@ def _reduce_by_mu(
     )  # from w and the signal added to u, to z and y
     before = (A, B[:, :n_w], C[n_z:], D[n_z:, :n_w])
     behind = (A, B[:, n_w:], C[:n_z], D[:n_z, n_w:])
-    found = _empty_design(P, n_y, n_u)
+    found = problem.nothing
     for _, order, small in weighted_candidates(continuous_image(K), before, behind):
         if order != n:
             continue
         one = control.StateSpace(*(to_discrete(*small) if timebase(P) else small), P.dt)
         if decide_stability(lower_lft(P, one)).stable:
-            judged = _judge_by_mu(P, one, blocks=blocks, omega=omega)
+            judged = problem.judge(one)
             if judged.mu < found.mu:
                 found = judged
     return found
@@ -502,54 +519,9 @@ def _open_interconnection(
     return system.N, [*system.structure, *[performance] * (performance != (0, 0))]
 
 
-def _empty_design(P: control.StateSpace, n_y: int, n_u: int) -> DkDesign:
-    """Return the result before the first round."""
-    return DkDesign(
-        K=control.StateSpace([], [], [], np.zeros((n_u, n_y)), P.dt),
-        mu=np.inf,
-        omega=np.zeros(0),
-        curve=np.zeros(0),
-        history=(),
-        certificate=None,
-        reason="no controller was found",
-    )
-
-
-def _judge_by_mu(
-    P: control.StateSpace, K: control.StateSpace, *, blocks: Blocks, omega: ArrayLike | None
-) -> DkDesign:
-    """Return the loop with a controller, judged by the upper bound of mu with the original
-    structure.
-    """
-    N = lower_lft(P, K)
-    if omega is None:
-        at = structure_grid(N)[1:]
-    else:
-        at = np.asarray(omega, dtype=float)
-    curve = upper(response_by_channel(N, at), blocks).value
-    return DkDesign(
-        K=K, mu=float(curve.max()), omega=at, curve=curve, history=(), certificate=None, reason=""
-    )
-
-
 def _identity_scaling(dt: float) -> Scaling:
     one = control.StateSpace([], [], [], [[1.0]], dt)
     return one, one
-
-
-def _scaled_plant(
-    P: control.StateSpace, scaling: list[Scaling], s: BlockStructure, sizes: tuple[int, int]
-) -> control.StateSpace:
-    """Return D_L P D_R^-1 from one function per block with its inverse, y and u unscaled."""
-    dt = timebase(P)
-    left = [
-        d for (d, _), row in zip(scaling, s.rows, strict=True) for _ in range(row.stop - row.start)
-    ]
-    right = [
-        d for (_, d), col in zip(scaling, s.cols, strict=True) for _ in range(col.stop - col.start)
-    ]
-    passed = [control.StateSpace([], [], [], np.eye(n), dt) for n in sizes]
-    return block_diagonal([*left, passed[0]], dt) * P * block_diagonal([*right, passed[1]], dt)
 
 
 def fit_scalings(
