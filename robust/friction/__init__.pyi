@@ -5,9 +5,9 @@ from .classes.passive import Passive as Passive
 from .plant import two_mass_plant as two_mass_plant
 from .proof.protocol import FrictionProof as FrictionProof
 from .reading.assumed_class import MachineWithFriction as MachineWithFriction
-from .reading.identification import FrictionFit as FrictionFit
-from .reading.identification import Gap as Gap
-from .reading.identification import LevelBalance as LevelBalance
+from .reading.friction_fit import FrictionFit as FrictionFit
+from .reading.friction_fit import Gap as Gap
+from .reading.friction_fit import LevelBalance as LevelBalance
 from .reading.identification import identify_friction as identify_friction
 from .reading.in_motion import SlidingFit as SlidingFit
 from .reading.in_motion import identify_sliding as identify_sliding

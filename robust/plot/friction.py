@@ -12,7 +12,7 @@ from nlfrf._base.arguments import require_kind, short_form
 from nlfrf._base.axes import AxesLike, axes_or_new, bode_axes, finish_axes
 from robust._base.states import FrictionVerdict
 from robust.friction.reading.force import FrictionForce
-from robust.friction.reading.identification import FrictionFit
+from robust.friction.reading.friction_fit import FrictionFit
 from robust.friction.units import format_length
 from robust.plot.style import COLOR
 

@@ -18,7 +18,7 @@ import nlfrf
 from nlfrf._base.numbers import smallest_step
 from nlfrf._base.values import value
 from robust.friction.reading.balance import as_real, force_of_motion, motion_of_record
-from robust.friction.reading.identification import FrictionFit
+from robust.friction.reading.friction_fit import FrictionFit
 from robust.friction.reading.in_motion import SlidingFit, identify_sliding
 from robust.friction.reading.numbers import HALF_WIDTH, number_facts, unit_of
 from robust.lti.sampling import hold_correction

@@ -8,7 +8,7 @@ import numpy as np
 
 from robust.friction.plant import FrictionPlant, friction_plant, two_mass_plant
 from robust.friction.reading.assumed_class import MachineRead
-from robust.friction.reading.identification import FrictionFit
+from robust.friction.reading.friction_fit import FrictionFit
 from robust.friction.reading.in_motion import SlidingFit
 from robust.friction.reading.numbers import HALF_WIDTH
 from robust.friction.units import format_length, mechanical_units, position_unit_of

@@ -10,9 +10,10 @@ from nlfrf import Bla, Record
 from nlfrf._base.arguments import short_form
 from robust._base.channels import is_single
 from robust.friction.reading.assumed_class import MachineWithFriction, assume_class
+from robust.friction.reading.friction_fit import FrictionFit
 from robust.friction.reading.from_blas import read_blas
 from robust.friction.reading.from_fit import read_fit
-from robust.friction.reading.identification import FrictionFit, identify_friction
+from robust.friction.reading.identification import identify_friction
 
 
 def machine_with_friction(

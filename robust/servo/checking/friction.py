@@ -23,8 +23,9 @@ from robust.friction.proof.protocol import FrictionClass, FrictionProof
 from robust.friction.proof.prove import prove_all, prove_friction
 from robust.friction.reading.assumed_class import ASSUMPTION_NOTE, MachineWithFriction
 from robust.friction.reading.force import FrictionForce, edge_of_level, friction_of_period
+from robust.friction.reading.friction_fit import FrictionFit
 from robust.friction.reading.from_fit import interval_at_port, largest_damping, machines_of_fit
-from robust.friction.reading.identification import FrictionFit, identify_friction
+from robust.friction.reading.identification import identify_friction
 from robust.friction.reading.in_motion import SlidingFit
 from robust.friction.reading.machine_with_friction import machine_with_friction
 from robust.friction.reading.numbers import (

@@ -34,7 +34,7 @@ from robust.friction.plant import friction_plant
 from robust.friction.reading.force import FrictionForce, read_friction_force
 from robust.friction.reading.from_blas import highest_level
 from robust.friction.reading.from_fit import plant_of_fit
-from robust.friction.reading.identification import FrictionFit
+from robust.friction.reading.friction_fit import FrictionFit
 from robust.models.sets.build import uncertainty
 from robust.models.sets.model import UncertaintyModel
 from robust.servo.checking.doubts import (

@@ -17,7 +17,7 @@ import nlfrf
 from nlfrf._base.values import value
 from nlfrf.rig import Drive
 from robust.friction.reading.force import FrictionForce, coupled_load
-from robust.friction.reading.identification import FrictionFit
+from robust.friction.reading.friction_fit import FrictionFit
 from robust.friction.units import format_length
 
 Law: TypeAlias = (

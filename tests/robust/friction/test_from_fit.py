@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from robust.friction.reading.friction_fit import FrictionFit
 from robust.friction.reading.from_fit import machines_of_fit, plant_of_fit
-from robust.friction.reading.identification import FrictionFit
 from robust.friction.reading.in_motion import SlidingFit
 
 NUMBERS = {"mass": 22.0, "damping": 30.0, "delay": 5e-4}

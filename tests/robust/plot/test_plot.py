@@ -12,7 +12,7 @@ from robust import check, ncfsyn, performance_weight, uncertainty
 from robust import plot as pictures
 from robust._base.states import FrictionVerdict
 from robust.analysis import sample_loops
-from robust.friction.reading.identification import FrictionFit
+from robust.friction.reading.friction_fit import FrictionFit
 from robust.lti.lti import response
 from robust.models import scan_orders
 from tests.support.bla import make_bla
