@@ -174,26 +174,9 @@ def read_experiments(
     >>> names[0], conditions[0].motion
     ('trace.csv forward', 'in motion')
     """
-    if len(designs) == len(
-        traces
-    ):  # one for each trace: keep one for each experiment with several realisations
-        of_trace, designs = list(designs), []
-        while of_trace:
-            designs.append(of_trace[0])
-            of_trace = of_trace[of_trace[0].ms.n_realizations :]
-    counts = [design.ms.n_realizations for design in designs]
-    if len(designs) == 1:
-        repeats = len(traces) // counts[0]
-    else:
-        repeats = 1
-    if sum(counts) * repeats != len(traces):
-        raise ValueError(
-            f"design must be one for all traces, or one for each, got {len(designs)} designs with"
-            f" {sum(counts)} realisations in all for {len(traces)} traces"
-        )
     records, names, conditions, unread, warned_texts, left = [], [], [], [], [], list(traces)
     levels_at_rest: list[nlfrf.Record] = []
-    for design in list(designs) * repeats:
+    for design in _designs_in_turn(traces, designs):
         paths, left = left[: design.ms.n_realizations], left[design.ms.n_realizations :]
         with collect_warnings(paths[0].name) as warned:
             found = nlfrf.io.load_trace(paths, design, u=u, y=y, fs=fs, start=start)
@@ -232,6 +215,32 @@ def read_experiments(
         names,
         [one._replace(warnings=texts, unread=why, levels=levels) for one in conditions],
     )
+
+
+def _designs_in_turn(
+    traces: Sequence[Path], designs: Sequence[nlfrf.signals.AxisExperiment]
+) -> list[nlfrf.signals.AxisExperiment]:
+    """Return the design of each experiment, in the order of the traces; refuse a number that does
+    not fit them.
+    """
+    if len(designs) == len(
+        traces
+    ):  # one for each trace: keep one for each experiment with several realisations
+        of_trace, designs = list(designs), []
+        while of_trace:
+            designs.append(of_trace[0])
+            of_trace = of_trace[of_trace[0].ms.n_realizations :]
+    counts = [design.ms.n_realizations for design in designs]
+    if len(designs) == 1:
+        repeats = len(traces) // counts[0]
+    else:
+        repeats = 1
+    if sum(counts) * repeats != len(traces):
+        raise ValueError(
+            f"design must be one for all traces, or one for each, got {len(designs)} designs with"
+            f" {sum(counts)} realisations in all for {len(traces)} traces"
+        )
+    return list(designs) * repeats
 
 
 def _choose_levels(levels: AxisLevels, count: int) -> list[int]:

@@ -23,7 +23,7 @@ from robust.friction.reading.force import edge_of_level
 from robust.lti.sampling import hold_correction
 from robust.servo import cascade, load_gains
 from robust.servo import check as check_drive
-from robust.servo.checking import judge
+from robust.servo.checking import judge, rest
 from robust.servo.checking.doubts import doubt_of_unstable_model
 from robust.servo.checking.findings import (
     BaseMotion,
@@ -349,7 +349,7 @@ def test_a_pole_that_ends_at_once_does_not_hide_the_bound():
 
     def bound(machine, force):
         friction = DriveFriction(force=force)
-        return judge.with_bound(
+        return rest.with_bound(
             friction, settings, machine=machine, slides=True, Fs=26.0, unit="N"
         ).within
 
@@ -1012,7 +1012,7 @@ def test_an_unstable_loop_gives_no_bound_of_friction():
 
     def judged(slides):
         friction = DriveFriction(force=force)
-        return judge.with_bound(friction, settings, machine=None, slides=slides, Fs=None, unit="N")
+        return rest.with_bound(friction, settings, machine=None, slides=slides, Fs=None, unit="N")
 
     assert judged(True).outcome == judged(False).outcome == "open"
     assert (
