@@ -139,7 +139,7 @@ def design_for_drive(
         n_periods=periods,
         n_discard=discard,
     )
-    from nlfrf.cli import warn_of_band
+    from nlfrf.cli.design import warn_of_band
 
     warn_of_band(experiment.ms, experiment.ms.kind, f_min=f_min, f_max=f_max)
     nlfrf.save(experiment, out, decimal=decimal)
@@ -202,6 +202,30 @@ def _read_axis(path: Path) -> nlfrf.rig.ServoAxis:
     return nlfrf.servo_axis(str(path))
 
 
+#: What the check assumes of the machine.
+_Actual = Annotated[
+    bool, typer.Option("--actual", help="The input is the actual current, not its set point.")
+]
+_Stiction = Annotated[float, typer.Option(help="Largest over smallest force of a slider.")]
+_LargestForce = Annotated[
+    float | None,
+    typer.Option(
+        help=(
+            "Largest friction force [N] or [Nm], to bound how far the axis may hunt; default:"
+            " as read."
+        )
+    ),
+]
+_Within = Annotated[
+    float | None, typer.Option(help="Distance [m] or [rad] within which the axis must stay.")
+]
+_Spring = Annotated[bool, typer.Option("--spring", help="The machine has a spring to ground.")]
+_Masses = Annotated[
+    int,
+    typer.Option(help="2: read friction of motor and load, which takes up to half a minute."),
+]
+
+
 @servo_app.command(name="check")
 def check_gains(
     file: Annotated[
@@ -237,29 +261,12 @@ def check_gains(
     peak: Annotated[
         float, typer.Option(help="Largest |S| over the set that counts as safe.")
     ] = 2.0,
-    actual: Annotated[
-        bool, typer.Option("--actual", help="The input is the actual current, not its set point.")
-    ] = False,
-    stiction: Annotated[float, typer.Option(help="Largest over smallest force of a slider.")] = 1.5,
-    force: Annotated[
-        float | None,
-        typer.Option(
-            help=(
-                "Largest friction force [N] or [Nm], to bound how far the axis may hunt; default:"
-                " as read."
-            )
-        ),
-    ] = None,
-    within: Annotated[
-        float | None, typer.Option(help="Distance [m] or [rad] within which the axis must stay.")
-    ] = None,
-    spring: Annotated[
-        bool, typer.Option("--spring", help="The machine has a spring to ground.")
-    ] = False,
-    masses: Annotated[
-        int,
-        typer.Option(help="2: read friction of motor and load, which takes up to half a minute."),
-    ] = 1,
+    actual: _Actual = False,
+    stiction: _Stiction = 1.5,
+    force: _LargestForce = None,
+    within: _Within = None,
+    spring: _Spring = False,
+    masses: _Masses = 1,
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="Page to write: .html with pictures, or .txt."),

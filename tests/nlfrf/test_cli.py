@@ -338,7 +338,7 @@ def test_the_version_needs_no_command(nlfrf_command):
 
 
 def test_the_command_is_installed():
-    shown = subprocess.check_output([sys.executable, "-m", "nlfrf.cli", "--help"], text=True)
+    shown = subprocess.check_output([sys.executable, "-m", "nlfrf", "--help"], text=True)
     for command in ("design", "simulate", "identify", "plot"):
         assert command in shown
 

@@ -9,7 +9,6 @@ import sys
 import pytest
 
 import nlfrf
-from nlfrf import cli
 from nlfrf._base import progress
 from tests.nlfrf.test_cli import nlfrf_command  # noqa: F401 (a fixture)
 
@@ -83,7 +82,7 @@ def test_an_interrupted_command_leaves_the_file_that_is_there(nlfrf_command, mon
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli.nlfrf, "simulate", interrupt)
+    monkeypatch.setattr(nlfrf, "simulate", interrupt)
     code, printed, said = nlfrf_command(*simulate.split())
     assert (code, printed, said.strip()) == (130, "", "nlfrf: interrupted. No file is half written")
     assert (tmp_path / "run.npz").read_bytes() == before

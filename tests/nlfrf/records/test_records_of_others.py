@@ -161,7 +161,7 @@ def test_the_command_that_inspect_prints_runs_in_a_shell(u_name, y_name, tmp_pat
     np.savetxt(tmp_path / "run 1.csv", table, delimiter=",", header=head, comments="", fmt="%.8f")
     found = nlfrf.inspect_file(tmp_path / "run 1.csv")
     assert {found.u, found.y} == {u_name, y_name}
-    command = f"{shlex.quote(sys.executable)} -m nlfrf.cli {found.command.removeprefix('nlfrf ')}"
+    command = f"{shlex.quote(sys.executable)} -m nlfrf {found.command.removeprefix('nlfrf ')}"
     done = subprocess.run(
         ["sh", "-c", command], cwd=tmp_path, capture_output=True, text=True, timeout=120
     )
