@@ -10,7 +10,8 @@ import numpy as np
 
 from nlfrf._base.values import value
 from robust.synthesis.tuning.closing import ClosedLoop
-from robust.synthesis.tuning.loops import CloseLook, MeasuredLoop, ModelledLoop, Peak
+from robust.synthesis.tuning.loops import CloseLook, ModelledLoop, Peak
+from robust.synthesis.tuning.measured_loop import MeasuredLoop
 from robust.synthesis.tuning.parameters import Controller
 
 #: Relative margin below the bound of hard limits, so that they are met in spite of rounding.

@@ -6,15 +6,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from typing import Any
 
-import control
 import numpy as np
 
 from nlfrf._base.arguments import (
     format_hertz,
-    join_names,
     random_generator,
     require_integer,
     require_kind,
@@ -22,30 +18,15 @@ from nlfrf._base.arguments import (
     require_positive,
     short_form,
 )
-from robust.analysis.worst_plant import worst_case
-from robust.lti.lti import require_sampling_time, to_s_plane, with_names
-from robust.lti.norms import discrete_matrices
-from robust.lti.realisation import multivariable
-from robust.lti.stability import assess_stability, poles_with_rounding
-from robust.lti.wiring import Port, join_by_name
-from robust.models.sets.model import UncertaintyModel
 from robust.synthesis.blocks import TunableBlock, require_blocks
-from robust.synthesis.pid import Pid
-from robust.synthesis.tuning.closing import ClosedLoop, state_plant
-from robust.synthesis.tuning.design import Ended, LimitValue, TunedDesign
-from robust.synthesis.tuning.friction import FrictionChannel, FrictionLimit
+from robust.synthesis.tuning.design import Ended, TunedDesign
+from robust.synthesis.tuning.friction import FrictionLimit
 from robust.synthesis.tuning.limits import Channel, Limit, require_limits
-from robust.synthesis.tuning.loops import MeasuredLoop, ModelledLoop, true_frequency
+from robust.synthesis.tuning.loops import true_frequency
+from robust.synthesis.tuning.measured_loop import MeasuredLoop
 from robust.synthesis.tuning.minimax import find_stable, minimise_from
 from robust.synthesis.tuning.parameters import Controller, controller_of_blocks
-from robust.synthesis.tuning.plants import (
-    MeasuredPlant,
-    ModelledPlant,
-    Plants,
-    see_machine,
-    see_plants,
-    stated_sampling_time,
-)
+from robust.synthesis.tuning.plants import Plants, stated_sampling_time
 from robust.synthesis.tuning.problem import (
     Evaluation,
     OutOfTime,
@@ -53,14 +34,10 @@ from robust.synthesis.tuning.problem import (
     is_better,
     worst_ratio,
 )
+from robust.synthesis.tuning.result import make_design
+from robust.synthesis.tuning.scenes import Limits, fixed_parts, limit_name, make_loops
 
-#: Signals of the perturbation, with names that no user takes.
-_AT_INPUT = "perturbation at plant input "
-_AT_OUTPUT = "perturbation at plant output "
-_PLANT_INPUT = "plant input "
 _ZERO_GAIN = 1e-13
-#: Limits with True for hard ones, hard ones first.
-Limits = list[tuple[Limit | FrictionLimit, bool]]
 _UNMOVED_TOLERANCE = 1e-9
 
 
@@ -95,27 +72,21 @@ def tune(
         All fixed parts, with named inputs and outputs (`control.summing_junction`, filters,
         weights). Each input is the sum of all outputs with the same name, as in `interconnection`.
     plant : Plants
-        One plant, or several plants, each of which has to meet every limit. If dt is given, hold
-        and delay are added to continuous plants.
+        One plant, or several, each of which has to meet every limit. With dt, hold and delay are
+        added to continuous plants.
     blocks : dict of str to block
         `robust.tuning.Pid`, `Gain`, `Notch`, `Lead`, `Lag`, `LowPass`, `Biquad` or `StateSpace`, by
-        name. Their numbers are the first start. For dt > 0 each block is discretised by the Tustin
-        method. A number that is named in `scheduled` is a polynomial of the operating point of the
-        plants.
+        name. Their numbers are the first start. For dt > 0 each block is its bilinear image.
     hard, soft : list of Limit
-        Limits that must be met, and limits whose largest ratio is minimised. A `FrictionLimit` is a
-        hard limit.
+        Limits that must be met, such as a `FrictionLimit`, and limits whose ratio is minimised.
     decay : float
-        Least decay rate [rad/s] of every pole that depends on a block; zero requires stability
-        only.
+        Least decay rate [rad/s] of every pole that depends on a block; zero: stability only.
     dt : float
         Sampling time of blocks and system [s]; 0 for continuous ones, or that of a sampled plant.
     delay : float
-        Computation delay [s] at the plant inputs. In continuous time it is a Padé approximation of
-        order 8.
+        Computation delay [s] at the plant inputs; in continuous time by Padé, of order 8.
     n_starts : int
-        Number of starts: the given blocks, and random blocks around them. Local optima are common,
-        so use three or more.
+        Number of starts: the given blocks, and random ones. Local optima are common: three or more.
     time_cap : float
         Time for all starts together [s].
     rng : numpy Generator or int, optional
@@ -170,12 +141,7 @@ def tune(
     """
     require_kind("plant", plant, Plants)
     blocks = require_blocks(blocks)
-    limits: Limits = [
-        (limit, True) for limit in require_limits("hard", hard, (Limit, FrictionLimit))
-    ]
-    limits += [(limit, False) for limit in require_limits("soft", soft, (Limit,))]
-    if not limits:
-        raise ValueError("soft or hard must hold a limit, got none: the design has no demand")
+    limits = _checked_limits(hard, soft)
     decay, delay = require_nonnegative("decay", decay), require_nonnegative("delay", delay)
     dt = require_nonnegative("dt", dt) or stated_sampling_time(plant.models)
     n_starts = require_integer("n_starts", n_starts, least=1)
@@ -195,7 +161,7 @@ def tune(
     _require_paths(problem, limits)
     found, spread, ended = _search(problem, n_starts, began + time_cap, rng)
     problem.deadline = np.inf
-    return _make_design(
+    return make_design(
         problem,
         found,
         spread=spread,
@@ -206,6 +172,17 @@ def tune(
         dt=dt,
         delay=delay,
     )
+
+
+def _checked_limits(hard: Sequence[Limit | FrictionLimit], soft: Sequence[Limit]) -> Limits:
+    """Return the limits, hard ones first; refuse none."""
+    limits: Limits = [
+        (limit, True) for limit in require_limits("hard", hard, (Limit, FrictionLimit))
+    ]
+    limits += [(limit, False) for limit in require_limits("soft", soft, (Limit,))]
+    if not limits:
+        raise ValueError("soft or hard must hold a limit, got none: the design has no demand")
+    return limits
 
 
 def _require_points(plant: Plants, controller: Controller, limits: Limits) -> None:
@@ -225,163 +202,6 @@ def _require_points(plant: Plants, controller: Controller, limits: Limits) -> No
             "hard must hold no friction limit for scheduled blocks, because friction is proved for"
             " one fixed controller, got a friction limit"
         )
-
-
-def fixed_parts(system: object, dt: float) -> list[control.StateSpace]:
-    """Return all fixed parts on the time base of the design; refuse others."""
-    if isinstance(system, control.StateSpace | control.TransferFunction):
-        system = [system]
-    if not isinstance(system, list | tuple):
-        raise ValueError(f"system must hold control systems, as a list, got {short_form(system)}")
-    parts = []
-    for k, part in enumerate(system):
-        part = multivariable(f"system[{k}]", part)
-        require_sampling_time(f"system[{k}]", part, reference="the design", wanted=dt)
-        on_clock = control.StateSpace(
-            part.A, part.B, part.C, part.D, dt, remove_useless_states=False
-        )
-        parts.append(with_names(on_clock, part.input_labels, part.output_labels))
-    return parts
-
-
-def make_loops(
-    parts: list[control.StateSpace],
-    plants: Plants,
-    *,
-    controller: Controller,
-    limits: Limits,
-    dt: float,
-    delay: float,
-) -> list[ModelledLoop | MeasuredLoop]:
-    """Return the loop around each plant with its limits."""
-    gains = [limit for limit, _ in limits if isinstance(limit, Limit)]
-    worst = any(limit.worst for limit in gains)
-    external = list(dict.fromkeys(label for limit in gains for label in limit.inputs))
-    looked_at = list(dict.fromkeys(label for limit in gains for label in limit.outputs))
-    ports = [
-        Port(reads=tuple(block.reads), drives=tuple(block.drives))
-        for block in controller.blocks.values()
-    ]
-    sizes = (controller.n_states, controller.n_in, controller.n_out)
-    n_u, n_y = len(plants.inputs), len(plants.outputs)
-    scenes: list[ModelledLoop | MeasuredLoop] = []
-    for k, seen in enumerate(see_plants(plants, dt, delay=delay, worst=worst)):
-        if isinstance(seen, ModelledPlant):
-            G = _with_perturbation(seen.system, plants, dt)
-            if worst:
-                into, out = _perturbation_names(n_u, n_y)
-            else:
-                into, out = [], []
-            joined = join_by_name(
-                [*parts, G], ports, external=external + into, looked_at=looked_at + out
-            )
-            fixed = state_plant(joined, *sizes, dt)
-            channels = _channels_of(
-                limits, external, looked_at=looked_at, plant=seen, sizes=(n_u, n_y)
-            )
-            scenes.append(ModelledLoop(k, fixed, seen, channels, dt))
-        else:
-            port = Port(reads=tuple(plants.inputs), drives=tuple(plants.outputs))
-            joined = join_by_name(parts, [port, *ports], external=external, looked_at=looked_at)
-            channels = _channels_of(
-                limits, external, looked_at=looked_at, plant=seen, sizes=(n_u, n_y)
-            )
-            scenes.append(
-                MeasuredLoop(
-                    k,
-                    joined,
-                    seen,
-                    channels,
-                    dt=dt,
-                    n_external=len(external),
-                    n_looked_at=len(looked_at),
-                    sizes=sizes,
-                )
-            )
-    for index, (limit, _) in enumerate(limits):
-        if not isinstance(limit, FrictionLimit):
-            continue
-        for machine in limit.machines:
-            seen = see_machine(machine, plants, dt=dt, delay=delay)
-            G = _with_perturbation(seen.system, plants, dt)
-            into, _ = _perturbation_names(1, 1)
-            joined = join_by_name(
-                [*parts, G],
-                ports,
-                external=external + into,
-                looked_at=looked_at + list(plants.outputs),
-            )
-            channel = FrictionChannel(
-                limit=limit,
-                index=index,
-                machine=machine,
-                place=(len(looked_at), len(external) + 1),
-                dt=dt,
-                delay=delay + machine.delay,
-                plant=seen.system,
-            )
-            fixed = state_plant(joined, *sizes, dt)
-            scenes.append(ModelledLoop(len(scenes), fixed, seen, [channel], dt))
-    return scenes
-
-
-def _perturbation_names(n_u: int, n_y: int) -> tuple[list[str], list[str]]:
-    """Return the signals that a perturbation drives, and those that it reads."""
-    into = [f"{_AT_INPUT}{i}" for i in range(n_u)] + [f"{_AT_OUTPUT}{j}" for j in range(n_y)]
-    return into, [f"{_PLANT_INPUT}{i}" for i in range(n_u)]
-
-
-def _with_perturbation(G: control.StateSpace, plants: Plants, dt: float) -> control.StateSpace:
-    """Return the plant with disturbances at inputs and outputs, and its input as an output, for a
-    perturbation.
-    """
-    n_u, n_y = G.ninputs, G.noutputs
-    into, out = _perturbation_names(n_u, n_y)
-    one, zero = np.eye(n_u), np.zeros((n_u, n_y))
-    return control.StateSpace(
-        G.A,
-        np.hstack([G.B, G.B, np.zeros((G.nstates, n_y))]),
-        np.vstack([G.C, np.zeros((n_u, G.nstates))]),
-        np.block([[G.D, G.D, np.eye(n_y)], [one, one, zero]]),
-        dt,
-        inputs=[*plants.inputs, *into],
-        outputs=[*plants.outputs, *out],
-        remove_useless_states=False,
-    )
-
-
-def _channels_of(
-    limits: Limits,
-    external: list[str],
-    *,
-    looked_at: list[str],
-    plant: ModelledPlant | MeasuredPlant,
-    sizes: tuple[int, int],
-) -> list[Channel]:
-    """Return the rows and columns of the loop for each limit, for a plant with n_u inputs and n_y
-    outputs.
-    """
-    perturbation = len(looked_at) + np.arange(sizes[0]), len(external) + np.arange(sum(sizes))
-    return [
-        Channel(
-            limit=limit,
-            index=k,
-            hard=is_hard,
-            rows=np.array([looked_at.index(label) for label in limit.outputs]),
-            columns=np.array([external.index(label) for label in limit.inputs]),
-            perturbation=perturbation if limit.worst else None,
-            blocks=plant.blocks,
-        )
-        for k, (limit, is_hard) in enumerate(limits)
-        if isinstance(limit, Limit)
-    ]
-
-
-def _limit_name(k: int, limits: Limits) -> str:
-    n_hard = sum(is_hard for _, is_hard in limits)
-    if k < n_hard:
-        return f"hard[{k}]"
-    return f"soft[{k - n_hard}]"
 
 
 def _require_paths(problem: TuningProblem, limits: Limits) -> None:
@@ -423,7 +243,7 @@ def _require_paths(problem: TuningProblem, limits: Limits) -> None:
             ]
             if size and max(size) <= _ZERO_GAIN:
                 raise ValueError(
-                    f"{_limit_name(channel.index, limits)} must be a limit on a transfer"
+                    f"{limit_name(channel.index, limits)} must be a limit on a transfer"
                     f" function that is not zero, got {channel.limit}, which is zero for all"
                     " blocks"
                 )
@@ -434,7 +254,7 @@ def _require_paths(problem: TuningProblem, limits: Limits) -> None:
                 and not any(scene.band(channel) & scene.plant.on_lines)
             ):
                 raise ValueError(
-                    f"{_limit_name(channel.index, limits)} must have lines of plant {scene.index}"
+                    f"{limit_name(channel.index, limits)} must have lines of plant {scene.index}"
                     " in its band, got none from"
                     f" {' to '.join(f'{edge:g}' for edge in channel.limit.band or ())} rad/s"
                 )
@@ -545,169 +365,3 @@ def _require_movable_limits(problem: TuningProblem, current: Evaluation) -> None
                     f" which is missed by a factor {np.exp(peak.level):.4g} at {where} for all"
                     " blocks. Raise its bound there, or give it a band"
                 )
-
-
-# ---- The result: everything evaluated again, more densely.
-
-
-def _make_design(
-    problem: TuningProblem,
-    found: Evaluation | None,
-    *,
-    spread: list[float],
-    ended: Ended,
-    limits: Limits,
-    parts: list[control.StateSpace],
-    plants: Plants,
-    dt: float,
-    delay: float,
-) -> TunedDesign:
-    """Return the result, with every number computed again from the design itself."""
-    x = problem.controller.start if found is None else found.x
-    values = []
-    for k, by_limit in enumerate(
-        problem.look_closely(x) if found is not None and found.stable else []
-    ):
-        for index, look in by_limit.items():
-            limit, is_hard = limits[index]
-            omega = float(true_frequency(np.array([look.omega]), dt)[0])
-            values.append(
-                LimitValue(
-                    limit=limit,
-                    hard=is_hard,
-                    plant=k,
-                    ratio=look.ratio,
-                    omega=omega,
-                    n_lines=look.n_lines,
-                    **_limit_curves(problem, k, limit=index, x=x),
-                )
-            )
-    values.sort(key=lambda one: (not one.hard, -one.ratio))
-    if found is None:
-        excess = np.inf
-    else:
-        excess = found.excess - problem.decay
-    stable = bool(values) and _is_surely_stable(problem, x)
-    found_design = TunedDesign(
-        blocks=problem.controller.blocks_at(x),
-        met=bool(values) and stable and all(one.met for one in values if one.hard),
-        stable=stable,
-        limits=tuple(values),
-        excess=float(excess),
-        ended=ended,
-        spread=tuple(spread),
-        at_bounds=tuple(_parameters_at_bounds(problem.controller, x)),
-        not_asked=tuple(_describe_unlimited(problem.controller, limits, plants)),
-        n_evaluated=problem.n_evaluated,
-        system=tuple(parts),
-        plant=plants,
-        dt=dt,
-        delay=delay,
-    )
-    worst = any(isinstance(limit, Limit) and limit.worst for limit, _ in limits)
-    if worst and found_design.met:
-        broken = _find_broken_sets(found_design)
-    else:
-        broken = ()
-    return replace(found_design, met=found_design.met and not broken, broken_sets=broken)
-
-
-def _find_broken_sets(design: TunedDesign) -> tuple[str, ...]:
-    """Describe the plants whose set is not stable with the whole controller, by `worst_case`."""
-    found = []
-    for k, model in enumerate(design.plant.models):
-        K = design.controller_at(design.plant.outputs, design.plant.inputs, design.plant.thetas[k])
-        if not isinstance(model, UncertaintyModel) or model.measured_only:
-            continue
-        try:
-            stable = worst_case(model, K, delay=design.delay).stable
-            why = "a plant of its set makes the loop unstable"
-        except (
-            ValueError
-        ) as error:  # the nominal loop is not distinguishable from one on the boundary
-            stable, why = False, str(error)
-        found += [] if stable else [f"plant {k}: {why}"]
-    return tuple(found)
-
-
-def _limit_curves(
-    problem: TuningProblem, plant: int, *, limit: int, x: np.ndarray
-) -> dict[str, np.ndarray]:
-    """Return the ratio of a limit over frequency, for the design and for the given blocks."""
-    scene: Any = problem.scenes[plant]
-    channel = next(channel for channel in scene.channels if channel.index == limit)
-    theta, start = scene.plant.theta, problem.controller.start
-    loop = scene.close(problem.controller.matrix(x, theta))
-    omega = scene.frequencies(channel, loop)
-    before = np.full(omega.size, np.nan)
-    if problem.evaluate(start, peaks=False, pole_slopes=False).stable:
-        before = scene.curve(channel, scene.close(problem.controller.matrix(start, theta)), omega)
-    return {
-        "omegas": true_frequency(omega, problem.dt),
-        "curve": scene.curve(channel, loop, omega),
-        "before": before,
-    }
-
-
-def _is_surely_stable(problem: TuningProblem, x: np.ndarray) -> bool:
-    """Return True if the loop of every plant is stable beyond rounding, on its own time base."""
-    of_blocks = problem.at_points(problem.controller.matrix, x)
-    for scene, M in zip(problem.scenes, of_blocks, strict=True):
-        loop = scene.close(M)
-        if loop is None:
-            return False
-        if not isinstance(loop, ClosedLoop):  # on lines: by its winding number
-            continue
-        matrices = discrete_matrices(
-            loop.matrices, problem.dt
-        )  # back from the plane of the bilinear map
-        closed = control.StateSpace(*matrices, problem.dt, remove_useless_states=False)
-        if not assess_stability(closed).stable:
-            return False
-        if problem.decay and not _has_decay(closed, problem, scene.index):
-            return False
-    return True
-
-
-def _has_decay(closed: control.StateSpace, problem: TuningProblem, scene: int) -> bool:
-    """Return True if every pole that a block moves has the required decay."""
-    poles, _ = poles_with_rounding(closed)
-    real, image = to_s_plane(poles, problem.dt).real, poles
-    if problem.dt:
-        image = 2 / problem.dt * (poles - 1) / np.where(poles == -1, 1e-12, poles + 1)
-    moved = problem.movable_poles(scene, image)
-    return bool(np.all(real[moved] <= -problem.decay * (1 - 1e-6)))
-
-
-def _parameters_at_bounds(controller: Controller, x: np.ndarray) -> list[str]:
-    width = controller.upper - controller.lower
-    near = np.minimum(x - controller.lower, controller.upper - x) < 1e-4 * width
-    return [label for label, at in zip(controller.labels, near, strict=True) if at]
-
-
-def _describe_unlimited(controller: Controller, limits: Limits, plants: Plants) -> list[str]:
-    """Describe the properties that no limit protects."""
-    found = []
-    integral = [
-        name
-        for name, block in controller.blocks.items()
-        if isinstance(block, Pid) and block.ki is not None
-    ]
-    free = [name for name in integral if "ki" not in controller.blocks[name].fixed]
-    gains = [limit for limit, _ in limits if isinstance(limit, Limit)]
-    shaped = any(
-        (limit.band is not None and np.isfinite(limit.band[1])) or not limit.is_constant
-        for limit in gains
-    )
-    if free and not shaped:
-        found.append(
-            f"low frequencies, where {join_names(free)} {'has' if len(free) == 1 else 'have'} an"
-            " integrator: give a limit a band or a weight there"
-        )
-    if any(isinstance(model, UncertaintyModel) for model in plants.models) and not any(
-        limit.worst for limit in gains
-    ):
-        found.append("the sets around the plants: give a limit worst=True")
-    if not any(not is_hard for _, is_hard in limits):
-        found.append("more than the hard limits: whatever meets them is taken")
-    return found

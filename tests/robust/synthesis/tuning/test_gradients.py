@@ -11,7 +11,7 @@ from robust.lti.wiring import Port, join_by_name
 from robust.synthesis.tuning.parameters import controller_of_blocks
 from robust.synthesis.tuning.plants import stated_sampling_time
 from robust.synthesis.tuning.problem import TuningProblem
-from robust.synthesis.tuning.tune import fixed_parts, make_loops
+from robust.synthesis.tuning.scenes import fixed_parts, make_loops
 from tests.support.random_tunings import joined_as_control, random_tuning
 
 BLOCKS = [
