@@ -46,8 +46,7 @@ def bla_from_frf(
     """Make a `Bla` (FRF with a bound) from an FRF and its standard deviation or coherence.
 
     Use this if you have an FRF of an analyser instead of a record. The variance contains whatever
-    differs between the averages, noise and distortion together. They cannot be separated
-    afterwards.
+    differs between the averages, noise and distortion together, which cannot be separated.
 
     - `bound()` contains the FRF that the same measurement would give after infinite averaging.
     - `bound(of="realization")`, which `robust.uncertainty` uses, contains another FRF measured in the
@@ -70,8 +69,7 @@ def bla_from_frf(
     coherence : float, or (F,) or (n_y, n_u, F) ndarray, optional
         Ordinary coherence, above 0 and up to 1, for G = S_yu / S_uu over `n_averages` averages.
         Several inputs must have been excited one after the other. The variance is (1 - coherence) /
-        coherence |G|^2 / (n_averages - 1), with n_averages - 1 complex degrees of freedom. The
-        distribution of the bound, F(2, 2 n_averages - 2), is then exact.
+        coherence |G|^2 / (n_averages - 1), with n_averages - 1 complex degrees of freedom.
     n_averages : float, optional
         Number of independent averages. Count each of half-overlapping Hann segments as 0.95. At
         least 2 with `coherence`.
@@ -120,6 +118,43 @@ def bla_from_frf(
     >>> round(float(bla.bound()[0] / np.abs(G[0])), 4)
     0.0415
     """
+    f, G = _checked_frf(f, G)
+    variance, dof = _entry_variances(G, std=std, coherence=coherence, n_averages=n_averages)
+    rate = _checked_rate(fs, hold)
+    several = G.ndim == 3
+    n_y, n_u = G.shape[:-1] or (1, 1)
+    # noise and distortion are not told apart: what scattered counts as the total
+    levels = levels_without_detection(f, np.full(f.size, np.nan))
+    if coherence is None or several:
+        measured_coherence = None
+    else:
+        measured_coherence = np.broadcast_to(coherence, f.shape).astype(float)
+    return Bla(
+        f=f,
+        G=G,
+        lines=LineGrid(excited=np.arange(1, f.size + 1), odd=[], even=[]),
+        experiment=Experiment(
+            grid="given", design="FRF", n_samples=0, n_experiments=n_u, transient="unknown"
+        ),
+        cov=_covariances(variance.reshape(n_y, n_u, f.size)),
+        dof=np.full(f.size, dof),
+        level_source="std" if coherence is None else "coherence",
+        fs=rate,
+        hold=hold,
+        grid_factor=np.ones(f.size),
+        levels=(levels,) * n_y if several else levels,
+        coherence=measured_coherence,
+        inputs=tuple(inputs),
+        outputs=tuple(outputs),
+        input_units=tuple(input_units),
+        output_units=tuple(output_units),
+    )
+
+
+def _checked_frf(f: np.ndarray, G: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies and a complex FRF of fitting shapes; refuse others, and warn of an FRF
+    without a phase.
+    """
     f, G = require_real_array("f", f, ndim=1), np.asarray(G)
     if G.dtype.kind not in "fiuc" or not np.isfinite(G).all():
         raise ValueError(
@@ -147,58 +182,35 @@ def bla_from_frf(
             "G is real on every line and varies, as if its phase were missing, or as if it were in"
             " decibels: every model of it is then wrong; give G with its phase"
         )
-    variance, dof = _entry_variances(
-        G.astype(complex), std=std, coherence=coherence, n_averages=n_averages
-    )
+    return f, G.astype(complex)
+
+
+def _checked_rate(fs: float | None, hold: str) -> float:
+    """Return the sampling frequency [Hz], nan for none; refuse a hold without one."""
     require_choice("hold", hold, ("zoh", "band-limited", "unknown"))
     if hold == "zoh" and fs is None:
         raise ValueError('fs must be given if hold is "zoh": G includes the hold of 1/fs')
     if fs is None:
-        rate = np.nan
-    else:
-        rate = require_positive("fs", fs)
-    source = "std" if coherence is None else "coherence"
-    several = G.ndim == 3
-    if several:
-        n_y, n_u = G.shape[:2]
-    else:
-        n_y, n_u = 1, 1
-    # A Bla has Cov(vec G) = gamma (x) cov, so the variances of the entries need to be a product.
-    of_output, of_input = _bound_by_product(variance.reshape(n_y, n_u, f.size))
+        return np.nan
+    return require_positive("fs", fs)
+
+
+def _covariances(variance: np.ndarray) -> Covariances:
+    """Return the covariances for variances (n_y, n_u, F) of the entries.
+
+    A Bla has Cov(vec G) = gamma (x) cov, so the variances need to be a product.
+    """
+    n_y, n_u = variance.shape[:2]
+    of_output, of_input = _bound_by_product(variance)
     cov = np.einsum("jf,jk->jkf", of_output, np.eye(n_y)).astype(complex)
     nan = np.full(cov.shape, np.nan, dtype=complex)
-    # noise and distortion are not told apart: what scattered counts as the total
-    levels = levels_without_detection(f, np.full(f.size, np.nan))
-    return Bla(
-        f=f,
-        G=G.astype(complex),
-        lines=LineGrid(excited=np.arange(1, f.size + 1), odd=[], even=[]),
-        experiment=Experiment(
-            grid="given", design="FRF", n_samples=0, n_experiments=n_u, transient="unknown"
-        ),
-        cov=Covariances(
-            gamma=np.einsum("if,ij->ijf", of_input, np.eye(n_u)).astype(complex),
-            noise=nan,
-            total=cov,
-            distortion=cov,
-            even=nan,
-            bound=cov,
-        ),
-        dof=np.full(f.size, dof),
-        level_source=source,
-        fs=rate,
-        hold=hold,
-        grid_factor=np.ones(f.size),
-        levels=(levels,) * n_y if several else levels,
-        coherence=(
-            None
-            if coherence is None or several
-            else np.broadcast_to(coherence, f.shape).astype(float)
-        ),
-        inputs=tuple(inputs),
-        outputs=tuple(outputs),
-        input_units=tuple(input_units),
-        output_units=tuple(output_units),
+    return Covariances(
+        gamma=np.einsum("if,ij->ijf", of_input, np.eye(n_u)).astype(complex),
+        noise=nan,
+        total=cov,
+        distortion=cov,
+        even=nan,
+        bound=cov,
     )
 
 

@@ -243,11 +243,10 @@ def multisine(
     kind : str
         Grid of the excited lines:
 
-        - "special-odd": lines 8k+1 and 8k+3. The distortion on detection lines is lower than on
-          excited lines, by at most 4.8 dB; `identify` corrects this.
+        - "special-odd": lines 8k+1 and 8k+3. The distortion on detection lines is lower by at most
+          4.8 dB; `identify` corrects this.
         - "random-odd": three of every four odd lines, at random. No correction is needed.
-        - "odd-odd": lines 4k+1. Around a resonance the distortion on detection lines is lower than on
-          excited lines, by a factor without an upper limit.
+        - "odd-odd": lines 4k+1. Around a resonance it is lower by a factor without an upper limit.
         - "odd": all odd lines, and "full": all lines. There are no odd detection lines.
         - "custom": the given `lines`.
     fs : float
@@ -257,19 +256,16 @@ def multisine(
     f_min, f_max : float
         Band [Hz], both ends included.
     rms : float, or (n_u,) ndarray
-        Root mean square of the signal, in its own unit: one number for all inputs, or one per
-        input.
+        Root mean square of the signal, in its own unit: one number, or one per input.
     amplitude : (F,) or (n_u, F) ndarray, or callable of f [Hz], optional
-        Relative amplitude on each excited line, scaled to `rms`. By default all amplitudes are
-        equal.
+        Relative amplitude on each excited line, scaled to `rms`; by default all are equal.
     lines : LineGrid or array of int, optional
         The excited lines of a "custom" grid.
     n_log : int, optional
-        Approximate number of lines to keep, spaced logarithmically. Use it for a band over several
-        decades.
+        Approximate number of lines to keep, spaced logarithmically, for a band over decades.
     n_realizations : int
-        Number of realisations: draws of the random phases on the same grid. For several inputs each
-        realisation is a set of experiments.
+        Number of realisations: draws of the random phases on the same grid, for several inputs each
+        a set of experiments.
     n_inputs : int
         Number of inputs n_u of the plant.
     design : str
@@ -277,12 +273,11 @@ def multisine(
         "zippered": one experiment, in which each line excites one input; it needs a "random-odd"
         grid.
     mixing : (n_u, n_u) ndarray, optional
-        Matrix from the designed signals to the inputs of the plant: u = mixing @ signals. `rms` is
-        that of the signals. Use it to excite combinations of the inputs. For an ill-conditioned
-        plant take V S^-1, from the SVD G = U S V^H of a first measurement.
+        Matrix from the designed signals, which have the `rms`, to the inputs: u = mixing @ signals.
+        For an ill-conditioned plant take V S^-1, from the SVD G = U S V^H of a first measurement.
     n_draws : int
-        For several inputs, number of random draws of the phases. The draw whose largest crest
-        factor (peak over rms) is smallest is kept.
+        For several inputs, number of random draws of the phases; that of least crest factor (peak
+        over rms) is kept.
     rng : numpy Generator, int or None
         Source of the random phases (and of the lines left out of a random-odd grid).
     hold : str
@@ -326,29 +321,17 @@ def multisine(
     grid = _grid_in_band(kind, lines, first=first, last=last, rng=rng)
     if n_log is not None:
         grid = _thin_grid(grid, require_integer("n_log", n_log, least=2))
-    f = grid.excited * fs / n_samples
     if n_inputs == 1 and (design != "orthogonal" or mixing is not None or n_draws != 1):
         raise ValueError(
             "n_inputs must be at least 2 for a zippered design, for mixing or for n_draws, got"
             " 1; for one input use reduce_crest"
         )
-    shape = _relative_amplitudes(amplitude, f, n_inputs)
-    require_choice("design", design, DESIGNS)
+    shape = _relative_amplitudes(amplitude, grid.excited * fs / n_samples, n_inputs)
+    mixing = _checked_mixing(mixing, design)
     if design == "zippered":
-        if mixing is not None:
-            raise ValueError(
-                "mixing must be left out for a zippered design: a line drives one input, got"
-                f" {mixing}"
-            )
         shape = shape * assign_lines(kind, grid, n_inputs=n_inputs, rng=rng)
-    scaled = (
-        shape
-        * (_rms_per_input(rms, n_inputs) / np.sqrt(np.sum(shape**2, axis=1) / 2))[:, np.newaxis]
-    )
-    if mixing is None:
-        mixed = None
-    else:
-        mixed = require_real_array("mixing", mixing, ndim=2)
+    size = _rms_per_input(rms, n_inputs) / np.sqrt(np.sum(shape**2, axis=1) / 2)
+    scaled = shape * size[:, np.newaxis]
 
     def draw() -> Multisine:
         """Return one draw of all phases."""
@@ -361,12 +344,26 @@ def multisine(
             phase=draw_phases(scaled.shape, n_realizations, design=design, rng=rng),
             hold=hold,
             design=design,
-            mixing=mixed,
+            mixing=mixing,
         )
 
     if require_integer("n_draws", n_draws, least=1) == 1:
         return draw()
     return min((draw() for _ in range(n_draws)), key=lambda ms: float(ms.crest_factor.max()))
+
+
+def _checked_mixing(mixing: ArrayLike | None, design: str) -> np.ndarray | None:
+    """Return the matrix from the designed signals to the inputs; refuse one for a zippered
+    design, and another design.
+    """
+    require_choice("design", design, DESIGNS)
+    if mixing is None:
+        return None
+    if design == "zippered":
+        raise ValueError(
+            f"mixing must be left out for a zippered design: a line drives one input, got {mixing}"
+        )
+    return require_real_array("mixing", mixing, ndim=2)
 
 
 def _grid_in_band(

@@ -127,12 +127,7 @@ def interpolate(
     (2, True)
     """
     points, degree = require_points(at, len(blas), degree, "BLA")
-    for bla in blas:
-        require_kind("blas", bla, Bla)
-        if bla.omega.shape != blas[0].omega.shape or not np.allclose(
-            bla.omega, blas[0].omega, rtol=1e-9
-        ):
-            raise ValueError("blas must have the same lines at every operating point, got others")
+    _require_same_lines(blas)
     dt = require_nonnegative("dt", dt)
     fits = [fit_nominal(bla, n_poles=n_poles, delay=delay) for bla in blas]
     sections = np.array([_sections(fit.G) for fit in fits])
@@ -148,18 +143,34 @@ def interpolate(
     omega = blas[0].omega
     weight = fit_covering_weight(omega, radius, order=order, rules=rules, dt=dt)
     held_out = _held_out(sections, points, degree, fits, weight, omega, form)
-    if held_out > 1:
-        tried = points.size - 2
-        change = ", or change the degree"
-        if degree > tried:
-            change = f" (the {tried + 1} other points allow a degree of {tried} only, not {degree})"
-        data_warning(
-            f"a left-out operating point deviates by {held_out:.2g} times the weight from the"
-            " model of the other points, so the model may be wrong between the points: add"
-            f" operating points{change}",
-            DesignWarning,
-        )
+    _warn_of_held_out(held_out, points.size, degree)
     return replace(plant, weight=weight, held_out=held_out)
+
+
+def _require_same_lines(blas: Sequence[Bla]) -> None:
+    """Refuse anything but BLAs on the same lines."""
+    for bla in blas:
+        require_kind("blas", bla, Bla)
+        if bla.omega.shape != blas[0].omega.shape or not np.allclose(
+            bla.omega, blas[0].omega, rtol=1e-9
+        ):
+            raise ValueError("blas must have the same lines at every operating point, got others")
+
+
+def _warn_of_held_out(held_out: float, n_points: int, degree: int) -> None:
+    """Warn if a left-out point is outside the weight around the model of the other points."""
+    if not held_out > 1:
+        return
+    tried = n_points - 2
+    change = ", or change the degree"
+    if degree > tried:
+        change = f" (the {tried + 1} other points allow a degree of {tried} only, not {degree})"
+    data_warning(
+        f"a left-out operating point deviates by {held_out:.2g} times the weight from the"
+        " model of the other points, so the model may be wrong between the points: add"
+        f" operating points{change}",
+        DesignWarning,
+    )
 
 
 def _sections(G: control.StateSpace) -> np.ndarray:

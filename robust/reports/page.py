@@ -8,6 +8,8 @@ from dataclasses import replace
 from types import NoneType
 from typing import TypeVar
 
+import control
+
 import nlfrf
 from nlfrf import Bla, Record
 from nlfrf._base.arguments import add_warnings, as_list, require_kind
@@ -124,17 +126,7 @@ def write_report(
     K = (state_space if single else multivariable)("K", K)
     for one in _as_list(bla):
         (require_single if single else require_matrix)("bla", one)
-    for name, given, kind in (
-        ("report", report, RobustnessReport),
-        ("nominal", nominal, NominalFit),
-        ("friction", friction, FrictionProof),
-    ):
-        require_kind(name, given, kind, NoneType)
-    if friction is not None and not single:
-        raise ValueError(
-            "friction must be left out for several channels, because the proof is for a single"
-            " loop only, got a FrictionProof"
-        )
+    _require_results(report, nominal, friction, single=single)
     blas = _as_list(bla) or [nlfrf.identify(one) for one in records]
     # records and BLAs may have newer warnings than the file of the model
     known: list[Record | Bla | NominalFit] = [*records, *blas, *_as_list(nominal)]
@@ -148,8 +140,53 @@ def write_report(
         report = replace(
             add_warnings(report, model.warnings), confidence=describe_confidence(model)
         )
+    text = render_page(
+        _sections_of(model, K, report, records, blas, nominal=nominal, friction=friction),
+        title=title,
+        notes=notes,
+        verdict=report.verdict,
+        style=report.verdict.replace(" ", "-"),
+        heading=report.headline.capitalize(),
+        lines=(
+            report.meaning,
+            *report.conditions,
+            *([] if friction is None else [describe_proof(friction)]),
+        ),
+        warnings=[*filter(None, [report.warning_of_margins]), *report.warnings],
+    )
+    write_text(path, text)
+    return report
+
+
+def _require_results(report: object, nominal: object, friction: object, *, single: bool) -> None:
+    """Refuse results of other kinds, and a friction proof for several channels."""
+    for name, given, kind in (
+        ("report", report, RobustnessReport),
+        ("nominal", nominal, NominalFit),
+        ("friction", friction, FrictionProof),
+    ):
+        require_kind(name, given, kind, NoneType)
+    if friction is not None and not single:
+        raise ValueError(
+            "friction must be left out for several channels, because the proof is for a single"
+            " loop only, got a FrictionProof"
+        )
+
+
+def _sections_of(
+    model: UncertaintyModel,
+    K: control.StateSpace,
+    report: RobustnessReport,
+    records: list[Record],
+    blas: list[Bla],
+    *,
+    nominal: NominalFit | None,
+    friction: FrictionProof | None,
+) -> list[Section]:
+    """Return the sections of the page in their order."""
+    single = model.is_single
     w_P, delay = report.given.demand, report.given.delay  # the page reports what was checked
-    sections = [
+    return [
         Section(
             "verdict",
             "Verdict",
@@ -167,22 +204,6 @@ def write_report(
         worst_case_section(model, K, report=report, delay=delay),
         settings_section(model, K, w_P=w_P, delay=delay),
     ]
-    text = render_page(
-        sections,
-        title=title,
-        notes=notes,
-        verdict=report.verdict,
-        style=report.verdict.replace(" ", "-"),
-        heading=report.headline.capitalize(),
-        lines=(
-            report.meaning,
-            *report.conditions,
-            *([] if friction is None else [describe_proof(friction)]),
-        ),
-        warnings=[*filter(None, [report.warning_of_margins]), *report.warnings],
-    )
-    write_text(path, text)
-    return report
 
 
 Thing = TypeVar("Thing")

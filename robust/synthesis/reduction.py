@@ -133,9 +133,8 @@ def reduce_controller(
     reduction, balanced reduction weighted by the loop (G S before and S after the error of K), and
     reduction of the coprime factors of K. From the lowest order upwards, the best candidate of each
     order is checked in full. The first candidate that keeps the verdict is the result; if robust
-    performance was proved, it must be kept, too. Without proved performance, K = 0 would keep the
-    verdict for a stable plant. So max |T_r - T| must then be below 0.1, with T_r of the reduced
-    controller.
+    performance was proved, it must be kept, too. Otherwise the change of T must stay below 0.1,
+    because K = 0 would keep the verdict for a stable plant.
 
     Parameters
     ----------
@@ -145,8 +144,7 @@ def reduce_controller(
         As for `check`. If `model` is a plant without uncertainty, as for `mixsyn`, stability and
         max |w_P S| < 1 are kept.
     order : int, optional
-        Order of the reduced controller. The best controller of this order is then returned even if
-        it does not keep the properties.
+        Order of the reduced controller, which is then returned even if it loses a property.
     max_candidates : int
         Largest number of reduced controllers to check. If none of them suffices, K is returned
         unchanged.
@@ -187,15 +185,9 @@ def reduce_controller(
     if order is not None and require_integer("order", order, least=0) >= K.nstates:
         raise ValueError(f"order must be below the {K.nstates} states of K, got {order}")
     before = check(model, K, w_P=w_P, delay=delay)
-    if order is None and not before.verdict.is_robust:
-        raise ValueError(
-            f"K must have a proved property that can be kept, got '{before.verdict}':"
-            f" {before.reason}. Give an order to reduce it anyway."
-        )
-    by_order: dict[int, list[tuple[str, control.StateSpace]]] = {}
-    for method, n, small in _candidates(K, model, w_P=w_P, delay=delay):
-        if order in (None, n) and n < K.nstates:
-            by_order.setdefault(n, []).append((method, small))
+    if order is None:
+        _require_proved(before)
+    by_order = _candidates_by_order(K, model, order, w_P=w_P, delay=delay)
     n_tried = 0
     if K.nstates:
         reason = "no controller of lower order keeps the proofs"
@@ -244,6 +236,31 @@ def reduce_controller(
         n_tried=n_tried,
         full_order=K.nstates,
     )
+
+
+def _require_proved(before: RobustnessReport) -> None:
+    """Refuse a controller of which the check proves nothing."""
+    if not before.verdict.is_robust:
+        raise ValueError(
+            f"K must have a proved property that can be kept, got '{before.verdict}':"
+            f" {before.reason}. Give an order to reduce it anyway."
+        )
+
+
+def _candidates_by_order(
+    K: control.StateSpace,
+    model: FrfSource,
+    order: int | None,
+    *,
+    w_P: Weight | None,
+    delay: float,
+) -> dict[int, list[tuple[str, control.StateSpace]]]:
+    """Return the candidates below the order of K with their methods, of every order or one."""
+    found: dict[int, list[tuple[str, control.StateSpace]]] = {}
+    for method, n, small in _candidates(K, model, w_P=w_P, delay=delay):
+        if order in (None, n) and n < K.nstates:
+            found.setdefault(n, []).append((method, small))
+    return found
 
 
 def _plant_as_set(model: FrfSource | LinearSystem) -> FrfSource:

@@ -79,7 +79,7 @@ REVIEWED = {
     "nlfrf.io.readers.twincat:_separate_by_tabs": "a file",
     "nlfrf._base.values:wrap_lines": "lines of what is printed, broken to fit a screen",
     "nlfrf._base.values:to_plain": "white space made even in what is only printed",
-    "nlfrf.io.channels:_read_contents": "white space made even in what is only printed",
+    "nlfrf.io.measurement_files:_read_contents": "white space made even in what is only printed",
     "nlfrf._base.own_process:read_in_own_process": (
         "the name of the exception that ended another process"
     ),

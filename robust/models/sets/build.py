@@ -90,12 +90,11 @@ def uncertainty(
     draw of the phases of the excitation) with the stated confidence. Its radius is the misfit of
     the nominal + sqrt(F_p (variance of G + variance of one realisation + variance of the even
     distortion)), with the F quantile F_p. The squared misfit is |measured FRF - nominal|^2 minus
-    the variance, because the measured FRF contains scatter. For a fitted nominal the radius is
-    slightly too large, because the fit averages a part of the variance.
+    the variance.
 
-    Use this after `nlfrf.identify` and `fit_nominal`, before any design. Controllers are designed
-    and checked for the set that it returns. A list of plants that the set has to contain is passed
-    to `uncertainty_of_plants`. For a radius of your own use `UncertaintyModel.from_radius`.
+    Use this after `nlfrf.identify` and `fit_nominal`, before any design. A list of plants that the
+    set has to contain is passed to `uncertainty_of_plants`. For a radius of your own use
+    `UncertaintyModel.from_radius`.
 
     Parameters
     ----------
@@ -109,22 +108,20 @@ def uncertainty(
     form : str, optional
         "multiplicative" (default), "additive", "inverse-multiplicative", "inverse-additive" or
         "coprime". For several channels: "elements" (default), "additive" or "input"; or "auto",
-        which makes the sets "elements" and "additive", each at the confidence (1 + p)/2 for a
-        `confidence` p. `check` may then use the better of the two; the radii are up to 10 % larger.
-        Choose the form before you see a verdict, because trying several forms is a multiple test.
+        which makes the sets "elements" and "additive", of which `check` may use the better one,
+        each at the confidence (1 + p)/2 for a `confidence` p. Choose the form before you see a
+        verdict, because trying several forms is a multiple test.
     order : int, optional
         Order of each weight. By default it is raised, up to 12, as long as one more state lowers
         the mean of |weight|/radius by 0.1 dB.
     confidence : float
         Probability on each line, or on all lines together if `simultaneous` is True.
     simultaneous : bool
-        False: at a confidence of 95 %, about one line in twenty of another record lies outside its
-        disc; the field `joint` is the probability for a whole FRF. True: the confidence holds for
-        all lines together, and the radius is larger by a factor of 1.8 to 2.1, which is seldom
-        useful (see the guide on bounds).
+        True: the confidence holds for all lines together, and the radius is larger by a factor of
+        1.8 to 2.1 (see the guide on bounds). False: it holds on each line; the field `joint` is the
+        probability for a whole FRF.
     even : bool
-        Add the variance of the even distortion, because the signals in closed loop are not odd
-        multisines.
+        Add the variance of the even distortion: signals in closed loop are not odd multisines.
     systematic : float, optional
         Systematic part of the radius (difference between the BLA and the FRF of the machine without
         its nonlinearity), in decibels above the odd distortion level: 8 for a static cubic, more
@@ -186,19 +183,13 @@ def uncertainty(
     if weights != DIAGONAL or omega_B is not None:
         raise ValueError("weights and omega_B must be left out with a measured Bla")
     recorded = _require_records(bla)
-    single = recorded[0].is_single
-    if nominal is None and single:
-        raise ValueError("nominal must be given for one channel: see fit_nominal, got none")
-    if nominal is None:
-        nominal = scan_orders(recorded).fit
-    if form is None:
-        form = DEFAULT_FORM if single else ELEMENTS
-    require_choice("form", form, tuple(FORMS) if single else (*RECORD_FORMS, AUTO))
-    centre, delay = _nominal_of_records(nominal, recorded[0])
+    form = _checked_form(form, recorded[0].is_single)
+    known = _nominal_or_fit(nominal, recorded)
+    centre, delay = _nominal_of_records(known, recorded[0])
     request = _SetRequest(
         nominal=centre,
         delay=delay,
-        omega_c=nominal.omega_c if isinstance(nominal, NominalFit) else float("nan"),
+        omega_c=known.omega_c if isinstance(known, NominalFit) else float("nan"),
         form=form,
         order=None if order is None else require_integer("order", order, least=0),
         rules=Extrapolation(
@@ -213,15 +204,9 @@ def uncertainty(
         perturbation=perturbation,
         scaling=(W1, W2),
     )
-    if form != AUTO:
-        return _set_in_form(request, recorded)
-    # two tests share the probability of an error
-    spec = replace(request.spec, p=(1 + request.spec.p) / 2)
-    elements, additive = (
-        _set_in_form(replace(request, form=one, spec=spec), recorded)
-        for one in (ELEMENTS, ADDITIVE)
-    )
-    return replace(elements, alternative_form=additive)
+    if form == AUTO:
+        return _better_of_two_forms(request, recorded)
+    return _set_in_form(request, recorded)
 
 
 @value
@@ -242,6 +227,36 @@ class _SetRequest:
     def dt(self) -> float:
         """Return the sampling time [s] of the nominal."""
         return sampling_time_of(self.nominal)
+
+
+def _checked_form(form: str | None, single: bool) -> str:
+    """Return the form of a set around records; refuse one that is not for so many channels."""
+    if form is None:
+        form = DEFAULT_FORM if single else ELEMENTS
+    require_choice("form", form, tuple(FORMS) if single else (*RECORD_FORMS, AUTO))
+    return form
+
+
+def _nominal_or_fit(
+    nominal: NominalFit | AnySystem | float | None, recorded: list[Bla]
+) -> NominalFit | AnySystem | float:
+    """Return the given nominal, for several channels without one the fit of `scan_orders`."""
+    if nominal is not None:
+        return nominal
+    if recorded[0].is_single:
+        raise ValueError("nominal must be given for one channel: see fit_nominal, got none")
+    return scan_orders(recorded).fit
+
+
+def _better_of_two_forms(request: _SetRequest, recorded: list[Bla]) -> UncertaintyModel:
+    """Return the set "elements" with the set "additive" as its alternative."""
+    # two tests share the probability of an error
+    spec = replace(request.spec, p=(1 + request.spec.p) / 2)
+    elements, additive = (
+        _set_in_form(replace(request, form=one, spec=spec), recorded)
+        for one in (ELEMENTS, ADDITIVE)
+    )
+    return replace(elements, alternative_form=additive)
 
 
 def _set_in_form(request: _SetRequest, recorded: list[Bla]) -> UncertaintyModel:

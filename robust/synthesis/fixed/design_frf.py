@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import cast
+from typing import Any, cast
 
 from nlfrf._base.arguments import require_kind
 from robust._base.channels import is_matrix
@@ -59,30 +59,22 @@ def design_frf(
     ----------
     plant : nlfrf.Bla, FrequencyResponseData, UncertaintyModel, control system, list of them
         The plant. An FRF is known on its lines only. It is interpolated between two lines if the
-        controller has a mode there, and extrapolated below the first line by the gain and phase of
-        its first lines. The bound of a Bla or the radius of a model is part of every demand: the
-        demand holds for each plant in the discs. A list is a family of plants with one controller
-        for all.
-
-        For several channels, with as many inputs as outputs, the controller is diagonal: input k
-        controls output k. The loops are designed one after the other, with the earlier loops
-        closed. Each loop is then checked with all others closed, and designed again if it misses a
-        demand. Finally the whole loop is checked. Any of the next arguments may be a list with one
-        entry for each loop.
+        controller has a mode there, and extrapolated below the first line. Every demand holds for
+        each plant within the bound of a Bla or the radius of a model. A list is a family of plants
+        with one controller for all. For several channels, with as many inputs as outputs, the
+        controller is diagonal, and any of the next arguments may be a list with one entry for each
+        loop.
     structure : str, int or ControllerStructure
         "P", "I", "PI", "PD", "PID", "lead", "lead-lag" (real zeros and poles); "order-n" or n for a
         controller of order n; or a ControllerStructure, for example with a given denominator.
     w_P, w_T, w_u : control system or float, optional
         Weights on S, T and K S. gamma is the maximum over frequency of the norm of [max |w_P S|
-        over the set; w_T T; w_u K S]. Without uncertainty it is an H-infinity norm. With w_P alone
-        it is mu of robust performance.
+        over the set; w_T T; w_u K S]; with w_P alone it is mu of robust performance.
     M_S, M_T, M_u : float or control system, optional
         Largest |S|, |T| and |K S| allowed: a number, or a system whose magnitude is the limit.
     omega_c : float or (low, high), optional
-        Smallest crossover frequency allowed [rad/s]. With one number the crossover may be far above
-        it. With two numbers, the second is the largest crossover allowed: |L| <= 1 at all
-        frequencies above it. If the structure has a resonance, |L| may exceed one there; the limit
-        then holds at the second number only.
+        Smallest crossover frequency allowed [rad/s], and the largest: |L| <= 1 at all frequencies
+        above it, or at it alone if the structure has a resonance.
     gain : (omega, least), optional
         Smallest |L| allowed at a frequency omega [rad/s], for tracking and disturbance rejection.
     aim : str
@@ -98,38 +90,33 @@ def design_frf(
         A known factor of K with the sampling time dt, for example a notch or a low-pass filter
         (`robust.shaping`).
     end_gain : float
-        Largest |L| allowed at the last line of an FRF and above it. Above the last line the gain of
-        the plant is assumed to be no larger than at this line.
+        Largest |L| allowed at the last line of an FRF and above it, where the gain of the plant is
+        assumed to be no larger.
     integrators : int
         Number of integrators of a controller "order-n".
     filter_time : float, optional
         Time constant of the derivative filter of PD and PID [s]. By default it is designed, and at
-        least half a sample, because a sampled derivative with a shorter filter oscillates from
-        sample to sample.
+        least half a sample.
     stable : bool
         Keep the controller itself stable, except for its integrators.
     positive : bool
-        Keep Kp, Ki and Kd of a PID (or of a part of a PID) positive, because a PLC accepts no
-        negative time Ti = Kp/Ki or Td = Kd/Kp. These are the gains without the factor `fixed`. If
-        no filter time is given, the best of six values is used.
+        Keep Kp, Ki and Kd of a PID (or of a part of it) positive, without the factor `fixed`, as a
+        PLC needs them.
     start : control system, optional
-        A stabilising controller of this structure, as start of the search. By default differential
-        evolution searches a start over gain, poles and zeros.
+        A stabilising controller of this structure, as start; by default from differential evolution.
     n_starts : int
-        Number of controllers from differential evolution that are refined, in addition to a simple
-        start. More starts take longer and may give a better result.
+        Number of controllers from differential evolution that are refined, beside a simple start.
     n_unstable : int
         Number of unstable poles of the plant, for an FRF.
     plant_integrators : int, optional
-        Number of integrators of the plant, for an FRF. By default it is estimated, together with
-        the sign of the plant, from slope and phase of the first lines. If their bound allows
-        several numbers, the loop must be stable for each; otherwise its stability is not decided.
+        Number of integrators of the plant, for an FRF. By default it is estimated from slope and
+        phase of the first lines. The loop must be stable for each number that their bound allows;
+        otherwise its stability is not decided.
     prove : MachineWithFriction or (FrictionPlant, MaxwellSlip), optional
-        Machine and class of friction with which the loop must be proved to come to rest. The gain
-        is lowered until the proof holds, and all demands are checked again.
+        Machine and class of friction with which the loop must be proved to come to rest: the gain
+        is lowered until the proof holds.
     n_iterations : int
-        Largest number of convex optimisation steps from each start. If the result is worse or
-        misses a demand between the lines, lines are added and the steps are repeated.
+        Largest number of convex optimisation steps from each start.
     progress : callable, optional
         Function that is called with (iteration, worst demand or gamma) after every step.
 
@@ -142,7 +129,7 @@ def design_frf(
     Warns
     -----
     DesignWarning
-        A filter time below half a sample.
+        A filter time below half a sample: the derivative oscillates from sample to sample.
 
     Raises
     ------
@@ -167,34 +154,10 @@ def design_frf(
     >>> design.K.nstates, bool(design.gamma < 1.41)
     (2, True)
     """
+    asked: dict[str, Any] = dict(locals())  # every demand and option, by its name
+    del asked["plant"], asked["structure"]
     require_kind("positive", positive, bool)
-    asked = {
-        "w_P": w_P,
-        "w_T": w_T,
-        "w_u": w_u,
-        "M_S": M_S,
-        "M_T": M_T,
-        "M_u": M_u,
-        "omega_c": omega_c,
-        "gain": gain,
-        "aim": aim,
-        "dt": dt,
-        "delay": delay,
-        "fixed": fixed,
-        "end_gain": end_gain,
-        "integrators": integrators,
-        "filter_time": filter_time,
-        "stable": stable,
-        "positive": positive,
-        "y_rises": positive,
-        "start": start,
-        "n_starts": n_starts,
-        "n_unstable": n_unstable,
-        "plant_integrators": plant_integrators,
-        "prove": prove,
-        "n_iterations": n_iterations,
-        "progress": progress,
-    }
+    asked["y_rises"] = positive
     if has_several_channels(plant) or is_matrix(plant):
         return close_in_turn(plant, structure, asked)
     if isinstance(plant, list | tuple) and any(

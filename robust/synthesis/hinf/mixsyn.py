@@ -109,21 +109,12 @@ def mixsyn(
     else:
         G = delayed(G, delay, order=_PADE_ORDER)
     dt = step or dt
-    weights = {"w_P": [w_P], "w_u": [w_u], "w_T": [w_T]}
-    if _is_unstructured_model(model):
-        place = FORMS[model.form].weighted_transfer
-        if not place:
-            possible = ", ".join(name for name, form in FORMS.items() if form.weighted_transfer)
-            raise ValueError(f"model must be of the form {possible}, got {model.form}")
-        weights[place].append(model.weight)
     stacked = [
         (
             _WEIGHTED_PORTS[name],
             weight_on_time_base(name, w, dt=dt, n=n_u if name == "w_u" else n_y),
         )
-        for name, many in weights.items()
-        for w in many
-        if w is not None
+        for name, w in _weights_with_model(model, w_P, w_u, w_T)
     ]
     G = control.StateSpace(G.A, G.B, G.C, G.D, dt)
     P = weighted_plant(G, n_y, n_u=n_u, weights=stacked)
@@ -143,6 +134,22 @@ def mixsyn(
         certificate=found.certificate,
         CL=found.CL,
     )
+
+
+def _weights_with_model(
+    model: UncertaintyModel | Controller, w_P: Weight, w_u: Weight | None, w_T: Weight | None
+) -> list[tuple[str, Weight]]:
+    """Return the weights with their names, that of the model as a weight on the transfer function
+    that its form perturbs.
+    """
+    weights: dict[str, list[Weight | None]] = {"w_P": [w_P], "w_u": [w_u], "w_T": [w_T]}
+    if _is_unstructured_model(model):
+        place = FORMS[model.form].weighted_transfer
+        if not place:
+            possible = ", ".join(name for name, form in FORMS.items() if form.weighted_transfer)
+            raise ValueError(f"model must be of the form {possible}, got {model.form}")
+        weights[place].append(model.weight)
+    return [(name, w) for name, many in weights.items() for w in many if w is not None]
 
 
 def _is_unstructured_model(model: object) -> TypeGuard[UncertaintyModel]:
