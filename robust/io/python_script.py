@@ -94,7 +94,7 @@ def export_python(model: UncertaintyModel, path: PathLike) -> None:
         if elements:
             shape = (model.n_outputs * model.n_inputs,) * 2
         else:
-            shape = model.block_shape[::-1]
+            shape = model.structure[0][::-1]
     parts = {
         "TITLE": one_line(str(model)).replace('"', "'").replace("\\", "/"),
         "CLOCK": f"sampled every {dt:g} s" if dt else "continuous",

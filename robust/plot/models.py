@@ -253,7 +253,7 @@ def _draw_weights(model: UncertaintyModel, ax: Axes | None) -> np.ndarray:
     """Draw `plot_weight` for several channels."""
     omega = _widened_band(model)
     if model.left:
-        n_r, n_l = model.block_shape
+        ((n_r, n_l),) = model.structure
         n = max(n_l, n_r)
         rows, columns = ["W_l  [dB]", "W_r  [dB]"], [f"channel {k + 1}" for k in range(n)]
         places = {(0, k): k for k in range(n_l)} | {(1, k): n_l + k for k in range(n_r)}

@@ -3,6 +3,8 @@
 coprime          normalised coprime factors of a plant, and the plants with perturbed factors
 block_weights    the smallest W_l and W_r that cover several matrices, at each frequency, by a convex program
 build            `uncertainty`: the set around a nominal, from records
+centre           the nominal of a set: a system, or an FRF that is known on its lines only
+delta            the perturbation of a set with its weights: a number, a number for each entry, or a full block
 family           sets from families of plants with several channels, and `choose_form`
 family_members   the members of a family on the lines where they are compared, and their nominal
 forms            the forms of uncertainty, one row each: perturbed plant, sensitivity, discs of the loop

@@ -43,12 +43,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import field
+from functools import cached_property
 from typing import TypeGuard
 
 import control
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import block_diag
 
 from nlfrf._base.arguments import (
     data_warning,
@@ -62,37 +62,22 @@ from nlfrf._base.arguments import (
     require_real_array,
     short_form,
 )
-from nlfrf._base.numbers import squared_modulus
 from nlfrf._base.values import ArrayField, freeze_array, value
 from robust._base.states import Outcome
 from robust._base.types import AnySystem, Controller, SystemField, Weight
 from robust._base.warnings import DesignWarning
-from robust.lti.connections import (
-    block_diagonal,
-    in_series,
-    lower_lft,
-    require_shape,
-    upper_lft,
-    weighted_plant,
-)
+from robust.lti.connections import lower_lft, require_shape, weighted_plant
 from robust.lti.lti import (
     SAMPLING_TOLERANCE,
     common_sampling_time,
-    divide_right,
-    frf_on_lines,
     is_clockless,
     is_stable,
-    replace_infinite,
     require_sampling_time,
-    response,
-    response_by_channel,
-    signal_names,
     timebase,
 )
 from robust.lti.realisation import (
     frequency_response,
     multivariable,
-    reachable_entry,
     repeat_over_channels,
     rightmost_pole,
     state_space,
@@ -100,10 +85,17 @@ from robust.lti.realisation import (
 from robust.models.fit.doubts import checked_weight
 from robust.models.fit.nominal_fit import NominalFit, sampling_time_of, single_nominal
 from robust.models.fit.weights import cover_sampled
-from robust.models.sets.coprime import invertible_scaling, require_below_one
+from robust.models.sets.centre import Centre, centre_of
+from robust.models.sets.delta import (
+    BlockDelta,
+    Delta,
+    EntryDeltas,
+    matrix_delta,
+    scalar_delta,
+    side_gains,
+)
 from robust.models.sets.forms import (
     ADDITIVE,
-    BLOCK_FORMS,
     DEFAULT_FORM,
     ELEMENTS,
     FORMS,
@@ -111,12 +103,11 @@ from robust.models.sets.forms import (
     MATRIX_FORMS,
     PERTURBATIONS,
     RECORD_FORMS,
-    MatrixForm,
     reduce_to_one_channel,
 )
 from robust.models.sets.interconnection import Block, UncertainSystem
-from robust.models.sets.membership import Deviation, block_deviation, coprime_deviation, right_roots
-from robust.models.sets.perturbations import perturbed_plant, random_delta
+from robust.models.sets.membership import Deviation
+from robust.models.sets.perturbations import random_delta
 from robust.models.sets.radius import Extrapolation, checked_slope, fit_covering_weight
 from robust.models.sets.records import (
     PARTS,
@@ -126,7 +117,6 @@ from robust.models.sets.records import (
     format_probability,
 )
 
-_ROUNDING_FACTOR = 1 + 1e-9  # a Delta of size one, with rounding
 _SET_TOLERANCE = 1e-6  # relative excess over the radius that still counts as inside
 _MAX_TRIALS = (
     20  # draws for each plant that is wanted: rounding may take a realisation out of its set
@@ -262,8 +252,8 @@ class UncertaintyModel:
 
     def __post_init__(self) -> None:
         self._take_sides()
-        held, single = self.__dict__, self.is_single
-        require_choice("form", self.form, tuple(FORMS) if single else MATRIX_FORMS)
+        held = self.__dict__
+        held["scaling"] = self.delta.scaling
         require_choice("perturbation", self.perturbation, PERTURBATIONS)
         if not np.isnan(self.confidence):
             require_probability("confidence", self.confidence)
@@ -272,30 +262,31 @@ class UncertaintyModel:
         held["omega"] = omega = require_real_array("omega", self.omega, ndim=1)
         if np.any(np.diff(omega) <= 0) or not omega.size or omega[0] <= 0:
             raise ValueError("omega must be positive and increasing")
-        if not self.measured_only:
-            held["nominal"] = (state_space if single else multivariable)("nominal", self.nominal)
-        if single:
-            held["weight"] = state_space("weight", self.weight)
-            if FORMS[self.form].depends_on_units:
-                require_below_one(self.weight)
-        else:
-            self._check_blocks()
+        self._check_alternative()
         self._check_radius()
-        if single and FORMS[self.form].depends_on_units:
-            W1, W2 = self.scaling or (None, None)
-            held["scaling"] = tuple(
-                invertible_scaling(name, W, self.nominal) for name, W in (("W1", W1), ("W2", W2))
-            )
-        elif self.scaling:
-            raise ValueError(
-                "W1 and W2 must be left out except for the coprime form, got scaling with"
-                f" {self.form}"
-            )
-        known = (("u",), ("y",)) if single else signal_names(self.nominal)
         held["inputs"], held["outputs"] = (
-            tuple(self.inputs) or known[0],
-            tuple(self.outputs) or known[1],
+            tuple(given) or known
+            for given, known in zip(
+                (self.inputs, self.outputs), self.delta.signal_names(self.nominal), strict=True
+            )
         )
+
+    @cached_property
+    def centre(self) -> Centre:
+        """The nominal, with what a set can do around a system or around an FRF."""
+        return centre_of(self.nominal)
+
+    @cached_property
+    def delta(self) -> Delta:
+        """The perturbation with its weights."""
+        if self.is_single:
+            return scalar_delta(self.nominal, self.form, self.weight, self.scaling)
+        return matrix_delta(self.nominal, self.form, self.left, self.right, self.scaling)
+
+    @property
+    def dt(self) -> float:
+        """Sampling time [s] of the nominal; 0 for continuous time and for an FRF."""
+        return self.centre.dt
 
     @classmethod
     @keep_warnings
@@ -401,47 +392,24 @@ class UncertaintyModel:
                 self.form, self.left, right=self.right, radius=self._given_radius()
             ):
                 held.update(one, left=(), right=())
-        elif count_channels(self.nominal) != (1, 1):
+            return
+        if count_channels(self.nominal) != (1, 1):
             raise ValueError(
                 "left and right must be the weights for a plant with"
                 f" {format_channels(self.nominal)}, got weight {short_form(self.weight)}:"
                 f" {_own_weights_call(self.nominal, self.form)}"
             )
+        held["nominal"] = single_nominal(self.nominal)[0]
+        held["weight"] = state_space("weight", self.weight)
 
     def _given_radius(self) -> np.ndarray:
-        """Return the radius that was given, else that of the weights."""
+        """Return the radius that was given, else the gains of the sides."""
         if self.radius is not None:
             return np.asarray(self.radius)
-        rows = self.weight_gains(np.asarray(self.omega, dtype=float))
-        if self.is_single:
-            return rows[0]
-        return rows
+        return side_gains(self.left, self.right, np.asarray(self.omega, dtype=float))
 
-    def _check_blocks(self) -> None:
-        """Refuse another number of weights than the form has for several channels."""
-        n_y, n_u = self.n_outputs, self.n_inputs
-        if self.form == ELEMENTS:
-            wanted = 0, n_y * n_u
-        else:
-            row, size = BLOCK_FORMS[self.form], {"u": n_u, "y": n_y}
-            wanted = size[row.acts], size[row.reads]
-            if row.needs_square_plant and n_y != n_u:
-                raise ValueError(
-                    f"form must be elements or additive for a plant that is not square, got {n_y}"
-                    f" by {n_u}"
-                )
-        given = tuple(sum(weight.noutputs for weight in side) for side in (self.left, self.right))
-        each = {"left": self.left, "right": self.right}
-        odd = next(
-            (n for n, side in each.items() for weight in side if weight.noutputs != weight.ninputs),
-            None,
-        )
-        if odd or given != wanted or (self.form == ELEMENTS and len(self.right) != wanted[1]):
-            raise ValueError(
-                f"left and right must hold {wanted[0]} and {wanted[1]} weights for the {self.form}"
-                " form, "
-                + (f"got {odd} that is not square" if odd else f"got {given[0]} and {given[1]}")
-            )
+    def _check_alternative(self) -> None:
+        """Refuse another form of the set at another confidence."""
         other = self.alternative_form
         if other is not None and other.confidence != self.confidence:
             raise ValueError(
@@ -453,10 +421,10 @@ class UncertaintyModel:
         """Refuse radii and parts that do not fit each other or the nominal, and weights that do not
         cover them.
         """
-        omega, dt = self.omega, 0.0 if self.measured_only else timebase(self.nominal)
-        radius = require_real_array("radius", self._given_radius(), ndim=1 if self.is_single else 2)
-        gains = self.weight_gains(omega)
-        shape = omega.shape if self.is_single else gains.shape
+        omega, dt, gains = self.omega, self.dt, self.weight_gains(self.omega)
+        shape = self.delta.radius_shape(omega.size)
+        given = gains.reshape(shape) if self.radius is None else self.radius
+        radius = require_real_array("radius", given, ndim=len(shape))
         if radius.shape != shape:
             raise ValueError(
                 f"radius must have one value per frequency, the shape {shape}, got {radius.shape}"
@@ -469,7 +437,7 @@ class UncertaintyModel:
                 f"omega must not exceed the Nyquist frequency {np.pi / dt:g} rad/s, got"
                 f" {omega[-1]:g}"
             )
-        self._check_weights(gains / radius, dt)
+        self._check_weights(gains / radius)
         self.__dict__["radius"] = radius
         require_known("budget", self.budget, PARTS)
         known = {
@@ -482,19 +450,16 @@ class UncertaintyModel:
                 )
         self.__dict__["budget"] = known
 
-    def _check_weights(self, covers: np.ndarray, dt: float) -> None:
-        """Refuse weights that are unstable, have another sampling time than dt [s], or a (n, W)
-        cover below one.
+    def _check_weights(self, covers: np.ndarray) -> None:
+        """Refuse weights that are unstable, have another sampling time than the nominal, or a (n,
+        W) cover below one.
         """
-        if self.is_single:
-            names = ["weight"]
-        else:
-            names = [f"left[{k}]" for k in range(len(self.left))]
-        names += [f"right[{k}]" for k in range(len(self.right))]
+        names = self.delta.weight_names
         for name, weight in zip(names, self.weights, strict=True):
-            if weight.nstates and not self.measured_only and timebase(weight) != dt:
+            wanted = self.centre.clock_for(weight)
+            if weight.nstates and timebase(weight) != wanted:
                 raise ValueError(
-                    f"{name} must have the sampling time of the nominal, {dt:g} s, got"
+                    f"{name} must have the sampling time of the nominal, {wanted:g} s, got"
                     f" {timebase(weight):g} s"
                 )
             if not is_stable(weight):
@@ -514,39 +479,18 @@ class UncertaintyModel:
                 )
 
     def __str__(self) -> str:
-        single, dt = self.is_single, 0.0 if self.measured_only else timebase(self.nominal)
-        whole = "FRF" if single else "matrix"
-        if single:
-            of = ""
-        else:
-            of = f" with {self.n_outputs} outputs and {self.n_inputs} inputs"
         if np.isnan(self.confidence):
             percent = ""
         else:
             percent = f", {100 * self.confidence:g} % "
         if percent:
             percent += "for all lines together" if self.simultaneous else "per line"
+        of, whole, size = self.delta.describe(self.omega, self.radius, self.origin.unit)
         if not np.isnan(self.joint.frf):
             percent += f" (a whole {whole} {format_probability(self.joint.frf)})"
-        if self.measured_only:
-            kind = "an FRF"
-        else:
-            kind = f"{self.nominal.nstates} states"
-        if single:
-            k = int(np.argmax(self.radius))
-            unit = FORMS[self.form].unit_of(self.origin.unit).split()
-            size = (
-                f"weight of order {self.weight.nstates}, radius {self.radius.min():.3g} to"
-                f" {' '.join([f'{self.radius[k]:.3g}', *unit])} (at {self.omega[k] / 2 / np.pi:.4g}"
-                f" Hz) over {self.omega[0] / 2 / np.pi:.4g} to {self.omega[-1] / 2 / np.pi:.4g} Hz"
-            )
-        else:
-            kind += f" at {1 / dt:g} Hz" if dt else ""
-            orders = [weight.nstates for weight in self.weights]
-            size = f"weights of orders {min(orders)} to {max(orders)}"
         other = self.alternative_form
         return (
-            f"{self.form} uncertainty{of}, {self.perturbation}{percent}: nominal {kind}, {size}; "
+            f"{self.form} uncertainty{of}, {self.perturbation}{percent}: nominal {self.centre.describe()}{size}; "
             f"{self.origin.extrapolation}"
             + self.describe_radius()
             + ("" if other is None else f", with a second set in the {other.form} form")
@@ -570,13 +514,7 @@ class UncertaintyModel:
 
     def relative_radius(self) -> np.ndarray:
         """Return (W,) radius divided by |G|; nan for a form without a relative deviation."""
-        if self.is_single:
-            form = FORMS.get(self.form)
-        else:
-            form = None
-        if form is None or form.relative_weight is None or form.inverse:
-            return np.full(self.omega.size, np.nan)
-        return form.relative_weight(self.radius, np.abs(self.at(self.omega)))
+        return self.delta.relative_radius(self.radius, self.at(self.omega))
 
     def describe_radius(self) -> str:
         """Describe the largest radius below and above the crossover, with its parts."""
@@ -616,9 +554,7 @@ class UncertaintyModel:
     @property
     def weights(self) -> tuple[control.StateSpace, ...]:
         """All weights: `weight` for one channel, otherwise `left` followed by `right`."""
-        if self.is_single:
-            return (self.weight,)
-        return *self.left, *self.right
+        return self.delta.weights
 
     @property
     def measured_only(self) -> bool:
@@ -628,49 +564,20 @@ class UncertaintyModel:
     @property
     def structure(self) -> list[tuple[int, int]]:
         """Blocks of Delta, as `robust.mu.upper` takes them."""
-        if self.form == ELEMENTS:
-            return [(1, 1)] * (self.n_outputs * self.n_inputs)
-        if self.is_single:
-            return [(1, 1)]
-        return [self.block_shape]
-
-    @property
-    def block_shape(self) -> tuple[int, int]:
-        """Numbers of inputs and outputs of the full block Delta, for several channels."""
-        return sum(weight.noutputs for weight in self.right), sum(
-            weight.ninputs for weight in self.left
-        )
-
-    @property
-    def has_full_weights(self) -> bool:
-        """Return whether a weight is a full matrix."""
-        return any(weight.noutputs > 1 for weight in self.weights)
+        return self.delta.structure
 
     def weight_gains(self, omega: np.ndarray) -> np.ndarray:
         """Return (n, W) gains of the rows of W_l, then of the columns of W_r; or |weight|."""
-        sides = [(self.left, 1), (self.weights[len(self.left) :], 0)]
-        parts = [
-            np.linalg.norm(response_by_channel(weight, omega), axis=axis)
-            for side, axis in sides
-            for weight in side
-        ]
-        return np.concatenate(parts)
+        return self.delta.gains(omega)
 
     @property
     def shaping(self) -> control.StateSpace:
         """Product W1 W2 of the coprime form; a unit gain for other forms."""
-        scaled = self.is_single and FORMS[self.form].depends_on_units
-        if scaled:
-            return in_series(*self.scaling)
-        return state_space("shaping", 1.0)
+        return self.delta.shaping
 
     def at(self, omega: np.ndarray) -> np.ndarray:
         """Return (W,) or (n_y, n_u, W) complex response of the nominal."""
-        if self.measured_only:
-            return frf_on_lines(self.nominal, omega)
-        if self.is_single:
-            return response(self.nominal, omega)
-        return response_by_channel(self.nominal, omega)
+        return self.centre.response(omega).reshape(*self.delta.channels, omega.size)
 
     def distance(self, plant: AnySystem) -> np.ndarray:
         """Return (W,) size of the smallest Delta that changes the nominal into a plant.
@@ -678,12 +585,16 @@ class UncertaintyModel:
         plant : control.FrequencyResponseData, compared at its own frequencies; or a system,
         compared at `omega`.
         """
-        clocks = (self.nominal,) if self.measured_only else (self.nominal, self.weights[0])
         omega, G = frequency_response(
-            "plant", plant, self.omega, clocks, (self.n_outputs, self.n_inputs)
+            "plant",
+            plant,
+            self.omega,
+            self.centre.clocks(self.weights),
+            (self.n_outputs, self.n_inputs),
         )
-        nominal = self.at(omega)
-        return self.normalized_distance(omega, *(np.moveaxis(x, -1, 0) for x in (G, nominal)))
+        return self.normalized_distance(
+            omega, *(np.moveaxis(x, -1, 0) for x in (G, self.at(omega)))
+        )
 
     def normalized_distance(
         self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray
@@ -692,80 +603,23 @@ class UncertaintyModel:
 
         For several channels G is (..., W, n_y, n_u) and nominal (W, n_y, n_u).
         """
-        delta = self.minimal_perturbation(omega, G, nominal)
-        if self.is_single:
-            return np.abs(delta)
-        if self.form == ELEMENTS:
-            return np.max(np.abs(delta), axis=(-2, -1))
-        return np.linalg.norm(delta, 2, (-2, -1))
+        return self.delta.size(self.delta.smallest(omega, G, nominal))
 
     def is_within(self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray) -> np.ndarray:
         """Return (..., W) whether `normalized_distance` is at most one."""
-        delta = self.minimal_perturbation(omega, G, nominal)
-        if self.is_single:
-            return np.abs(delta) <= _ROUNDING_FACTOR
-        if self.form == ELEMENTS:
-            return np.all(squared_modulus(delta) <= _ROUNDING_FACTOR**2, axis=(-2, -1))
-        total = np.add.reduce(squared_modulus(delta), axis=(-2, -1))
-        held = total <= _ROUNDING_FACTOR**2
-        close = ~held & (total <= _ROUNDING_FACTOR**2 * min(delta.shape[-2:]))
-        held[close] = np.linalg.norm(delta[close], 2, (-2, -1)) <= _ROUNDING_FACTOR
-        return held
-
-    def minimal_perturbation(
-        self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray
-    ) -> np.ndarray:
-        """Return (..., W) the smallest Delta that changes `nominal` into G.
-
-        For one channel Delta is exact except for the phase of the weight. For several channels its
-        shape is (..., W, rows, columns), and for "elements" that of G.
-        """
-        if self.is_single:
-            if FORMS[self.form].depends_on_units:  # at a pole, too, where G is infinite
-                W = response(self.shaping, omega)
-                G, nominal = W * replace_infinite(G), W * replace_infinite(nominal)
-            return FORMS[self.form].deviation(G, nominal) / np.abs(response(self.weight, omega))
-        if self.form == ELEMENTS:
-            sizes = self.weight_gains(omega).reshape(self.n_inputs, self.n_outputs, -1)
-            return (G - nominal) / sizes.transpose(2, 1, 0)
-        deviation = BLOCK_FORMS[self.form].deviation(G, nominal)
-        if not self.has_full_weights:
-            left, right = np.split(self.weight_gains(omega).T, [len(self.left)], axis=1)
-            return deviation / left[:, :, None] / right[:, None, :]
-        W_l, W_r = (
-            np.moveaxis(response_by_channel(side, omega), 2, 0) for side in self.side_weights()
-        )
-        return np.linalg.solve(W_l, divide_right(deviation, W_r))
+        return self.delta.is_within(self.delta.smallest(omega, G, nominal))
 
     def side_weights(self) -> tuple[control.StateSpace, control.StateSpace]:
         """Return W_l and W_r as systems, for several channels; "elements" has W_l = I."""
-        dt = self.nominal.dt
-        passed = control.StateSpace([], [], [], np.eye(len(self.right)), dt)
-        return block_diagonal(list(self.left), dt) if self.left else passed, block_diagonal(
-            list(self.right), dt
-        )
+        return require_several_channels(self, "have two sides", "use weight").sides()
 
     def entry_radius(self, omega: np.ndarray) -> np.ndarray:
         """Return (n_y, n_u, W) the largest deviation of each entry from the nominal over the set.
 
         For an inverse form it is an upper bound, which is infinite where the set is unbounded.
         """
-        require_several_channels(self, "have entries", "use nominal and radius")
-        if self.form == ELEMENTS:
-            return np.swapaxes(
-                self.weight_gains(omega).reshape(self.n_inputs, self.n_outputs, -1), 0, 1
-            )
-        n_z, n_d = self.block_shape
-        P = response_by_channel(self.open_loop(), omega)
-        around = np.linalg.norm(
-            np.moveaxis(P[:n_z, :n_d], 2, 0), 2, axis=(1, 2)
-        )  # Delta in a loop of its own
-        amplified = np.divide(1.0, 1 - around, out=np.full(around.size, np.inf), where=around < 1)
-        return (
-            amplified
-            * np.linalg.norm(P[n_z:, :n_d], axis=1)[:, None]
-            * np.linalg.norm(P[:n_z, n_d:], axis=0)
-        )
+        delta = require_several_channels(self, "have entries", "use nominal and radius")
+        return delta.entry_radius(self.nominal, omega)
 
     def contains(self, plant: AnySystem) -> bool:
         """Return whether the set contains an FRF (at its frequencies) or a system (at all
@@ -778,10 +632,10 @@ class UncertaintyModel:
         with a warning.
         """
         distance = self.distance(plant)
-        if isinstance(plant, control.FrequencyResponseData) or self.measured_only:
+        if not self.centre.is_provable(plant):
             return bool(np.all(distance <= 1 + _SET_TOLERANCE))
-        plant = (state_space if self.is_single else multivariable)("plant", plant)
-        if self.counted_roots(plant) != self.counted_roots(self.nominal):
+        plant = multivariable("plant", plant)
+        if self.delta.counted_roots(plant) != self.delta.counted_roots(self.nominal):
             return False
         found = [deviation.is_within(1 + _SET_TOLERANCE) for deviation in self.deviations(plant)]
         if any(one.outcome is Outcome.UNDECIDED for one in found):
@@ -792,44 +646,9 @@ class UncertaintyModel:
             return bool(np.all(distance <= 1 + _SET_TOLERANCE))
         return all(one.holds for one in found)
 
-    def counted_roots(self, plant: control.StateSpace) -> int:
-        """Return the number of poles (zeros in an inverse form) of a plant in the right half plane.
-
-        It is equal for all plants of a set. For coprime factors this is no condition: the result is
-        zero.
-        """
-        row = self._row
-        if row is None:
-            return 0
-        return right_roots(plant, inverse=row.inverse)
-
-    @property
-    def _row(self) -> MatrixForm | None:
-        """Row of the form as a full block, for one channel, too; None for coprime factors."""
-        if not self.is_single:
-            return BLOCK_FORMS[ADDITIVE if self.form == ELEMENTS else self.form]
-        return next((row for row in BLOCK_FORMS.values() if row.one_channel == self.form), None)
-
     def deviations(self, plant: control.StateSpace) -> list[Deviation]:
         """Return the deviation of a plant from the nominal, by entry of G for "elements"."""
-        G, row = self.nominal, self._row
-        if row is None:
-            return [coprime_deviation(G, plant, weight=self.weight, shaping=self.shaping)]
-        if self.is_single:
-            each = [(G, plant, self.weight, state_space("weight", 1.0))]
-        elif self.form == ELEMENTS:
-            one = state_space("weight", 1.0)
-            pairs = [(j, i) for i in range(self.n_inputs) for j in range(self.n_outputs)]
-            each = [
-                (reachable_entry(G, j, i), reachable_entry(plant, j, i), w, one)
-                for (j, i), w in zip(pairs, self.right, strict=True)
-            ]
-        else:
-            each = [(G, plant, *self.side_weights())]
-        return [
-            block_deviation(row, G, G_p, W_l=W_l, W_r=W_r, omega=self.omega)
-            for G, G_p, W_l, W_r in each
-        ]
+        return self.delta.deviations(self.nominal, plant, self.omega)
 
     def perturbed(self, Delta: Controller) -> control.StateSpace:
         """Return the plant of the set for one perturbation Delta, for instance to simulate it.
@@ -838,19 +657,7 @@ class UncertaintyModel:
         diagonal for "elements".
         """
         require_parametric(self, "to make plants of")
-        if self.is_single:
-            return perturbed_plant(
-                self.form, self.nominal, self.weight, state_space("Delta", Delta), self.shaping
-            )
-        P, Delta = self.open_loop(), multivariable("Delta", Delta)
-        require_sampling_time("Delta", Delta, reference="the model", wanted=common_sampling_time(P))
-        n, m = Delta.ninputs, Delta.noutputs
-        if (P.noutputs - self.n_outputs, P.ninputs - self.n_inputs) != (n, m):
-            raise ValueError(
-                f"Delta must have {P.noutputs - self.n_outputs} inputs and"
-                f" {P.ninputs - self.n_inputs} outputs for the {self.form} form, got {n} and {m}"
-            )
-        return upper_lft(P, Delta)
+        return self.delta.perturbed(self.nominal, Delta)
 
     def sample(
         self, n: int, rng: np.random.Generator | int | None = None
@@ -862,21 +669,12 @@ class UncertaintyModel:
         plants: list[control.StateSpace | control.FrequencyResponseData] = []
         rng = random_generator("rng", rng)
         # neither a gain as weight nor a gain as nominal needs a sampling time
-        dt = max(timebase(w) for w in self.weights) or (
-            0.0 if self.measured_only else timebase(self.nominal)
-        )
+        dt = max(timebase(w) for w in self.weights) or self.dt
         for _ in range(_MAX_TRIALS * require_integer("n", n, least=0)):
             if len(plants) == n:
                 break
             Delta = random_delta(rng, self.structure, band=(self.omega[0], self.omega[-1]), dt=dt)
-            if self.measured_only:
-                w, D, W = (response(X, self.omega) for X in (self.weight, Delta, self.shaping))
-                deviated = FORMS[self.form].perturbed(W * self.at(self.omega), w, D) / W
-                plant: control.StateSpace | control.FrequencyResponseData = (
-                    control.FrequencyResponseData(deviated, self.omega, self.nominal.dt)
-                )
-            else:
-                plant = self.perturbed(Delta)
+            plant = self.centre.perturbed(self.delta, Delta, self.omega)
             if is_within_set(self, plant):
                 plants.append(plant)
         if len(plants) < n:
@@ -888,49 +686,8 @@ class UncertaintyModel:
 
     def open_loop(self) -> control.StateSpace:
         """Return the system from (outputs of Delta, u) to (inputs of Delta, y)."""
-        require_several_channels(self, "have its perturbations pulled out", "use check")
-        G, dt = self.nominal, self.nominal.dt
-        n_y, n_u = self.n_outputs, self.n_inputs
-        W_l, W_r = self.side_weights()
-        if self.form == ELEMENTS:  # column i of G after the other: read u_i, act on y_j
-            reads, acts = np.repeat(np.eye(n_u), n_y, axis=0), np.tile(np.eye(n_y), n_u)
-            from_y = on_u = inverse = False
-        else:
-            row = BLOCK_FORMS[self.form]
-            from_y, on_u, inverse = row.reads == "y", row.acts == "u", row.inverse
-            reads, acts = np.eye(W_r.ninputs), (-1.0 if inverse else 1.0) * np.eye(W_l.noutputs)
-        none = np.zeros(((n_y if on_u else n_u), W_l.noutputs))
-        into, onto = (acts, none) if on_u else (none, acts)  # of d behind W_l into G, and onto y
-        # what W_r reads, from the states of G, d behind W_l and u; in an inverse form behind the
-        # place where d acts
-        if from_y:
-            of_states = reads @ G.C
-        else:
-            of_states = np.zeros((len(reads), G.nstates))
-        of_d = reads @ ((G.D @ into + inverse * onto) if from_y else inverse * into)
-        of_u = reads @ (G.D if from_y else np.eye(n_u))
-        A = block_diag(G.A, W_l.A, W_r.A)
-        behind = slice(G.nstates, G.nstates + W_l.nstates)
-        A[: G.nstates, behind] = G.B @ into @ W_l.C
-        A[behind.stop :, : G.nstates], A[behind.stop :, behind] = (
-            W_r.B @ of_states,
-            W_r.B @ of_d @ W_l.C,
-        )
-        B = np.block(
-            [
-                [G.B @ into @ W_l.D, G.B],
-                [W_l.B, np.zeros((W_l.nstates, n_u))],
-                [W_r.B @ of_d @ W_l.D, W_r.B @ of_u],
-            ]
-        )
-        C = np.block(
-            [
-                [W_r.D @ of_states, W_r.D @ of_d @ W_l.C, W_r.C],
-                [G.C, (onto + G.D @ into) @ W_l.C, np.zeros((n_y, W_r.nstates))],
-            ]
-        )
-        D = np.block([[W_r.D @ of_d @ W_l.D, W_r.D @ of_u], [(onto + G.D @ into) @ W_l.D, G.D]])
-        return control.StateSpace(A, B, C, D, dt)
+        delta = require_several_channels(self, "have its perturbations pulled out", "use check")
+        return delta.open_loop(self.nominal)
 
     def loop(self, K: Controller, *, w_P: Weight | None = None) -> UncertainSystem:
         """Return the loop u = K (r - y) with Delta as an external block, for several channels.
@@ -1028,22 +785,27 @@ def has_several_channels(model: object) -> TypeGuard[UncertaintyModel]:
     return isinstance(model, UncertaintyModel) and not model.is_single
 
 
-def require_several_channels(model: UncertaintyModel, purpose: str, instead: str) -> None:
-    """Refuse a set with one input and one output, and name the alternative."""
-    if model.is_single:
-        raise ValueError(
-            f"model must have several channels to {purpose}, got one input and one output:"
-            f" {instead}"
-        )
+def require_several_channels(
+    model: UncertaintyModel, purpose: str, instead: str
+) -> EntryDeltas | BlockDelta:
+    """Return the perturbation of a set with several channels; refuse a set with one, and name the
+    alternative.
+    """
+    delta = model.delta
+    if isinstance(delta, EntryDeltas | BlockDelta):
+        return delta
+    raise ValueError(
+        f"model must have several channels to {purpose}, got one input and one output: {instead}"
+    )
 
 
 def require_record_form(model: UncertaintyModel, purpose: str) -> None:
     """Refuse a set that no record makes: another form, or weights that are matrices."""
-    if model.form not in RECORD_FORMS or model.has_full_weights:
+    given = model.delta.form_with_weights
+    if given not in RECORD_FORMS:
         raise ValueError(
             f"model must have the form {', '.join(RECORD_FORMS[:-1])} or {RECORD_FORMS[-1]} and one"
-            f" weight a channel {purpose}, got"
-            f" {model.form}{' with weights that are matrices' * model.has_full_weights}"
+            f" weight a channel {purpose}, got {given}"
         )
 
 
@@ -1088,7 +850,9 @@ def require_one_channel(
         )
 
 
-def is_within_set(model: UncertaintyModel, plant: AnySystem) -> bool:
+def is_within_set(
+    model: UncertaintyModel, plant: control.StateSpace | control.FrequencyResponseData
+) -> bool:
     """Return whether a plant, after the rounding of its realisation, still lies in the set that it
     was drawn from.
 
@@ -1096,15 +860,9 @@ def is_within_set(model: UncertaintyModel, plant: AnySystem) -> bool:
     """
     if not np.all(model.distance(plant) <= 1 + _SET_TOLERANCE):
         return False
-    if model.measured_only or not model.is_single or not FORMS[model.form].depends_on_units:
-        return True
-    dt, (first, last) = timebase(model.nominal), model.omega[[0, -1]]
-    omega = np.geomspace(
-        first / 100, min(100 * last, 0.999 * np.pi / dt) if dt else 100 * last, 200
+    omega = model.centre.beyond(model.delta, model.omega)
+    G, nominal = (
+        np.moveaxis(one.response(omega).reshape(*model.delta.channels, omega.size), -1, 0)
+        for one in (centre_of(plant), model.centre)
     )
-    return bool(
-        np.all(
-            model.normalized_distance(omega, response(plant, omega), model.at(omega))
-            <= 1 + _SET_TOLERANCE
-        )
-    )
+    return bool(np.all(model.normalized_distance(omega, G, nominal) <= 1 + _SET_TOLERANCE))
