@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TypeGuard
 
-import control
-
 from nlfrf import Bla
 from nlfrf._base.arguments import short_form
 
@@ -20,13 +18,6 @@ def is_single(thing: object) -> TypeGuard[Bla]:
 def is_matrix(thing: object) -> TypeGuard[Bla]:
     """Return whether a value is a `Bla` with several inputs or outputs."""
     return isinstance(thing, Bla) and not thing.is_single
-
-
-def is_known_on_lines(plant: object) -> bool:
-    """Return whether a plant is known at its frequencies only: an FRF, or a set around one."""
-    return isinstance(plant, Bla | control.FrequencyResponseData) or bool(
-        getattr(plant, "measured_only", False)
-    )
 
 
 def require_matrix(name: str, thing: object) -> None:

@@ -16,7 +16,7 @@ from robust.lti.lti import Matrices, is_constant, sampling_times_differ, timebas
 from robust.lti.norms import hinf_norm
 from robust.lti.realisation import multivariable
 from robust.models.sets.coprime import coprime_factors
-from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.model import UncertaintyModel, plant_of
 
 
 def nu_gap(G1: Controller | UncertaintyModel, G2: Controller | UncertaintyModel) -> float:
@@ -60,7 +60,7 @@ def nu_gap(G1: Controller | UncertaintyModel, G2: Controller | UncertaintyModel)
     >>> round(nu_gap(stable, unstable), 4), round(nu_gap(stable, control.tf([100], [1, 2, 1])), 4)
     (0.02, 0.8988)
     """
-    first, second = _nominal_plant("G1", G1), _nominal_plant("G2", G2)
+    first, second = plant_of("G1", G1), plant_of("G2", G2)
     steps = {name: timebase(G) for name, G in (("G1", first), ("G2", second)) if not is_constant(G)}
     if len(set(steps.values())) > 1:
         raise ValueError(
@@ -124,7 +124,7 @@ def ncf_margin(G: Controller | UncertaintyModel, K: Controller) -> float:
     >>> round(ncf_margin(1.0, 1.0), 6)
     1.0
     """
-    plant, K = _nominal_plant("G", G), multivariable("K", K)
+    plant, K = plant_of("G", G), multivariable("K", K)
     if sampling_times_differ(plant, K):
         raise ValueError(
             f"K must have the sampling time of G, {timebase(plant):g} s, got {timebase(K):g} s"
@@ -137,11 +137,6 @@ def ncf_margin(G: Controller | UncertaintyModel, K: Controller) -> float:
         0
     ]
     return 1 / norm
-
-
-def _nominal_plant(name: str, G: Controller | UncertaintyModel) -> control.StateSpace:
-    """Return the plant as a state space; for a set its nominal."""
-    return multivariable(name, G.nominal if isinstance(G, UncertaintyModel) else G)
 
 
 def _left_coprime_factors(G: control.StateSpace, right: Matrices) -> Matrices:

@@ -38,30 +38,28 @@ from robust.lti.lti import (
 from robust.lti.realisation import multivariable, repeat_over_channels, state_space
 from robust.lti.stability import describe_unresolved, unstable_poles, winding_number
 from robust.models.sets.forms import plant_numerator
-from robust.models.sets.measured import (
-    FrfSource,
-    frf_sampling_time,
-    hold_and_delay_factor,
-    origin_of,
-    parts_on_lines,
-)
+from robust.models.sets.measured import PlantLines, lines_of_frf
 
 
 @value
 class LoopOnLines:
     """A plant that is known as an FRF only, with a controller around it."""
 
-    source: FrfSource  # origin of the plant
+    plant: PlantLines  # of one channel
     K: control.StateSpace
     w_P: control.StateSpace | None  # performance weight
     delay: float  # computation delay [s] in addition to that of the FRF
     n_unstable: int  # unstable open-loop poles of the plant
-    omega: np.ndarray  # (W,) lines [rad/s]
-    G: np.ndarray  # (W,) complex plant
-    w: np.ndarray  # (W,) complex weight; nan without a set
-    W: np.ndarray  # (W,) complex scaling of the plant, if the form depends on its units
-    form: str
-    perturbation: str  # class of the set
+
+    @property
+    def omega(self) -> np.ndarray:
+        """(W,) lines [rad/s]."""
+        return self.plant.omega
+
+    @property
+    def G(self) -> np.ndarray:
+        """(W,) complex plant."""
+        return self.plant.G[0, 0]
 
     @property
     def dt(self) -> float:
@@ -71,14 +69,17 @@ class LoopOnLines:
     @property
     def given(self) -> Given:
         """Input of the check: class, demand, delay, band and unit."""
-        unit, band = getattr(origin_of(self.source), "unit", ""), self.omega[[0, -1]]
         return Given(
-            perturbation=self.perturbation, demand=self.w_P, delay=self.delay, band=band, unit=unit
+            perturbation=self.plant.perturbation,
+            demand=self.w_P,
+            delay=self.delay,
+            band=self.omega[[0, -1]],
+            unit=self.plant.unit,
         )
 
     def with_hold_and_delay(self, omega: np.ndarray, G: np.ndarray) -> np.ndarray:
         """Return the plant (W,) with hold and delay."""
-        return G * hold_and_delay_factor(self.source, omega, dt=self.dt, delay=self.delay)
+        return G * self.plant.hold_and_delay_factor(omega, dt=self.dt, delay=self.delay)
 
     @cached_property
     def curves(self) -> Curves:
@@ -87,7 +88,7 @@ class LoopOnLines:
         """
         at = np.union1d(self.omega, controller_mode_lines(self.K, (self.omega[0], self.omega[-1])))
         measured, w, W = (
-            interpolate_frf(at, self.omega, part) for part in (self.G, self.w, self.W)
+            interpolate_frf(at, self.omega, part) for part in (self.G, self.plant.w, self.plant.W)
         )
         G = self.with_hold_and_delay(at, measured)
         # the set is around the measured plant: hold and delay belong to the controller
@@ -96,17 +97,16 @@ class LoopOnLines:
             w_P = None
         else:
             w_P = response(self.w_P, at)
-        return loop_curves(self.form, at, G=G, K=response(self.K, at), w=w, w_P=w_P, W=W)
+        return loop_curves(self.plant.form, at, G=G, K=response(self.K, at), w=w, w_P=w_P, W=W)
 
 
 def assemble_on_lines(
-    model: FrfSource, K: Controller, *, w_P: Weight | None, delay: float, n_unstable: int
+    plant: PlantLines, K: Controller, *, w_P: Weight | None, delay: float, n_unstable: int
 ) -> LoopOnLines:
     """Assemble an FRF and a controller; refuse parts that do not fit."""
     K = state_space("K", K)
-    omega, G, form, w, perturbation, W = parts_on_lines(model)
-    sampled_frf = frf_sampling_time(model) or None
-    _require_usable_frf(omega, G, K, sampled_frf)
+    sampled_frf = plant.dt or None
+    _require_usable_frf(plant.omega, plant.G, K, sampled_frf)
     if w_P is not None:
         w_P = state_space("w_P", w_P)
     if w_P is not None and timebase(w_P):  # a continuous weight is allowed for a sampled loop
@@ -114,17 +114,11 @@ def assemble_on_lines(
             "w_P", w_P, reference="the loop", wanted=sampled_frf or common_sampling_time(K)
         )
     return LoopOnLines(
-        source=model,
+        plant=plant,
         K=K,
         w_P=w_P,
         delay=require_nonnegative("delay", delay),
         n_unstable=require_integer("n_unstable", n_unstable, least=0),
-        omega=omega,
-        G=G,
-        w=w,
-        W=W,
-        form=form,
-        perturbation=perturbation,
     )
 
 
@@ -165,8 +159,9 @@ def assemble_matrix_on_lines(
     K, omega = multivariable("K", K), np.asarray(G.omega, dtype=float)
     require_shape(K, G.noutputs, G.ninputs)
     delay = require_nonnegative("delay", delay)
-    _require_usable_frf(omega, np.asarray(G.frdata), K, frf_sampling_time(G) or None)
-    seen = np.asarray(G.frdata) * hold_and_delay_factor(G, omega, dt=timebase(K), delay=delay)
+    plant = lines_of_frf(G)
+    _require_usable_frf(omega, plant.G, K, plant.dt or None)
+    seen = plant.G * plant.hold_and_delay_factor(omega, dt=timebase(K), delay=delay)
     return MatrixLoopOnLines(
         G=control.FrequencyResponseData(
             seen, omega, inputs=G.input_labels, outputs=G.output_labels
@@ -250,9 +245,11 @@ def _stability_on_lines(turns: int, clear: bool, wanted: int) -> Stability:
 
 def judge_lines(loop: LoopOnLines, effort: Effort) -> Findings:
     """Return the findings for one channel on the lines of its FRF; none of them is a proof."""
-    omega, K, dt = loop.omega, loop.K, loop.dt
+    plant, omega, K, dt = loop.plant, loop.omega, loop.K, loop.dt
     G = loop.with_hold_and_delay(omega, loop.G)
-    radius = np.abs(plant_numerator(loop.form, np.nan_to_num(loop.w), G=G, W=loop.W * loop.G / G))
+    radius = np.abs(
+        plant_numerator(plant.form, np.nan_to_num(plant.w), G=G, W=plant.W * loop.G / G)
+    )
     readings = read_below(omega, G, radius, n_unstable=loop.n_unstable)
     encirclements, clear = winding_number(omega, G, K=K, dt=dt, readings=readings)
     wanted = loop.n_unstable + unstable_poles(K, dt)
@@ -264,7 +261,7 @@ def judge_lines(loop: LoopOnLines, effort: Effort) -> Findings:
     else:
         margins = Margins()
     proofs = Proofs(violated=has_set and margins.largest_rs >= 1)
-    hold = dt and not frf_sampling_time(loop.source)
+    hold = dt and not plant.dt
     if nominal is Stability.UNDECIDED:
         L = G * response(K, omega)
         reason = describe_unresolved(omega, 1 + L, np.abs(L))
@@ -278,7 +275,7 @@ def judge_lines(loop: LoopOnLines, effort: Effort) -> Findings:
         curves=loop.curves.shown(stable),
         margins=margins,
         proofs=proofs,
-        form=loop.form,
+        form=plant.form,
         reason=reason,
         advice=LINES_ADVICE,
         proved=LINES_PROVED,

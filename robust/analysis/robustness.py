@@ -25,7 +25,6 @@ import numpy as np
 
 from nlfrf import Bla
 from nlfrf._base.arguments import keep_warnings, require_choice, require_positive, short_form
-from robust._base.channels import is_single
 from robust._base.types import Controller, Weight
 from robust.analysis.findings import METHODS, Effort, Findings, ProofMethod
 from robust.analysis.judge_exact import judge_exact
@@ -53,7 +52,7 @@ from robust.lti.grids import structure_grid
 from robust.lti.lti import response
 from robust.lti.realisation import multivariable
 from robust.models.sets.interconnection import UncertainSystem
-from robust.models.sets.measured import warn_of_unknown_hold
+from robust.models.sets.measured import lines_of, warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel, describe_no_set, has_several_channels
 from robust.proofs.search.programs import SOLVERS
 
@@ -198,19 +197,13 @@ def _assemble(
     if has_several_channels(model):
         channels = LoopOfChannels(model=model, K=multivariable("K", K), w_P=w_P, delay=delay)
         return channels, partial(judge_mu, channels)
-    if isinstance(model, control.FrequencyResponseData) and (model.ninputs, model.noutputs) != (
-        1,
-        1,
-    ):
+    plant = lines_of(model)
+    if plant is not None and plant.G.shape[:2] == (1, 1):
+        lines = assemble_on_lines(plant, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
+        return lines, partial(judge_lines, lines)
+    if isinstance(model, control.FrequencyResponseData):
         matrix = assemble_matrix_on_lines(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
         return matrix, partial(judge_matrix_lines, matrix)
-    if (
-        is_single(model)
-        or isinstance(model, control.FrequencyResponseData)
-        or getattr(model, "measured_only", False)
-    ):
-        lines = assemble_on_lines(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
-        return lines, partial(judge_lines, lines)
     if not isinstance(model, UncertaintyModel):
         raise ValueError(
             "model must be an UncertaintyModel, a Bla or a FrequencyResponseData, got"

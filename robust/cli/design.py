@@ -159,7 +159,7 @@ def design(
     free = result.K if result.K_free is None else result.K_free
     if unusual := pid.reason_for_unusual_gains(free):
         warnings.warn(unusual, robust.DesignWarning, stacklevel=2)
-    unit = str(getattr(measured.origin_of(plant), "unit", ""))
+    unit = str(getattr(plant, "unit", ""))
     robust.save(result.K, out, delay=delay, unit=unit)
     say = printer(json)
     undecided = result.stability is Stability.UNDECIDED
@@ -288,7 +288,7 @@ def _describe_limit_checks(
     plant: nlfrf.Bla | robust.UncertaintyModel, model: Path, *, between: bool
 ) -> str:
     """Return text on the place where the limits of a design were tried."""
-    if not isinstance(plant, nlfrf.Bla) and not plant.measured_only:
+    if measured.lines_of(plant) is None:
         return (
             f"limits tried: on a grid, for every plant within the weight of {model}; a grid proves"
             " nothing"

@@ -10,7 +10,6 @@ import numpy as np
 
 from nlfrf._base.arguments import format_count, require_integer, require_nonnegative
 from nlfrf._base.values import value
-from robust._base.channels import is_known_on_lines
 from robust._base.types import Controller, LinearSystem, Weight
 from robust.analysis.loop import assemble_loop
 from robust.analysis.report import RobustnessReport
@@ -20,14 +19,14 @@ from robust.lti.grids import structure_grid
 from robust.lti.lti import response, response_by_channel, timebase, with_names
 from robust.lti.minimal import channel_units
 from robust.lti.norms import continuous_image, to_discrete
-from robust.lti.realisation import multivariable, state_space
+from robust.lti.realisation import multivariable
 from robust.lti.truncation import (
     balanced_candidates,
     coprime_factor_candidates,
     weighted_candidates,
 )
 from robust.models.sets.forms import ADDITIVE, DEFAULT_FORM
-from robust.models.sets.measured import FrfSource
+from robust.models.sets.measured import FrfSource, lines_of
 from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.pages.section import Fact
 from robust.pages.text import format_facts
@@ -175,11 +174,7 @@ def reduce_controller(
     """
     given, model = model, _plant_as_set(model)
     alone = model is not given  # the plant was given without a set
-    several = has_several_channels(model)
-    if several:
-        K = multivariable("K", K)
-    else:
-        K = state_space("K", K)
+    K = multivariable("K", K)
     delay = require_nonnegative("delay", delay)
     max_candidates = require_integer("max_candidates", max_candidates, least=1)
     if order is not None and require_integer("order", order, least=0) >= K.nstates:
@@ -265,7 +260,7 @@ def _candidates_by_order(
 
 def _plant_as_set(model: FrfSource | LinearSystem) -> FrfSource:
     """Return a plant as the set of those within a billionth of it; anything else unchanged."""
-    if is_known_on_lines(model) or isinstance(model, UncertaintyModel):
+    if lines_of(model) is not None or isinstance(model, UncertaintyModel):
         return model
     G = multivariable("model", model)
     omega, one, small = (
@@ -318,7 +313,7 @@ def _candidates(
     dt = timebase(K)
     image = continuous_image(K)
     ways = [lambda: balanced_candidates(image), lambda: coprime_factor_candidates(image)]
-    if not is_known_on_lines(model):
+    if lines_of(model) is None:
         # to first order T changes by (S G) (K_r - K) S: y from p_in behind K, e from r before it
         # (Anderson & Liu 1989)
         pairs = ((("y",), ("p_in",)), (("e",), ("r",)))

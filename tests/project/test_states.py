@@ -92,7 +92,6 @@ REVIEWED = {
     "robust.friction.exact.verify:verify_friction": "the parts of a claim, by name",
     "robust.reports.data:cross_check_section": "the label of a row that gets another one",
     "robust.reports.data:nominal_section": "the label of a row that gets another one",
-    "robust.models.sets.model:__str__": "a unit",
 }
 
 

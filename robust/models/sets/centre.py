@@ -59,7 +59,7 @@ class Centre(Protocol):
 
 
 @value(copy=False)
-class SystemCentre:
+class _SystemCentre:
     """A nominal that is a system, known at all frequencies."""
 
     system: control.StateSpace
@@ -93,7 +93,7 @@ class SystemCentre:
 
 
 @value(copy=False)
-class FrfCentre:
+class _FrfCentre:
     """A nominal that is an FRF of one channel: nothing is known between its lines."""
 
     frf: control.FrequencyResponseData
@@ -132,5 +132,5 @@ class FrfCentre:
 def centre_of(nominal: Plant) -> Centre:
     """Return the centre of a set with this nominal."""
     if isinstance(nominal, control.FrequencyResponseData):
-        return FrfCentre(frf=nominal)
-    return SystemCentre(system=nominal)
+        return _FrfCentre(frf=nominal)
+    return _SystemCentre(system=nominal)

@@ -2,8 +2,8 @@
 for each entry of a matrix, or one full block.
 
 A set chooses one of the three where it is made. What differs between them is a method here. For all
-of them `gains` and a radius have one row for each weight, and a plant is a system; responses of a
-`ScalarDelta` are (..., W) and those of the others (..., W, n_y, n_u).
+of them `gains` and a radius have one row for each weight, and a plant is a system; responses of
+the first are (..., W) and those of the others (..., W, n_y, n_u).
 """
 
 from __future__ import annotations
@@ -157,7 +157,7 @@ class Delta(Protocol):
 
 
 @value(copy=False)
-class ScalarDelta:
+class _ScalarDelta:
     """One number, for a plant with one channel."""
 
     form: str
@@ -201,7 +201,7 @@ class ScalarDelta:
 
     def describe(self, omega: np.ndarray, radius: np.ndarray, unit: str) -> tuple[str, str, str]:
         k, f = int(np.argmax(radius)), omega / (2 * np.pi)
-        largest = " ".join([f"{radius[k]:.3g}", *self._row.unit_of(unit).split()])
+        largest = f"{radius[k]:.3g} {self._row.unit_of(unit)}".rstrip()
         size = (
             f", weight of order {self.weight.nstates}, radius {radius.min():.3g} to {largest} (at"
             f" {f[k]:.4g} Hz) over {f[0]:.4g} to {f[-1]:.4g} Hz"
@@ -502,7 +502,7 @@ class BlockDelta(_MatrixDelta):
 
 
 @value(copy=False)
-class FullyWeightedDelta(BlockDelta):
+class _FullyWeightedDelta(BlockDelta):
     """One full block between W_l and W_r of which one or both are full matrices."""
 
     @property
@@ -519,7 +519,7 @@ def scalar_delta(
     form: str,
     weight: control.StateSpace,
     scaling: Sequence[Weight | None],
-) -> ScalarDelta:
+) -> _ScalarDelta:
     """Return the perturbation of a plant with one channel, or refuse form, weight or scaling."""
     row = FORMS[require_choice("form", form, tuple(FORMS))]
     if row.depends_on_units:
@@ -529,7 +529,7 @@ def scalar_delta(
     else:
         _refuse_scaling(form, scaling)
         shaped = ()
-    return ScalarDelta(form=form, weight=weight, scaling=shaped)
+    return _ScalarDelta(form=form, weight=weight, scaling=shaped)
 
 
 def matrix_delta(
@@ -575,7 +575,7 @@ def matrix_delta(
                 f" by {n_u}"
             )
         full = any(weight.noutputs > 1 for weight in (*left, *right))
-        kind = FullyWeightedDelta if full else BlockDelta
+        kind = _FullyWeightedDelta if full else BlockDelta
         ports = _Ports(
             reads=np.eye(counts[1]),
             acts=(-1.0 if row.inverse else 1.0) * np.eye(counts[0]),

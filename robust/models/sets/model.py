@@ -542,6 +542,11 @@ class UncertaintyModel:
         return not (self.left or self.right)
 
     @property
+    def unit(self) -> str:
+        """Unit of y over u, for one channel."""
+        return self.origin.unit
+
+    @property
     def n_outputs(self) -> int:
         """Number of outputs n_y."""
         return int(self.nominal.noutputs)
@@ -778,6 +783,13 @@ def _own_weights_call(nominal: AnySystem, form: str) -> str:
         ADDITIVE: (f"(w,) * {n_y}", f"(1,) * {n_u}"),
     }.get(form, (f"(w,) * {n_u}", f"(1,) * {n_u}"))
     return f"UncertaintyModel(G, form={form!r}, left={left}, right={right}, omega=omega)"
+
+
+def plant_of(name: str, given: object) -> control.StateSpace:
+    """Return a plant with any number of channels, from a system or from a set by its nominal."""
+    if isinstance(given, UncertaintyModel):
+        return multivariable(name, given.nominal)
+    return multivariable(name, given)
 
 
 def has_several_channels(model: object) -> TypeGuard[UncertaintyModel]:

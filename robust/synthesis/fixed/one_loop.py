@@ -22,7 +22,6 @@ from nlfrf._base.arguments import (
     require_real,
     short_form,
 )
-from robust._base.channels import is_single
 from robust._base.states import Stability
 from robust._base.types import Controller
 from robust._base.warnings import DesignWarning
@@ -35,13 +34,12 @@ from robust.lti.low_frequency import read_below
 from robust.lti.lti import is_constant, one_sampling_time, require_sampling_time, response
 from robust.lti.realisation import state_space
 from robust.lti.stability import LARGEST_JUMP, unstable_poles
-from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.measured import source_of
 from robust.synthesis.fixed.cone_program import Demand
 from robust.synthesis.fixed.convex_concave import DesignTask, is_lower, iterate, linear_rows
 from robust.synthesis.fixed.demands import end_row, limit_rows, objective_row, weight_rows
 from robust.synthesis.fixed.plants import (
     DesignPlant,
-    DiscsOnLines,
     KnownPlant,
     PlantOnLines,
     along_arcs,
@@ -101,10 +99,10 @@ def design_loop(
     integrators = require_integer("integrators", options["integrators"], least=0)
     shape = structure_of(structure, integrators, options["filter_time"])
     options = {**options, "resonates": not shape.free and bool(np.iscomplex(shape.poles).any())}
-    plants = as_list(plant)
+    plants = [source_of("plant", one) for one in as_list(plant)]
     if not plants:
         raise ValueError("plant must be a plant or a list of them, got an empty list")
-    dt = _loop_sampling_time(plants, dt)
+    dt = one_sampling_time([dt, *(one.dt for one in plants)])
     _warn_of_ringing(options["filter_time"], dt)
     named = [
         *_per_demand_list("omega_c", options["omega_c"]),
@@ -510,16 +508,6 @@ def _per_demand_list(name: str, given: float | tuple[float, ...] | None) -> list
         wanted = "(omega, least |L| there)" if name == "gain" else "one number or (low, high)"
         raise ValueError(f"{name} must be {wanted}, got {short_form(given)}")
     return many
-
-
-def _loop_sampling_time(plants: Sequence[DesignPlant], dt: float) -> float:
-    """Return the sampling time of the loop: that of the controller, or of sampled plants."""
-    sources = [p.nominal if isinstance(p, UncertaintyModel) else p for p in plants]
-    stated = [one for one in sources if not (is_single(one) or isinstance(one, DiscsOnLines))]
-    frf = control.FrequencyResponseData
-    return one_sampling_time(
-        [dt, *(one.dt if isinstance(one, frf) else state_space("plant", one).dt for one in stated)]
-    )
 
 
 def _structure_basis(

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any, TypeAlias
+from typing import TypeAlias, cast
 
 import control
 import numpy as np
@@ -13,19 +12,18 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf._base.arguments import format_hertz
 from nlfrf._base.values import value
-from robust._base.channels import is_known_on_lines
 from robust._base.types import AnySystem
 from robust.analysis.loop import Loop, assemble_loop
 from robust.lti.grids import controller_mode_lines, interpolate_frf, plant_features
 from robust.lti.low_frequency import Reading, radius_below, read_below
-from robust.lti.lti import response, timebase
+from robust.lti.lti import response
 from robust.lti.realisation import state_space
 from robust.lti.stability import integrator_poles
-from robust.models.sets.forms import ADDITIVE, DEFAULT_FORM, FORMS, relative_radius
+from robust.models.sets.forms import FORMS, relative_radius
 from robust.models.sets.measured import (
-    FrfSource,
-    hold_and_delay_factor,
-    parts_on_lines,
+    PlantAlone,
+    PlantLines,
+    PlantSource,
     warn_of_unknown_hold,
 )
 from robust.models.sets.model import UncertaintyModel
@@ -43,17 +41,6 @@ _PARTS, _NEAR_PEAK = 8, 0.7
 _LAST_LINES = 1.25
 #: Every such frequency below the first line of an FRF is a line of the demands.
 _BELOW = 3
-
-
-@value
-class DiscsOnLines:
-    """A plant and the discs around it on lines, in front of the controller: one loop of several,
-    the others closed.
-    """
-
-    omega: np.ndarray  # (W,) frequencies [rad/s]
-    G: np.ndarray  # (W,) complex response, hold and delay included
-    radius: np.ndarray  # (W,) radius of the discs
 
 
 @value
@@ -126,11 +113,11 @@ class KnownPlant:
 
 
 #: Plants for a design.
-DesignPlant: TypeAlias = "DiscsOnLines | Bla | UncertaintyModel | AnySystem"
+DesignPlant: TypeAlias = "PlantLines | Bla | UncertaintyModel | AnySystem"
 
 
 def plant_on_lines(
-    plant: DesignPlant,
+    plant: PlantSource,
     dt: float,
     delay: float,
     extra: tuple[float, ...],
@@ -143,7 +130,7 @@ def plant_on_lines(
 
     K : controllers whose modes and loops are evaluated too; an FRF is interpolated there.
     """
-    if isinstance(plant, DiscsOnLines) or is_known_on_lines(plant):
+    if isinstance(plant, PlantLines):
         return _measured_lines(plant, dt, delay, known, K)
     return _modelled_lines(plant, dt, delay, extra=extra, weights=weights, K=K)
 
@@ -183,18 +170,19 @@ def _with_discs(
 
 
 def _measured_lines(
-    plant: FrfSource | DiscsOnLines,
+    plant: PlantLines,
     dt: float,
     delay: float,
     known: KnownPlant,
     K: Sequence[control.StateSpace],
 ) -> PlantOnLines:
     """Return an FRF, continued below its first line and above its last one."""
-    if isinstance(plant, DiscsOnLines):
-        omega, G, form, w = plant.omega, plant.G, ADDITIVE, plant.radius
-    else:
-        omega, G, form, w, *_ = parts_on_lines(plant)
-    w = np.nan_to_num(np.abs(w))
+    if plant.G.shape[:2] != (1, 1):
+        raise ValueError(
+            "model must have one input and one output, got"
+            f" {plant.G.shape[1]} and {plant.G.shape[0]}"
+        )
+    omega, G, form, w = plant.omega, plant.G[0, 0], plant.form, np.nan_to_num(np.abs(plant.w))
     if dt and omega[-1] * dt >= np.pi:
         raise ValueError(
             f"dt must put the Nyquist frequency above the highest line, {format_hertz(omega[-1])},"
@@ -202,8 +190,7 @@ def _measured_lines(
             f" {np.pi / omega[-1]:.3g} s, or design for a continuous model of these lines (robust"
             " model)"
         )
-    if not isinstance(plant, DiscsOnLines):
-        G = G * hold_and_delay_factor(plant, omega, dt=dt, delay=delay)
+    G = G * plant.hold_and_delay_factor(omega, dt=dt, delay=delay)
     radius = relative_radius(form, w, np.abs(G)) * np.abs(G)
     n = omega.size
     band = (float(omega[0]), float(omega[-1]))
@@ -237,7 +224,7 @@ def _measured_lines(
 
 
 def _modelled_lines(
-    plant: UncertaintyModel | AnySystem,
+    plant: UncertaintyModel | PlantAlone,
     dt: float,
     delay: float,
     *,
@@ -248,23 +235,19 @@ def _modelled_lines(
     """Return a parametric plant at the features of it, its weight, demands or controllers, and far
     above.
     """
-    source: Any = plant  # a set, or a system in the place of a set without uncertainty
-    if not isinstance(plant, UncertaintyModel):
-        G_ss = state_space("plant", plant)
-        nothing, unity = (control.StateSpace([], [], [], [[x]], timebase(G_ss)) for x in (0.0, 1.0))
-        source = SimpleNamespace(
-            nominal=G_ss, weight=nothing, form=DEFAULT_FORM, omega=np.zeros(0), shaping=unity
-        )
-        source.perturbation = "LTI"
-    step = timebase(source.nominal)
+    step = plant.dt
     if step and dt and abs(step / dt - 1) > 1e-9:
         raise ValueError(f"dt must be the sampling time of the plant, {step:g} s, got {dt:g} s")
-    if dt and isinstance(plant, UncertaintyModel):
+    if dt:
         warn_of_unknown_hold(plant, dt)
     loop = assemble_loop(
-        source, control.StateSpace([], [], [], [[0.0]], step or dt), w_P=None, delay=delay
+        # a plant alone has all that a loop reads of a set
+        cast("UncertaintyModel", plant),
+        control.StateSpace([], [], [], [[0.0]], step or dt),
+        w_P=None,
+        delay=delay,
     )
-    omega = _design_grid(loop, source.omega, extra=extra, weights=weights, K=K)
+    omega = _design_grid(loop, plant.omega, extra=extra, weights=weights, K=K)
     band = float(omega[0]), float(omega[-1])
     above = np.geomspace(1, _FAR, _N_FAR)[1:] * band[1]
     omega = np.concatenate([omega, above[above < loop.omega_max * (1 - 1e-9)]])
@@ -275,9 +258,9 @@ def _modelled_lines(
     w, known = np.abs(response(loop.weight, omega)), np.ones(omega.size, dtype=bool)
     n = integrator_poles(loop.G, loop.dt)
     seen = _with_discs(
-        source.form, omega, G=G, w=w, known=known, n_integrators=n, band=band, loop=loop
+        plant.form, omega, G=G, w=w, known=known, n_integrators=n, band=band, loop=loop
     )
-    if not isinstance(plant, UncertaintyModel) or loop.aliases is None:
+    if loop.aliases is None:
         return seen
     every = loop.aliases.sampled_radius(omega, G)
     return replace(

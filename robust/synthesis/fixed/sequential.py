@@ -28,11 +28,10 @@ from robust.lti.low_frequency import read_below
 from robust.lti.lti import frequency_response_matrices, response, timebase, with_names
 from robust.lti.stability import unstable_pole_values, unstable_poles, winding_number
 from robust.models.sets.forms import ADDITIVE, ELEMENTS, INPUT
-from robust.models.sets.measured import hold_and_delay_factor
+from robust.models.sets.measured import SeenLines, lines_of_bla
 from robust.models.sets.model import UncertaintyModel, require_record_form
 from robust.models.sets.radius import RadiusSpec, block_radii_of_record
 from robust.synthesis.fixed.one_loop import LoopOptions, design_loop
-from robust.synthesis.fixed.plants import DiscsOnLines
 from robust.synthesis.fixed.structures import ControllerStructure
 from robust.synthesis.hinf.design import Design
 
@@ -68,7 +67,7 @@ class MatrixOnLines:
     # entries
     radius: np.ndarray
 
-    def seen_from(self, k: int, K: list[control.StateSpace | None], wider: float) -> DiscsOnLines:
+    def seen_from(self, k: int, K: list[control.StateSpace | None], wider: float) -> SeenLines:
         """Return the plant of loop k, with the loops closed that have a controller."""
         G, row, column = self.G, *(np.zeros(self.G.shape[:2], dtype=complex) for _ in range(2))
         row[:, k] = column[:, k] = 1.0
@@ -82,7 +81,13 @@ class MatrixOnLines:
             row[:, C] = -(G[:, [k]][:, :, C] @ H)[:, 0]
             column[:, C] = -(H @ G[:, C][:, :, [k]])[:, :, 0]
             inner = inner + np.einsum("wj,wj->w", row[:, C], G[:, C, k])
-        return DiscsOnLines(omega=self.omega, G=inner, radius=wider * self.spread(row, column))
+        return SeenLines(
+            omega=self.omega,
+            G=inner[None, None],
+            form=ADDITIVE,
+            w=wider * self.spread(row, column),
+            W=np.ones(self.omega.size),
+        )
 
     def with_modes(self, K: list[control.StateSpace | None]) -> MatrixOnLines:
         """Return the plant with more lines, interpolated, at lightly damped modes of
@@ -229,7 +234,7 @@ def _matrix_on_lines(plant: Bla | UncertaintyModel, dt: float, delay: float) -> 
     """Return the matrix and its set on measured lines, or at features of it and its weights."""
     n = plant.n_inputs
     if isinstance(plant, Bla):
-        factor = hold_and_delay_factor(plant, plant.omega, dt=dt, delay=delay)
+        factor = lines_of_bla(plant).hold_and_delay_factor(plant.omega, dt=dt, delay=delay)
         left, right = block_radii_of_record(
             plant,
             plant.G,
@@ -411,8 +416,9 @@ def check_sequential_stability(
     closed: list[control.StateSpace | None] = [None] * len(K)
     for k in order:
         loop = on_lines.seen_from(k, closed, 1.0)
-        readings = read_below(loop.omega, loop.G, loop.radius)
-        turns, clear = winding_number(loop.omega, loop.G, K=K[k], dt=dt, readings=readings)
+        G = loop.G[0, 0]
+        readings = read_below(loop.omega, G, loop.w)
+        turns, clear = winding_number(loop.omega, G, K=K[k], dt=dt, readings=readings)
         if not clear or turns != unstable_poles(K[k], dt):
             return (
                 f"the whole loop is not shown to be stable: {_loop_name(plant, k)} winds {turns}"

@@ -12,7 +12,7 @@ from robust.lti.lti import is_clockless, response, response_by_channel, timebase
 from robust.lti.norms import hinf_norm, stabilising_riccati, to_continuous, to_discrete
 from robust.lti.realisation import from_roots, multivariable
 from robust.lti.stability import unstable_pole_values
-from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.model import UncertaintyModel, plant_of
 from robust.proofs.search.stability import certify_closed_loop
 from robust.synthesis.hinf.design import Design
 from robust.synthesis.hinf.generalised_plant import rank_margin
@@ -73,7 +73,7 @@ def ncfsyn(
     factor = require_real("factor", factor)
     if factor <= 1:
         raise ValueError(f"factor must be above 1, got {factor:g}")
-    G = multivariable("G", G.nominal if isinstance(G, UncertaintyModel) else G)
+    G = plant_of("G", G)
     dt = timebase(G)
     W1 = _shaping_system("W1", W1, n=G.ninputs, dt=dt)
     W2 = _shaping_system("W2", W2, n=G.noutputs, dt=dt)
@@ -230,7 +230,7 @@ def crossover_weight(G: LinearSystem, omega_c: float) -> control.StateSpace:
     >>> round(float(abs(W1(1j) * 2 / (1j + 10))), 12)
     1.0
     """
-    G = multivariable("G", G.nominal if isinstance(G, UncertaintyModel) else G)
+    G = plant_of("G", G)
     omega_c, dt = require_positive("omega_c", omega_c), timebase(G)
     if G.ninputs != G.noutputs:
         raise ValueError(

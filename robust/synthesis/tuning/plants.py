@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, TypeAlias, TypeGuard
+from typing import NoReturn, TypeAlias
 
 import control
 import numpy as np
@@ -14,7 +14,6 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf._base.arguments import as_list, format_hertz, require_integer, short_form
 from nlfrf._base.values import ArrayField, value
-from robust._base.channels import is_known_on_lines, is_matrix, is_single
 from robust._base.types import AnySystem, SystemField
 from robust.analysis.loop import Loop, assemble_loop
 from robust.analysis.sampled_set import sampled_set
@@ -31,11 +30,15 @@ from robust.lti.lti import (
 )
 from robust.lti.realisation import multivariable
 from robust.lti.sampling import delay_samples, delayed, sampled
-from robust.models.fit.measurement import frd
 from robust.models.lpv import LpvModel, require_points, to_theta
-from robust.models.sets.forms import DEFAULT_FORM, ELEMENTS, FORMS, INPUT, plant_numerator
-from robust.models.sets.measured import hold_and_delay_factor, parts_on_lines, warn_of_unknown_hold
-from robust.models.sets.model import UncertaintyModel, require_record_form
+from robust.models.sets.forms import ELEMENTS, FORMS, INPUT, plant_numerator
+from robust.models.sets.measured import PlantLines, lines_of, warn_of_unknown_hold
+from robust.models.sets.model import (
+    UncertaintyModel,
+    count_channels,
+    plant_of,
+    require_record_form,
+)
 from robust.synthesis.blocks import Names, signal_names
 from robust.synthesis.tuning.worst import ONE_DISC, Blocks, Perturbation
 
@@ -133,22 +136,16 @@ class Plants:
 
     def check_channels(self, name: str, model: PlantModel) -> None:
         """Refuse a value that is not a plant, or one with other channels."""
-        if isinstance(model, Bla):
-            shape = (model.n_outputs, model.n_inputs)
-        elif isinstance(model, control.FrequencyResponseData):
-            shape = (model.noutputs, model.ninputs)
-            if not np.isfinite(model.frdata).all():
+        lines = lines_of(model)
+        if lines is None:
+            shape = count_channels(plant_of(name, model))
+        else:
+            shape = lines.G.shape[:2]
+            if not np.isfinite(lines.G).all():
                 raise ValueError(
                     f"{name} must be finite on every line, got nan or infinite numbers. Leave"
                     " them out"
                 )
-        elif _is_single_set(model):
-            shape = (1, 1)
-        else:
-            system = multivariable(
-                name, model.nominal if isinstance(model, UncertaintyModel) else model
-            )
-            shape = (system.noutputs, system.ninputs)
         if shape != (len(self.outputs), len(self.inputs)):
             raise ValueError(
                 f"{name} must have the {len(self.outputs)} outputs and {len(self.inputs)} inputs"
@@ -248,29 +245,41 @@ def _see_plant(
     name: str, model: PlantModel, *, plants: Plants, dt: float, delay: float, worst: bool
 ) -> ModelledPlant | MeasuredPlant:
     """Return one plant behind hold and delay."""
-    if worst:
-        _require_set(name, model)
-    if is_known_on_lines(model):
+    lines = lines_of(model)
+    if lines is not None:
+        if worst and np.isnan(lines.w).all():
+            _refuse_plant_alone(name, model)
         return _see_measured(
-            name, model, n_unstable=plants.n_unstable, dt=dt, delay=delay, worst=worst
+            name, lines, n_unstable=plants.n_unstable, dt=dt, delay=delay, worst=worst
         )
-    if _is_single_set(model):
+    if not isinstance(model, UncertaintyModel):
+        if worst:
+            _refuse_plant_alone(name, model)
+        G = _behind_hold_and_delay(name, multivariable(name, model), dt=dt, delay=delay)
+        return ModelledPlant(system=G, lines=np.zeros(0))
+    if model.is_single:
         return _see_single_set(name, model, dt=dt, delay=delay, worst=worst)
-    if isinstance(model, UncertaintyModel) and worst and dt and not timebase(model.nominal):
+    return _see_matrix_set(name, model, dt=dt, delay=delay, worst=worst)
+
+
+def _see_matrix_set(
+    name: str, model: UncertaintyModel, *, dt: float, delay: float, worst: bool
+) -> ModelledPlant:
+    """Return a set for several channels behind hold and delay."""
+    if worst and dt and not model.dt:
         warn_of_unknown_hold(model, dt)
         model, delay = sampled_set(model, dt, delay).model, 0.0
-    G = multivariable(name, model.nominal if isinstance(model, UncertaintyModel) else model)
-    G = _behind_hold_and_delay(name, G, dt=dt, delay=delay)
-    lines = np.asarray(getattr(model, "omega", np.zeros(0)))
-    if isinstance(model, UncertaintyModel) and worst:
-        return ModelledPlant(
-            system=G,
-            lines=lines,
-            perturbation=_perturbation_of_matrices(model),
-            blocks=tuple(model.structure),
-            set_systems=(*model.left, *model.right),
-        )
-    return ModelledPlant(system=G, lines=lines)
+    seen = ModelledPlant(
+        system=_behind_hold_and_delay(name, model.nominal, dt=dt, delay=delay), lines=model.omega
+    )
+    if not worst:
+        return seen
+    return replace(
+        seen,
+        perturbation=_perturbation_of_matrices(model),
+        blocks=tuple(model.structure),
+        set_systems=model.weights,
+    )
 
 
 def _see_single_set(
@@ -343,15 +352,8 @@ def see_machine(
     return ModelledPlant(system=sampled(G, dt, delay) if dt else G, lines=np.zeros(0))
 
 
-def _is_single_set(model: object) -> TypeGuard[UncertaintyModel]:
-    """Return True for an uncertainty model with one input and one output."""
-    return isinstance(model, UncertaintyModel) and model.is_single
-
-
-def _require_set(name: str, model: object) -> None:
+def _refuse_plant_alone(name: str, model: object) -> NoReturn:
     """Refuse a plant without a set around it, for a worst case."""
-    if isinstance(model, UncertaintyModel) or is_single(model):
-        return
     raise ValueError(
         "worst must be False unless every plant is an UncertaintyModel, or a Bla with one input"
         f" and output, got {name} = {short_form(model)}. Make a set of it by uncertainty()"
@@ -463,17 +465,11 @@ def _stacked(weights: Sequence[control.StateSpace], dt: float) -> control.StateS
 
 
 def _see_measured(
-    name: str, model: PlantModel, *, n_unstable: int, dt: float, delay: float, worst: bool
+    name: str, plant: PlantLines, *, n_unstable: int, dt: float, delay: float, worst: bool
 ) -> MeasuredPlant:
     """Return an FRF on its lines."""
-    form = DEFAULT_FORM
-    if is_matrix(model) or isinstance(model, control.FrequencyResponseData):
-        data: Any = model if isinstance(model, control.FrequencyResponseData) else frd(model)
-        w, W = np.zeros(np.size(data.omega)), np.ones(np.size(data.omega))
-        omega, G = np.asarray(data.omega, dtype=float), np.asarray(data.frdata)
-    else:
-        omega, g, form, w, _, W = parts_on_lines(model)
-        G, w = g[None, None], np.nan_to_num(w)  # nan: no set
+    omega, G, form, W = plant.omega, plant.G, plant.form, plant.W
+    w = np.nan_to_num(plant.w)  # nan: no set
     if not np.isfinite(G).all():
         raise ValueError(
             f"{name} must be finite on every line, got nan or infinite numbers. Leave them out"
@@ -484,7 +480,7 @@ def _see_measured(
             f"dt must put Nyquist above the lines, up to {format_hertz(omega.max())}, got {dt:g} s"
         )
     omega, G = omega[order], G[:, :, order]
-    seen = G * hold_and_delay_factor(model, omega, dt=dt, delay=delay)
+    seen = G * plant.hold_and_delay_factor(omega, dt=dt, delay=delay)
     if G.shape[:2] != (1, 1):
         square = G.shape[0] == G.shape[1]
         if square:
@@ -531,8 +527,6 @@ def _see_measured(
 
 def stated_sampling_time(plants: Sequence[PlantModel]) -> float:
     """Return the sampling time [s] of the plants; 0 if none has one."""
-    sources = [getattr(model, "nominal", model) for model in plants]
-    known_on_lines = (Bla, control.FrequencyResponseData)
     return one_sampling_time(
-        multivariable("plant", one).dt for one in sources if not isinstance(one, known_on_lines)
+        plant_of("plant", model).dt for model in plants if lines_of(model) is None
     )

@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.attack_met import random_task
 from robust.lti.low_frequency import read_below
-from robust.models.sets.measured import parts_on_lines
+from robust.models.sets.measured import lines_of
 
 FAR_BELOW, BELOW, FEW = np.geomspace(0.1, 3, 60), np.geomspace(3, 90, 60), np.geomspace(3, 9, 5)
 
@@ -69,7 +69,8 @@ def test_random_machines_are_among_their_readings():
     undecided = 0
     for seed in range(3000, 3120):
         task = random_task(seed)
-        omega, G, _, w, *_ = parts_on_lines(task["bla"])
+        plant = lines_of(task["bla"])
+        omega, G, w = plant.omega, plant.G[0, 0], plant.w
         found = [(one.n_integrators, one.sign) for one in read_below(omega, G, np.abs(w * G))]
         assert (task["n_integrators"], task["sign"]) in found
         assert found[0][1] == task["sign"]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.attack_best_gain import NEAR, case, designed, rival
+from robust.models.sets.measured import set_of
 from robust.synthesis.fixed.demands import demand_row
 from robust.synthesis.fixed.plants import plant_on_lines
 
@@ -28,7 +29,7 @@ def test_a_peak_between_lines_is_seen_from_them():
     peak.
     """
     G = control.tf([0.2, 1.0], [1, 0, 0])
-    at = plant_on_lines(G, dt=0.0, delay=0.0, extra=(), weights=())
+    at = plant_on_lines(set_of("plant", G), dt=0.0, delay=0.0, extra=(), weights=())
     row = demand_row("|S| <= 1", at, a=1.0, b=0.0)
     coarse = np.abs(np.log(at.omega / 1.02)) > 0.35
     row, omega = row.on(coarse), at.omega[coarse]
