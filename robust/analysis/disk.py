@@ -13,6 +13,8 @@ whose diagonal blocks belong to the inputs and to the outputs.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import singledispatch
+from typing import TypeAlias
 
 import control
 import numpy as np
@@ -301,14 +303,8 @@ def disk_margins(
     >>> round(margins.inputs[0].alpha, 2), round(margins.all_inputs.alpha, 4)    # 1/sqrt(100.5)
     (2.0, 0.0998)
     """
-    model, G = G, G.nominal if isinstance(G, UncertaintyModel) else G
+    G, names = _plant_and_names(G)
     K = multivariable("K", K)
-    if not isinstance(G, control.FrequencyResponseData):
-        G = multivariable("G", G)
-    if isinstance(model, UncertaintyModel):
-        names = model.inputs, model.outputs
-    else:
-        names = signal_names(G)
     n_y, n_u = G.noutputs, G.ninputs
     require_shape(K, n_y, n_u)
     S, reason = sensitivity_if_stable(
@@ -331,23 +327,40 @@ def disk_margins(
     )
 
 
+_Names: TypeAlias = "tuple[tuple[str, ...], tuple[str, ...]]"
+
+
+@singledispatch
+def _plant_and_names(
+    G: AnySystem,
+) -> tuple[control.StateSpace | control.FrequencyResponseData, _Names]:
+    """Return a plant as a system or an FRF, and the names of its inputs and outputs."""
+    plant = multivariable("G", G)
+    return plant, signal_names(plant)
+
+
+@_plant_and_names.register(control.FrequencyResponseData)
+def _frf_and_names(
+    G: control.FrequencyResponseData,
+) -> tuple[control.FrequencyResponseData, _Names]:
+    return G, signal_names(G)
+
+
+@_plant_and_names.register(UncertaintyModel)
+def _nominal_and_names(
+    G: UncertaintyModel,
+) -> tuple[control.StateSpace | control.FrequencyResponseData, _Names]:
+    return G.nominal, (G.inputs, G.outputs)
+
+
+@singledispatch
 def _loop_broken_everywhere(
-    G: AnySystem, K: control.StateSpace
+    G: control.StateSpace, K: control.StateSpace
 ) -> control.StateSpace | control.FrequencyResponseData:
-    """Return [0 K; -G 0], the loop broken at all inputs and outputs of the plant."""
+    """Return [0 K; -G 0], the loop broken at all inputs and outputs of the plant; an FRF of an
+    FRF.
+    """
     n_y, n_u = G.noutputs, G.ninputs
-    if isinstance(G, control.FrequencyResponseData):
-        omega = np.asarray(G.omega, dtype=float)
-        require_sampling_time("K", K, reference="G", wanted=common_sampling_time(G))
-        dt = timebase(K)
-        L = np.zeros((n_u + n_y, n_u + n_y, omega.size), dtype=complex)
-        if dt and omega[-1] * dt > np.pi * (1 + 1e-9):
-            raise ValueError(
-                "K must have its Nyquist frequency above the lines of G, got a sampling time of"
-                f" {dt:g} s"
-            )
-        L[:n_u, n_u:], L[n_u:, :n_u] = response_by_channel(K, omega), -np.asarray(G.frdata)
-        return control.FrequencyResponseData(L, omega)
     if sampling_times_differ(G, K):
         raise ValueError(
             f"K must have the sampling time of G, {timebase(G):g} s, got {timebase(K):g} s"
@@ -357,6 +370,24 @@ def _loop_broken_everywhere(
     )  # from (y, u) to (K y, G u)
     turned, signs = np.r_[n_y : n_y + n_u, :n_y], np.r_[np.ones(n_u), -np.ones(n_y)][:, None]
     return control.StateSpace(P.A, P.B[:, turned], signs * P.C, signs * P.D[:, turned], P.dt)
+
+
+@_loop_broken_everywhere.register(control.FrequencyResponseData)
+def _frf_broken_everywhere(
+    G: control.FrequencyResponseData, K: control.StateSpace
+) -> control.FrequencyResponseData:
+    n_y, n_u = G.noutputs, G.ninputs
+    omega = np.asarray(G.omega, dtype=float)
+    require_sampling_time("K", K, reference="G", wanted=common_sampling_time(G))
+    dt = timebase(K)
+    L = np.zeros((n_u + n_y, n_u + n_y, omega.size), dtype=complex)
+    if dt and omega[-1] * dt > np.pi * (1 + 1e-9):
+        raise ValueError(
+            "K must have its Nyquist frequency above the lines of G, got a sampling time of"
+            f" {dt:g} s"
+        )
+    L[:n_u, n_u:], L[n_u:, :n_u] = response_by_channel(K, omega), -np.asarray(G.frdata)
+    return control.FrequencyResponseData(L, omega)
 
 
 def _checked_channels(n: int, channels: Sequence[int]) -> tuple[int, ...]:
@@ -425,44 +456,67 @@ def _margin_of_sensitivity(
     )
 
 
+@singledispatch
 def smallest_margin(
-    S: control.StateSpace | control.FrequencyResponseData,
-    block: tuple[np.ndarray, ...],
-    skew: float,
+    S: control.StateSpace, block: tuple[np.ndarray, ...], skew: float
 ) -> tuple[float, float]:
-    """Return frequency and value of the smallest margin of a block of the sensitivity."""
-    shift = (skew - 1) / 2 * np.eye(block[0].size)
-    blocks = [(1, 1)] * block[0].size
-    if isinstance(S, control.FrequencyResponseData):
-        omega = np.asarray(S.omega)
-        mu = upper(np.asarray(S.frdata)[block] + shift[:, :, None], blocks).value
-    else:
-        some = block[1][0]
-        M = control.StateSpace(S.A, S.B[:, some], S.C[some], S.D[block] + shift, S.dt)
-        omega, mu = refine_grid(M, blocks, omega=structure_grid(M))
+    """Return frequency and value of the smallest margin of a block of the sensitivity, a system or
+    an FRF.
+    """
+    shift, blocks = _shift_and_blocks(block, skew)
+    some = block[1][0]
+    M = control.StateSpace(S.A, S.B[:, some], S.C[some], S.D[block] + shift, S.dt)
+    return _margin_of_mu(*refine_grid(M, blocks, omega=structure_grid(M)))
+
+
+@smallest_margin.register(control.FrequencyResponseData)
+def _smallest_margin_on_lines(
+    S: control.FrequencyResponseData, block: tuple[np.ndarray, ...], skew: float
+) -> tuple[float, float]:
+    shift, blocks = _shift_and_blocks(block, skew)
+    mu = upper(np.asarray(S.frdata)[block] + shift[:, :, None], blocks).value
+    return _margin_of_mu(np.asarray(S.omega), mu)
+
+
+def _shift_and_blocks(
+    block: tuple[np.ndarray, ...], skew: float
+) -> tuple[np.ndarray, list[tuple[int, int]]]:
+    """Return what is added to the sensitivity, and a number for each of its channels."""
+    n = block[0].size
+    return (skew - 1) / 2 * np.eye(n), [(1, 1)] * n
+
+
+def _margin_of_mu(omega: np.ndarray, mu: np.ndarray) -> tuple[float, float]:
     k = int(mu.argmax())
     return float(omega[k]), float(1 / mu[k]) if mu[k] > 0 else np.inf
 
 
+@singledispatch
 def sensitivity_if_stable(
     L: AnySystem, n_unstable: int
 ) -> tuple[control.StateSpace | control.FrequencyResponseData, str]:
     """Return (1 + L)^-1, scaled by `_balancing_scales`, and the reason why there is no margin,
-    empty if stable.
+    empty if stable; of a system, or of an FRF as an FRF.
     """
-    if not isinstance(L, control.FrequencyResponseData):
-        L = multivariable("L", L)
-        _require_square_loop(L.noutputs, L.ninputs)
-        one = np.eye(L.ninputs)
-        unit = _balancing_scales(response_by_channel(L, structure_grid(L)[1:]))
-        B, C, D = L.B * unit, L.C / unit[:, None], L.D * unit / unit[:, None]
-        # e = r - L e, closed through one
-        P = control.StateSpace(
-            L.A, np.hstack([0 * B, B]), np.vstack([-C] * 2), np.block([[one, -D]] * 2), L.dt
-        )
-        S = lower_lft(P, control.StateSpace([], [], [], one, L.dt))
-        nominal = decide_stability(S)
-        return S, "" if nominal.stable else f"the loop is {nominal}"
+    del n_unstable  # a system shows its own
+    L = multivariable("L", L)
+    _require_square_loop(L.noutputs, L.ninputs)
+    one = np.eye(L.ninputs)
+    unit = _balancing_scales(response_by_channel(L, structure_grid(L)[1:]))
+    B, C, D = L.B * unit, L.C / unit[:, None], L.D * unit / unit[:, None]
+    # e = r - L e, closed through one
+    P = control.StateSpace(
+        L.A, np.hstack([0 * B, B]), np.vstack([-C] * 2), np.block([[one, -D]] * 2), L.dt
+    )
+    S = lower_lft(P, control.StateSpace([], [], [], one, L.dt))
+    nominal = decide_stability(S)
+    return S, "" if nominal.stable else f"the loop is {nominal}"
+
+
+@sensitivity_if_stable.register(control.FrequencyResponseData)
+def _sensitivity_on_lines(
+    L: control.FrequencyResponseData, n_unstable: int
+) -> tuple[control.FrequencyResponseData, str]:
     _require_square_loop(L.noutputs, L.ninputs)
     omega, response = np.asarray(L.omega, dtype=float), np.moveaxis(np.asarray(L.frdata), 2, 0)
     if not np.isfinite(response).all():

@@ -11,7 +11,7 @@ from robust._base.types import LinearSystem
 from robust.lti.connections import block_diagonal, in_series
 from robust.lti.lti import poles, response, timebase, with_names, zeros
 from robust.lti.norms import to_discrete
-from robust.lti.realisation import from_roots, multivariable, state_space
+from robust.lti.realisation import from_roots, multivariable
 
 # relative distance of a zero from the mirror image of a pole of an all-pass; eigenvalues move by
 # 1e-9
@@ -240,11 +240,7 @@ def discretize(K: LinearSystem, dt: float, *, prewarp: float = 0.0) -> control.S
     >>> round(float(K.poles()[0].real), 9), round(float(K.zeros()[0].real), 9)
     (1.0, 0.818181818)
     """
-    several = isinstance(K, control.StateSpace) and (K.ninputs, K.noutputs) != (1, 1)
-    if several:
-        K = multivariable("K", K)
-    else:
-        K = state_space("K", K)
+    K = multivariable("K", K)
     dt, prewarp = require_positive("dt", dt), require_nonnegative("prewarp", prewarp)
     if timebase(K):
         raise ValueError(f"K must be continuous, got one sampled at {timebase(K):g} s")

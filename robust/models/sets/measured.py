@@ -78,7 +78,7 @@ def lines_of(plant: object) -> PlantLines | None:
 
 
 @lines_of.register(PlantLines)
-def _(plant: PlantLines) -> PlantLines:
+def _same_lines(plant: PlantLines) -> PlantLines:
     return plant
 
 
@@ -113,7 +113,7 @@ def lines_of_frf(plant: control.FrequencyResponseData) -> PlantLines:
 
 
 @lines_of.register(UncertaintyModel)
-def _(plant: UncertaintyModel) -> PlantLines | None:
+def _lines_of_set(plant: UncertaintyModel) -> PlantLines | None:
     if not plant.measured_only:
         return None
     return PlantLines(
