@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from nlfrf._base.values import value
-from robust.analysis.findings import Margins, ReportCurves, reciprocal
+from robust.analysis.findings import LoopCurves, Margins, reciprocal
 from robust.lti.connections import largest_allowed_factor, worst_sensitivity
 from robust.lti.lti import replace_infinite
 from robust.models.sets.forms import FORMS, perturbed_sensitivity_terms
@@ -104,11 +104,11 @@ class Curves:
         """One over `performance_margin` (W,)."""
         return 1 / self.performance_margin
 
-    def shown(self, stable: bool) -> ReportCurves:
+    def shown(self, stable: bool) -> LoopCurves:
         """Return the curves for a report: nan for an unstable loop and without a set."""
         nothing = np.full(self.omega.size, np.nan)
         seen = stable and bool(np.isfinite(self.w).all())
-        return ReportCurves(
+        return LoopCurves(
             omega=self.omega,
             rs=self.rs if seen else nothing,
             np_=self.np_ if stable else nothing,

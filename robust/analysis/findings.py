@@ -9,7 +9,18 @@ import numpy as np
 from nlfrf._base.values import ArrayField, value
 from robust._base.states import Stability, Verdict
 from robust._base.types import SystemField
+from robust.analysis.performance import (
+    USUAL_PEAK,
+    ClassicalMargins,
+    classical_margins,
+)
+from robust.lti.grids import Peak, peak_of
+from robust.pages.section import Fact
 from robust.proofs.search.certificate import Certificate
+
+#: Relative change of the gain that is tried against thin margins, and the least relative decrease
+#: of |S| that counts.
+_GAIN_STEP, _LEAST_GAIN = 0.1, 0.02
 
 #: Methods of proof for one channel.
 ProofMethod: TypeAlias = Literal["exact", "lmi", "both"]
@@ -81,6 +92,105 @@ class ReportCurves:
     def L(self) -> np.ndarray:
         """(W,) loop gain G K, for one channel."""
         return np.asarray(self.G * self.K)
+
+    @property
+    def measure(self) -> str:
+        """Name of the measure of robust stability."""
+        return "mu"
+
+    @property
+    def classical(self) -> ClassicalMargins:
+        """Classical margins of a stable nominal loop; nan for several channels."""
+        return ClassicalMargins()
+
+    @property
+    def classical_facts(self) -> tuple[Fact, ...]:
+        """Lines of a report about the classical margins, if the loop has them."""
+        return ()
+
+    @property
+    def better_gain(self) -> str:
+        """As `RobustnessReport.better_gain`."""
+        return ""
+
+    @property
+    def cure_of_peak(self) -> str:
+        """What lowers |S|, as the end of a sentence; empty if unknown."""
+        return ""
+
+    @property
+    def shows_missed_demand(self) -> bool:
+        """Whether a plant of the set misses the demand; an upper bound shows none."""
+        return False
+
+    def describe_peak(self, n_lines: int) -> str:
+        """Describe the largest |S| over the set; n_lines : as `Margins.S_worst_lines`."""
+        where = f", on {n_lines} frequencies" * (n_lines > 0)
+        return f"bound of its largest singular value over the set{where}"
+
+    def performance_facts(self, margins: Margins, met: str) -> list[Fact]:
+        """Return the lines of a report about a demand; met : whether the set meets it."""
+        worst = Peak(1 / margins.rp, margins.omega_rp)
+        return [Fact("performance", worst, meaning=f"max mu, allowed is 1; {met}")]
+
+
+@value
+class LoopCurves(ReportCurves):
+    """Curves of a loop with one channel and one uncertainty, by closed forms: all fields are
+    given.
+    """
+
+    @property
+    def measure(self) -> str:
+        return "rs"
+
+    @property
+    def classical(self) -> ClassicalMargins:
+        return classical_margins(self.omega, self.L)
+
+    @property
+    def classical_facts(self) -> tuple[Fact, ...]:
+        return self.classical.facts
+
+    @property
+    def better_gain(self) -> str:
+        L = self.L
+        loose = self.rs * np.abs(1 + L)  # radius of the disc of L over the set
+
+        def worst(factor: float) -> float:
+            return float(np.max(1 / np.maximum(np.abs(1 + factor * L) - factor * loose, 1e-9)))
+
+        tried = {worst(1 + _GAIN_STEP): "higher", worst(1 - _GAIN_STEP): "lower"}
+        if min(tried) < (1 - _LEAST_GAIN) * worst(1.0):
+            return tried[min(tried)]
+        return ""
+
+    @property
+    def cure_of_peak(self) -> str:
+        better = self.better_gain
+        if better:
+            return f"a {better} gain"
+        return "more phase there; neither a higher nor a lower gain helps"
+
+    @property
+    def shows_missed_demand(self) -> bool:
+        return bool(np.max(self.rp) > 1)
+
+    def describe_peak(self, n_lines: int) -> str:
+        del n_lines  # attained at its frequency
+        return f"over the set; customary is at most {USUAL_PEAK:g}"
+
+    def performance_facts(self, margins: Margins, met: str) -> list[Fact]:
+        del margins  # the curves have the nominal value, too
+        nominal, worst = (peak_of(self.omega, one) for one in (self.np_, self.rp))
+        if 1 < worst.value < np.inf:
+            missed = f", missed by a factor {worst.value:.3g}"
+        else:
+            missed = ""
+        return [
+            Fact("max |w_P S|", nominal, meaning="nominal"),
+            Fact("performance", worst, meaning=f"{met}{missed}"),
+        ]
 
 
 @value
@@ -241,7 +351,7 @@ class Findings:
     @property
     def is_single(self) -> bool:
         """True for one channel with one uncertainty (closed forms); False for a result by mu."""
-        return self.curves.S is not None
+        return isinstance(self.curves, LoopCurves)
 
 
 def decide_verdict(nominal: Stability, proofs: Proofs, *, statistical: bool) -> Verdict:

@@ -34,6 +34,9 @@ from robust.lti.sampling import delayed, sampled
 from robust.pages.section import Fact
 
 _BETWEEN = 8  # subdivisions between two frequencies of the grid of a system
+#: Usual limit of |S| over a set; it leaves a phase margin of 29 deg and a gain margin of 2 (SP
+#: 2.4.3).
+USUAL_PEAK = 2.0
 #: Phase margin [deg] below which a loop is close to instability (SP 2.4.3).
 USUAL_PHASE_MARGIN = 30.0
 # |Im L| over |L| below which the last point, just below Nyquist, counts as real

@@ -11,28 +11,22 @@ from robust._base.states import Demand, Verdict
 from robust.analysis.disk import LoopMargins
 from robust.analysis.findings import Findings, Given
 from robust.analysis.loop_level import LoopLevel, describe_encoder_noise
-from robust.analysis.performance import ClassicalMargins, classical_margins
+from robust.analysis.performance import USUAL_PEAK, ClassicalMargins
 from robust.analysis.text import (
     CLAIM_HINT,
     PLANT_ALONE,
-    USUAL_PEAK,
     describe_broken,
     describe_certificate,
     describe_meaning,
     describe_thin_margins,
     disk_margin_fact,
     format_margin_factor,
-    performance_facts,
-    worst_sensitivity_fact,
 )
 from robust.lti.grids import Peak
 from robust.models.sets.forms import FORMS, loop_discs
 from robust.pages.section import Fact
 from robust.pages.text import format_facts
 
-#: Relative change of the gain that is tried against thin margins, and the least relative decrease
-#: of |S| that counts.
-_GAIN_STEP, _LEAST_GAIN = 0.1, 0.02
 #: A design that limits |S| on its own grid exceeds the limit by less than this between the grid
 #: frequencies.
 _ROUNDING = 0.01
@@ -150,28 +144,14 @@ class RobustnessReport(Findings):
         """Crossover, phase margin, gain margin and bandwidth of the nominal loop; nan for an
         unstable loop.
         """
-        seen = self.nominally_stable and self.is_single
-        if seen:
-            return classical_margins(self.curves.omega, self.curves.L)
-        return ClassicalMargins()
+        return self.curves.classical if self.nominally_stable else ClassicalMargins()
 
     @property
     def better_gain(self) -> str:
         """The loop gain that lowers max |S| over the set: "higher", "lower", or empty if neither
         does.
         """
-        if self.curves.G is None or self.curves.K is None:
-            return ""
-        L = self.curves.G * self.curves.K
-        loose = self.curves.rs * np.abs(1 + L)  # radius of the disc of L over the set
-
-        def worst(factor: float) -> float:
-            return float(np.max(1 / np.maximum(np.abs(1 + factor * L) - factor * loose, 1e-9)))
-
-        tried = {worst(1 + _GAIN_STEP): "higher", worst(1 - _GAIN_STEP): "lower"}
-        if min(tried) < (1 - _LEAST_GAIN) * worst(1.0):
-            return tried[min(tried)]
-        return ""
+        return self.curves.better_gain
 
     @property
     def thin_margins(self) -> str:
@@ -180,20 +160,14 @@ class RobustnessReport(Findings):
         """
         if not (self.proofs.robustly_stable and self.margins.S_worst > self.peak * (1 + _ROUNDING)):
             return ""
-        phase = self.classical.phase_margin if self.is_single else None
-        return describe_thin_margins(self.margins, self.peak, phase=phase)
+        return describe_thin_margins(self.margins, self.peak, phase=self.classical.phase_margin)
 
     @property
     def warning_of_margins(self) -> str:
         """The text of `thin_margins`, followed by a remedy."""
-        thin, better = self.thin_margins, self.better_gain
-        if not (thin and self.is_single):
-            return thin
-        if better:
-            cure = f"a {better} gain"
-        else:
-            cure = "more phase there; neither a higher nor a lower gain helps"
-        return f"{thin}. To lower |S|: {cure}"
+        thin = self.thin_margins
+        cure = thin and self.curves.cure_of_peak
+        return f"{thin}. To lower |S|: {cure}" if cure else thin
 
     @property
     def performance(self) -> Demand | None:
@@ -204,9 +178,7 @@ class RobustnessReport(Findings):
             return None
         if self.proofs.robust_performance:
             return Demand.MET
-        # mu is an upper bound: above one it shows no violation
-        missed = self.is_single and np.max(self.curves.rp) > 1
-        if missed:
+        if self.curves.shows_missed_demand:
             return Demand.NOT_MET
         return Demand.NOT_PROVED
 
@@ -271,14 +243,18 @@ class RobustnessReport(Findings):
             facts += [
                 Fact("stability", "the model has no uncertainty" if np.isnan(margins.rs) else ""),
                 Fact(
-                    "max rs" if self.is_single else "max mu",
+                    f"max {self.curves.measure}",
                     largest,
                     meaning=format_margin_factor(margins.rs),
                 ),
-                worst_sensitivity_fact(margins, single=self.is_single),
+                Fact(
+                    "max |S|",
+                    Peak(margins.S_worst, margins.omega_S_worst),
+                    meaning=self.curves.describe_peak(margins.S_worst_lines),
+                ),
                 Fact("aliases", self.folding),
                 Fact("worst found", describe_broken(margins)),
-                *performance_facts(self.curves, margins, self.performance),
+                *self._performance_facts,
             ]
         return [
             *facts,
@@ -287,6 +263,16 @@ class RobustnessReport(Findings):
             Fact("level", str(self.level or "")),
             Fact("next", self.next_step),
         ]
+
+    @property
+    def _performance_facts(self) -> list[Fact]:
+        """The nominal and the worst value of the demand, and whether the whole set meets it; empty
+        without one.
+        """
+        if self.performance is None:
+            return []
+        of = "" if np.isnan(self.margins.rs) else " for the whole set"
+        return self.curves.performance_facts(self.margins, f"demand {self.performance}{of}")
 
     @property
     def details(self) -> list[Fact]:
@@ -302,7 +288,7 @@ class RobustnessReport(Findings):
                     else ""
                 ),
             ),
-            *(self.classical.facts if self.nominally_stable and self.is_single else ()),
+            *(self.curves.classical_facts if self.nominally_stable else ()),
             Fact("encoder", describe_encoder_noise(self.encoder_noise, self.given.unit)),
             Fact("loop", self.context),
         ]

@@ -45,8 +45,9 @@ from robust.analysis.loop_level import (
     require_one_channel_loop,
 )
 from robust.analysis.loop_of_channels import LoopOfChannels
+from robust.analysis.performance import USUAL_PEAK
 from robust.analysis.report import RobustnessReport
-from robust.analysis.text import USUAL_PEAK, describe_confidence
+from robust.analysis.text import describe_confidence
 from robust.lti.connections import biproper_inverse
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response

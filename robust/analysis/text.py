@@ -9,13 +9,13 @@ import numpy as np
 
 from nlfrf import Bla
 from nlfrf._base.arguments import format_hertz
-from robust._base.states import Demand, Stability, Verdict
+from robust._base.states import Stability, Verdict
 from robust.analysis.aliases import RsBreakdown
 from robust.analysis.curves import MuCurves
-from robust.analysis.findings import Margins, Proofs, ReportCurves
+from robust.analysis.findings import Margins, Proofs
 from robust.analysis.loop import Loop
-from robust.analysis.performance import USUAL_PHASE_MARGIN
-from robust.lti.grids import Peak, peak_of
+from robust.analysis.performance import USUAL_PEAK, USUAL_PHASE_MARGIN
+from robust.lti.grids import Peak
 from robust.models.fit.weights import MAX_CHOSEN_ORDER
 from robust.models.sets.forms import FORMS
 from robust.models.sets.interconnection import UncertainSystem
@@ -64,9 +64,6 @@ _NONLINEAR_PLANT = (
     " applies"
 )
 SAMPLES_ONLY = "; the set contains sampled plants, so nothing is proved between the samples"
-#: Usual limit of |S| over a set; it leaves a phase margin of 29 deg and a gain margin of 2 (SP
-#: 2.4.3).
-USUAL_PEAK = 2.0
 _USUAL_JOINT = (
     0.94,
     0.99,
@@ -536,11 +533,11 @@ def describe_meaning(verdict: Verdict, confidence: tuple[str, ...]) -> str:
     return VERDICT_MEANINGS[verdict]
 
 
-def describe_thin_margins(margins: Margins, limit: float, *, phase: float | None) -> str:
-    """Explain why a stable loop is close to instability; `phase` is the nominal phase margin [rad]
-    for one channel.
+def describe_thin_margins(margins: Margins, limit: float, *, phase: float) -> str:
+    """Explain why a stable loop is close to instability; `phase` is the nominal phase margin [rad],
+    nan if the loop has none.
     """
-    if phase is None:
+    if np.isnan(phase):
         margin = ""
     else:
         margin = f", and the nominal phase margin is {np.degrees(phase):.1f} deg"
@@ -553,53 +550,12 @@ def describe_thin_margins(margins: Margins, limit: float, *, phase: float | None
     )
 
 
-def performance_facts(curves: ReportCurves, margins: Margins, demand: Demand | None) -> list[Fact]:
-    """Return the nominal and the worst value of the demand, and whether the whole set meets it;
-    empty without one.
-    """
-    if demand is None:
-        return []
-    met = f"demand {demand}" + ("" if np.isnan(margins.rs) else " for the whole set")
-    if curves.S is None:
-        return [
-            Fact(
-                "performance",
-                Peak(1 / margins.rp, margins.omega_rp),
-                meaning=f"max mu, allowed is 1; {met}",
-            )
-        ]
-    nominal, worst = (peak_of(curves.omega, one) for one in (curves.np_, curves.rp))
-    if 1 < worst.value < np.inf:
-        missed = f", missed by a factor {worst.value:.3g}"
-    else:
-        missed = ""
-    return [
-        Fact("max |w_P S|", nominal, meaning="nominal"),
-        Fact("performance", worst, meaning=f"{met}{missed}"),
-    ]
-
-
 def disk_margin_fact(margins: Margins) -> Fact:
     meaning = (
         f"gain {20 * np.log10(margins.disk_gain):.2f} dB, or phase"
         f" {np.degrees(margins.disk_phase):.1f} deg, or less of both"
     )
     return Fact("disk margin", Peak(margins.disk, margins.omega_disk), meaning=meaning)
-
-
-def worst_sensitivity_fact(margins: Margins, *, single: bool) -> Fact:
-    """Return the largest sensitivity over the set: attained for one channel, an upper bound for
-    several channels.
-    """
-    largest = Peak(margins.S_worst, margins.omega_S_worst)
-    if single:
-        return Fact(
-            "max |S|", largest, meaning=f"over the set; customary is at most {USUAL_PEAK:g}"
-        )
-    where = f", on {margins.S_worst_lines} frequencies" * (margins.S_worst_lines > 0)
-    return Fact(
-        "max |S|", largest, meaning=f"bound of its largest singular value over the set{where}"
-    )
 
 
 def describe_broken(margins: Margins) -> str:

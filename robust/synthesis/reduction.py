@@ -104,9 +104,7 @@ class Reduction:
         for label, report in (("before", self.before), ("reduced", self.report)):
             found = [report.headline]
             if np.isfinite(report.margins.rs):
-                found.append(
-                    f"max {'rs' if report.is_single else 'mu'} {1 / report.margins.rs:.3g}"
-                )
+                found.append(f"max {report.curves.measure} {1 / report.margins.rs:.3g}")
             if np.isfinite(report.margins.S_worst):
                 found.append(f"|S| reaches {report.margins.S_worst:.3g} over the set")
             facts.append(Fact(label, ", ".join(found)))
