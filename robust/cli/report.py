@@ -118,11 +118,20 @@ def report(
     require_demand(bandwidth, error)
     plant = models.load_model(model)
     [(K, late)] = from_options.load_loops([controller], delay, plant.origin.unit)
+    columns: dict[str, str | list[str] | None] = {
+        "u": list(plant.inputs),
+        "y": list(plant.outputs),
+        "r": reference or None,
+    }
+    if plant.is_single:
+        columns = {
+            "u": input or plant.inputs[0],
+            "y": output or plant.outputs[0],
+            "r": reference[0] if reference else None,
+        }
     load = partial(
         nlfrf.load_record,
-        u=(input or (*plant.inputs, "u")[0]) if plant.is_single else list(plant.inputs),
-        y=(output or (*plant.outputs, "y")[0]) if plant.is_single else list(plant.outputs),
-        r=reference[0] if reference and plant.is_single else reference or None,
+        **columns,
         fs=fs,
         n_samples=period,
         n_discard=discard,

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Required, TypedDict, TypeVar
+from functools import partial
+from typing import Required, TypeAlias, TypedDict, TypeVar
 
 import numpy as np
 from scipy.special import gammaincc, ndtr
@@ -14,11 +16,10 @@ from nlfrf._base.numbers import roy_quantile
 from nlfrf._base.units import units_differ
 from nlfrf._base.values import value
 from robust._base.channels import require_matrix, require_single
-from robust.lti.lti import timebase
 from robust.lti.sampling import hold_correction
 from robust.models.fit.measurement import bla_behind_hold, require_same_channels, require_same_units
 from robust.models.fit.shared_poles import hermitian_power
-from robust.models.sets.model import UncertaintyModel, has_several_channels
+from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import nominal_response, smooth_covariance
 from robust.models.sets.records import LEVEL_DOF, RecordSummary, summarize_record
 
@@ -264,7 +265,7 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
     (True, True)
     """
     require_kind("model", model, UncertaintyModel, Bla)
-    several = has_several_channels(model) or not model.is_single
+    several = not model.is_single
     (require_matrix if several else require_single)("bla", bla)
     if (bla.n_outputs, bla.n_inputs) != (model.n_outputs, model.n_inputs):
         raise ValueError(
@@ -273,30 +274,31 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
         )
     if several:
         require_same_channels(bla, model, "the model")
-    if isinstance(model, Bla):
-        require_same_units([model, bla])
-    elif bla.is_single and units_differ(model.origin.unit, bla.unit):
-        raise ValueError(f"bla must be in {model.origin.unit}, as the model, got {bla.unit}")
     inside = (bla.omega >= model.omega[0] * (1 - 1e-9)) & (
         bla.omega <= model.omega[-1] * (1 + 1e-9)
     )
     if not inside.any():
         raise ValueError("bla must have lines inside the band of the model, got none")
+    slope: _Slope = _measured_slope
     confidence, simultaneous = _CONFIDENCE, False
     firsts: tuple[RecordSummary, ...]
     if isinstance(model, Bla):
+        require_same_units([model, bla])
         if "unknown" not in (model.hold, bla.hold):
             model, bla = bla_behind_hold(model, 0.0), bla_behind_hold(bla, 0.0)
         second = summarize_record(bla).on_lines(bla.omega[inside])
         firsts, distance = (summarize_record(model),), np.full(second.omega.size, np.nan)
     else:
+        if units_differ(model.unit, bla.unit):
+            raise ValueError(f"bla must be in {model.unit}, as the model, got {bla.unit}")
         confidence, simultaneous = model.confidence, model.simultaneous
         if np.isnan(confidence):
             raise ValueError("model must state a confidence to be validated against, got none")
         if model.measured_only:
             bla = bla.times(_hold_factor(model, bla, inside), output_unit=bla.output_units)
         else:
-            bla = bla_behind_hold(bla, timebase(model.nominal))
+            bla = model.centre.behind_hold(bla)
+            slope = partial(_nominal_slope, model)
         second = summarize_record(bla).on_lines(bla.omega[inside])
         nominal = np.moveaxis(model.at(second.omega), -1, 0)
         distance = model.normalized_distance(second.omega, second.G, nominal)
@@ -310,7 +312,7 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
             p = confidence
         pair = first.on_lines(lines), second.on_lines(lines)
         tried.append(
-            _compare_matrix_records(*pair, p) if several else _compare_records(model, *pair, p)
+            _compare_matrix_records(*pair, p) if several else _compare_records(slope, *pair, p)
         )
     best = max(tried, key=lambda one: (np.nan_to_num(one.p_value), one.p_level))
     best = replace(best, omega=second.omega, n_lines=second.omega.size, distance=distance)
@@ -432,6 +434,20 @@ def _change_directions(
     return np.array([np.ones_like(G), turn, -slope]) * G, np.array([1.0, 1 / omega[-1], 1.0])
 
 
+#: d log G / d log omega from lines and FRF (F,).
+_Slope: TypeAlias = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+def _nominal_slope(model: UncertaintyModel, omega: np.ndarray, G: np.ndarray) -> np.ndarray:
+    """Return (F,) d log G / d log omega of the nominal, which does not scatter as the FRF G does."""
+    del G
+    below, above = (
+        nominal_response(model.nominal, omega * factor)
+        for factor in (1 - _DIFFERENCE_STEP, 1 + _DIFFERENCE_STEP)
+    )
+    return np.asarray(np.log(above / below) / (2 * _DIFFERENCE_STEP))
+
+
 def _measured_slope(omega: np.ndarray, G: np.ndarray) -> np.ndarray:
     """Return (F,) d log G / d log omega of an FRF on its lines."""
     return local_slope(
@@ -440,9 +456,12 @@ def _measured_slope(omega: np.ndarray, G: np.ndarray) -> np.ndarray:
 
 
 def _compare_records(
-    model: UncertaintyModel | Bla, first: RecordSummary, second: RecordSummary, p: float
+    slope: _Slope, first: RecordSummary, second: RecordSummary, p: float
 ) -> Validation:
-    """Compare two records with one channel on the same lines."""
+    """Compare two records with one channel on the same lines.
+
+    slope : d log G / d log omega, from lines and FRF.
+    """
     omega, d = second.omega, second.G - first.G
     variance = np.maximum(first.variance + second.variance, np.finfo(float).tiny)
     outside = np.abs(d) ** 2 > _f_quantile(p, LEVEL_DOF) * variance
@@ -450,15 +469,7 @@ def _compare_records(
     if not np.all(np.abs(d) <= 1e-9 * np.abs(second.G)):
         # about the weighted mean of both records, which is independent of their difference
         G = (first.G * second.variance + second.G * first.variance) / variance
-        if isinstance(model, Bla) or model.measured_only:
-            slope = _measured_slope(omega, G)
-        else:  # the nominal, which does not scatter
-            below, above = (
-                nominal_response(model.nominal, omega * factor)
-                for factor in (1 - _DIFFERENCE_STEP, 1 + _DIFFERENCE_STEP)
-            )
-            slope = np.log(above / below) / (2 * _DIFFERENCE_STEP)
-        x, units = _change_directions(omega, G, slope)
+        x, units = _change_directions(omega, G, slope(omega, G))
         found = fit_shape_and_level(x / np.sqrt(variance), units, z=d / np.sqrt(variance))
     return _make_validation(omega, outside, p=p, found=found)
 

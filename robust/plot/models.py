@@ -24,7 +24,6 @@ from nlfrf._base.axes import (
 )
 from robust._base.channels import require_matrix, require_single
 from robust.lti.lti import response, response_by_channel, timebase
-from robust.models.fit.measurement import bla_behind_hold
 from robust.models.fit.nominal_fit import NominalFit
 from robust.models.sets.forms import FORMS
 from robust.models.sets.model import UncertaintyModel, require_one_channel
@@ -153,12 +152,8 @@ def plot_set(
         blas = as_list(bla)
     for one in blas:
         (require_single if model.is_single else require_matrix)("bla", one)
-    if not model.measured_only:
-        blas = [bla_behind_hold(one, timebase(model.nominal)) for one in blas]
-    if model.measured_only:
-        omega = model.omega
-    else:
-        omega = _widened_band(model)
+    blas = [model.centre.behind_hold(one) for one in blas]
+    omega = model.centre.band(model.omega, _widened_band(model))
     if not model.is_single:
         return _draw_entries(model, blas, omega=omega, ax=ax)
     top, bottom = bode_axes(ax)
@@ -417,8 +412,7 @@ def plot_orders(scan: OrderScan, *, ax: Axes | None = None) -> Axes:
 
 def _widened_band(model: UncertaintyModel) -> np.ndarray:
     """Return frequencies [rad/s] of the band and half a decade on both sides, up to Nyquist."""
-    high, dt = model.omega[-1] * BAND_MARGIN, max(map(timebase, model.weights))
-    dt = dt or (0.0 if model.measured_only else timebase(model.nominal))
+    high, dt = model.omega[-1] * BAND_MARGIN, max(map(timebase, model.weights)) or model.dt
     if dt:
         high = min(high, np.pi / dt * (1 - 1e-9))
     return np.unique(

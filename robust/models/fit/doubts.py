@@ -24,11 +24,11 @@ _EXCESSIVE_RATIO = (
 )
 
 
-def warn_of_fit(fit: NominalFit, lines: FrfData, *, one_record: bool) -> None:
+def warn_of_fit(fit: NominalFit, lines: FrfData) -> None:
     """Warn of a fit far from the data of one record, or with poles outside the measured band."""
     omega, var = lines.omega, np.maximum(lines.var, (_HARMLESS_SHARE * np.abs(lines.G)) ** 2)
     ratio = float(np.sum(np.abs(fit.residual) ** 2 / var)) / fit.expected_cost
-    if one_record and ratio > _COST_LIMIT:
+    if lines.n_records == 1 and ratio > _COST_LIMIT:
         data_warning(
             f"a nominal model of {fit.G.nstates} poles does not fit the measurement: its cost"
             f" is {ratio:.3g} times the cost that the variance of the FRF explains, and the"

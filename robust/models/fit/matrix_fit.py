@@ -114,12 +114,10 @@ def fit_matrix(
     frm, omega = frms[0], np.concatenate([one.omega for one in frms])
     n_poles = require_integer("n_poles", n_poles, least=0)
     rank = require_integer("rank", rank, least=1)
-    estimated = isinstance(delay, str)
-    if isinstance(delay, str):
-        tau = np.zeros(frm.n_inputs)
-    else:
-        tau = _checked_delays(delay, frm.n_inputs, dt)
-    if estimated and delay != "estimate":
+    estimated, tau = True, np.zeros(frm.n_inputs)
+    if not isinstance(delay, str):
+        estimated, tau = False, _checked_delays(delay, frm.n_inputs, dt)
+    elif delay != "estimate":
         raise ValueError(
             'delay must be a number [s], one for each input, or "estimate", got'
             f" {short_form(delay)}"

@@ -51,10 +51,7 @@ def matrices_given(bla: object) -> list[Bla]:
 
 def require_same_units(given: object) -> None:
     """Refuse a list of BLAs whose units differ; unknown units match any."""
-    if isinstance(given, list | tuple):
-        blas = [one for one in given if isinstance(one, Bla)]
-    else:
-        blas = []
+    blas = [one for one in as_list(given) if isinstance(one, Bla)]
     for one, other in itertools.combinations(blas, 2):
         for name in ("input_units", "output_units"):
             for pair in zip(getattr(one, name), getattr(other, name), strict=False):
@@ -235,7 +232,7 @@ def measured_lines(
 
     The tolerance of each line is that of a loop with the crossover omega_c [rad/s].
     """
-    hold = "unknown"
+    hold, n_records = "unknown", 0
     if isinstance(bla, control.FrequencyResponseData):
         omega, G, var, dof = _given_lines(bla, std, dt)
     else:
@@ -249,7 +246,7 @@ def measured_lines(
             raise ValueError(
                 "std must only be given with a FrequencyResponseData, got it with a Bla"
             )
-        omega = np.concatenate([b.omega for b in many])
+        n_records, omega = len(many), np.concatenate([b.omega for b in many])
         many = [bla_behind_hold(b, dt) for b in many]
         G = np.concatenate([b.G for b in many])
         var = np.concatenate([b.var_bound for b in many])
@@ -278,4 +275,5 @@ def measured_lines(
         tolerance=tolerance,
         omega_c=crossover,
         hold=hold,
+        n_records=n_records,
     )

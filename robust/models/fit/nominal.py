@@ -16,7 +16,6 @@ from nlfrf._base.arguments import (
     require_nonnegative,
     short_form,
 )
-from robust._base.channels import is_single
 from robust.lti.realisation import from_roots
 from robust.lti.sampling import delay_samples
 from robust.models.fit.doubts import OUTSIDE_FACTOR, warn_of_fit
@@ -170,8 +169,7 @@ def likeliest_fit(
             highest = OUTSIDE_FACTOR * search.lines.omega.max()
         tried += [(weighted, one) for one in weighted.without_zeros_above(roots, highest)]
     fit = min((_nominal_of_roots(*one, bla) for one in tried), key=lambda fit: fit.criterion)
-    one_record = is_single(bla) or (isinstance(bla, Sequence) and len(bla) == 1)
-    warn_of_fit(fit, search.lines, one_record=one_record)
+    warn_of_fit(fit, search.lines)
     return fit
 
 
@@ -186,14 +184,12 @@ def start_search(
 ) -> FitSearch:
     """Return the search for fits with one input and one output, of any order."""
     lines = measured_lines(bla, std, dt, omega_c)
-    if isinstance(delay, str) and delay != "estimate":
-        raise ValueError(f'delay must be a number [s] or "estimate", got {short_form(delay)}')
-    if isinstance(delay, str):
-        known = None
-    else:
+    known = None
+    if not isinstance(delay, str):
         known = require_nonnegative("delay", delay)
-    if known is not None and dt:
-        known = delay_samples("delay", known, dt) * dt
+        known = delay_samples("delay", known, dt) * dt if dt else known
+    elif delay != "estimate":
+        raise ValueError(f'delay must be a number [s] or "estimate", got {short_form(delay)}')
     return FitSearch(lines=lines, dt=dt, stable=stable, delay=known)
 
 

@@ -71,6 +71,7 @@ class FrfData:
     omega_c: float  # crossover [rad/s] of the loop behind the tolerance, nan for none
     epsilon: float = 0.0  # size of the error of the class, in units of the tolerance
     hold: str = "unknown"  # hold of the records
+    n_records: int = 0  # records of a Bla behind the lines; 0 for an FRF of another program
 
     @property
     def total_var(self) -> np.ndarray:

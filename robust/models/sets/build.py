@@ -33,13 +33,13 @@ from robust.lti.realisation import multivariable
 from robust.models.fit.class_error import mean_size, smooth_size, target_loop
 from robust.models.fit.doubts import checked_weight
 from robust.models.fit.measurement import (
-    bla_behind_hold,
     matrices_given,
     require_same_channels,
     require_same_units,
 )
 from robust.models.fit.nominal_fit import NominalFit, sampling_time_of, single_nominal, with_delays
 from robust.models.fit.weights import larger_of_neighbours
+from robust.models.sets.centre import centre_of
 from robust.models.sets.family import DIAGONAL
 from robust.models.sets.family_members import is_plant
 from robust.models.sets.forms import ADDITIVE, AUTO, DEFAULT_FORM, ELEMENTS, FORMS, RECORD_FORMS
@@ -261,10 +261,8 @@ def _better_of_two_forms(request: _SetRequest, recorded: list[Bla]) -> Uncertain
 
 def _set_in_form(request: _SetRequest, recorded: list[Bla]) -> UncertaintyModel:
     """Return the set in the form of the request, with its records."""
-    blas = recorded
-    if not isinstance(request.nominal, control.FrequencyResponseData):
-        # a model without a hold and a record behind one differ by the hold, which is no misfit
-        blas = [bla_behind_hold(bla, request.dt) for bla in recorded]
+    # a model without a hold and a record behind one differ by the hold, which is no misfit
+    blas = [centre_of(request.nominal).behind_hold(bla) for bla in recorded]
     first = blas[0]
     if first.is_single:
         made, rules = _disc_set(request, blas)

@@ -11,9 +11,11 @@ from typing import Protocol, TypeAlias
 import control
 import numpy as np
 
+from nlfrf import Bla
 from nlfrf._base.values import value
 from robust._base.types import AnySystem
 from robust.lti.lti import frf_on_lines, response, response_by_channel, timebase
+from robust.models.fit.measurement import bla_behind_hold
 from robust.models.sets.delta import Delta
 from robust.models.sets.forms import FORMS
 
@@ -43,6 +45,16 @@ class Centre(Protocol):
 
     def clocks(self, weights: Systems) -> tuple[AnySystem, ...]:
         """Return the systems whose sampling time a plant of the set must have."""
+        ...
+
+    def behind_hold(self, bla: Bla) -> Bla:
+        """Return a record as the nominal describes it: behind the hold of a system."""
+        ...
+
+    def band(self, omega: np.ndarray, wide: np.ndarray) -> np.ndarray:
+        """Return the frequencies of a picture: the lines omega, or a wider band if the nominal is
+        known there.
+        """
         ...
 
     def is_provable(self, plant: object) -> bool:
@@ -81,6 +93,13 @@ class _SystemCentre:
     def clocks(self, weights: Systems) -> tuple[AnySystem, ...]:
         return self.system, weights[0]
 
+    def behind_hold(self, bla: Bla) -> Bla:
+        return bla_behind_hold(bla, self.dt)
+
+    def band(self, omega: np.ndarray, wide: np.ndarray) -> np.ndarray:
+        del omega
+        return wide
+
     def is_provable(self, plant: object) -> bool:
         return not isinstance(plant, control.FrequencyResponseData)
 
@@ -114,6 +133,13 @@ class _FrfCentre:
     def clocks(self, weights: Systems) -> tuple[AnySystem, ...]:
         del weights
         return (self.frf,)
+
+    def behind_hold(self, bla: Bla) -> Bla:
+        return bla
+
+    def band(self, omega: np.ndarray, wide: np.ndarray) -> np.ndarray:
+        del wide
+        return omega
 
     def is_provable(self, plant: object) -> bool:
         del plant

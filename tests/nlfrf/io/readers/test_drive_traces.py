@@ -148,7 +148,9 @@ def test_without_pytcs_one_line_says_what_to_install(tmp_path, monkeypatch):
     path.write_text(export())
     hidden = tmp_path / "reader.py"
     hidden.write_text("def contents(path):\n    import pytcs_that_is_missing\n")
-    monkeypatch.setattr(sys.modules["nlfrf.io.measurement_files"].TWINCAT.contents, "__file__", str(hidden))
+    monkeypatch.setattr(
+        sys.modules["nlfrf.io.measurement_files"].TWINCAT.contents, "__file__", str(hidden)
+    )
     with pytest.raises(
         ValueError,
         match=r"needs pytcs_that_is_missing, which is not installed: pip install 'nlfrf\[tw",
