@@ -15,13 +15,8 @@ def is_single(thing: object) -> TypeGuard[Bla]:
     return isinstance(thing, Bla) and thing.is_single
 
 
-def is_matrix(thing: object) -> TypeGuard[Bla]:
-    """Return whether a value is a `Bla` with several inputs or outputs."""
-    return isinstance(thing, Bla) and not thing.is_single
-
-
 def require_matrix(name: str, thing: object) -> None:
-    if not is_matrix(thing):
+    if not isinstance(thing, Bla) or thing.is_single:
         raise ValueError(
             f"{name} must be an nlfrf.Bla of several inputs or outputs, got"
             f" {_describe_channels(thing)}"

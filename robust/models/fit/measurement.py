@@ -18,7 +18,7 @@ from nlfrf._base.arguments import (
     short_form,
 )
 from nlfrf._base.units import units_differ
-from robust._base.channels import is_matrix, is_single, require_matrix
+from robust._base.channels import is_single, require_matrix
 from robust.lti.lti import SAMPLING_TOLERANCE
 from robust.lti.sampling import hold_correction
 from robust.models.fit.class_error import loop_tolerance
@@ -35,7 +35,7 @@ def matrices_given(bla: object) -> list[Bla]:
     """
     many = as_list(bla)
     require_same_units(many)
-    matrices = [one for one in many if is_matrix(one)]
+    matrices = [one for one in many if isinstance(one, Bla) and not one.is_single]
     if not matrices:
         return []
     for one in many:
@@ -56,10 +56,9 @@ def require_same_units(given: object) -> None:
         for name in ("input_units", "output_units"):
             for pair in zip(getattr(one, name), getattr(other, name), strict=False):
                 if units_differ(*pair):
-                    if one.is_single and other.is_single:
-                        first, second = one.unit, other.unit
-                    else:
-                        first, second = pair
+                    # of G, for one channel
+                    whole = one.unit, other.unit
+                    first, second = whole if units_differ(*whole) else pair
                     raise ValueError(
                         f"bla must be records in the same units, got {first} and {second}"
                     )

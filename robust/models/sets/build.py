@@ -7,7 +7,7 @@ excludes the scatter, which is counted separately.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TypedDict
 
@@ -35,7 +35,6 @@ from robust.models.fit.doubts import checked_weight
 from robust.models.fit.measurement import (
     matrices_given,
     require_same_channels,
-    require_same_units,
 )
 from robust.models.fit.nominal_fit import NominalFit, sampling_time_of, single_nominal, with_delays
 from robust.models.fit.weights import larger_of_neighbours
@@ -183,14 +182,16 @@ def uncertainty(
     if weights != DIAGONAL or omega_B is not None:
         raise ValueError("weights and omega_B must be left out with a measured Bla")
     recorded = _require_records(bla)
-    form = _checked_form(form, recorded[0].is_single)
-    known = _nominal_or_fit(nominal, recorded)
+    single = recorded[0].is_single
+    form = _checked_form(form, single)
+    known = _nominal_or_fit(nominal, recorded, single)
     centre, delay = _nominal_of_records(known, recorded[0])
     request = _SetRequest(
         nominal=centre,
         delay=delay,
         omega_c=known.omega_c if isinstance(known, NominalFit) else float("nan"),
         form=form,
+        make=_disc_set if single else _block_set,
         order=None if order is None else require_integer("order", order, least=0),
         rules=Extrapolation(
             below=checked_slope("below", below), above=checked_slope("above", above)
@@ -217,6 +218,8 @@ class _SetRequest:
     delay: float  # the longest delay inside the nominal [s]
     omega_c: float  # crossover that the nominal was fitted for [rad/s]; nan if none was named
     form: str
+    # `_disc_set` or `_block_set`: radius and weights for one channel or for several
+    make: Callable[[_SetRequest, list[Bla]], tuple[_SetFields, Extrapolation]]
     order: int | None
     rules: Extrapolation
     spec: RadiusSpec
@@ -238,12 +241,12 @@ def _checked_form(form: str | None, single: bool) -> str:
 
 
 def _nominal_or_fit(
-    nominal: NominalFit | AnySystem | float | None, recorded: list[Bla]
+    nominal: NominalFit | AnySystem | float | None, recorded: list[Bla], single: bool
 ) -> NominalFit | AnySystem | float:
     """Return the given nominal, for several channels without one the fit of `scan_orders`."""
     if nominal is not None:
         return nominal
-    if recorded[0].is_single:
+    if single:
         raise ValueError("nominal must be given for one channel: see fit_nominal, got none")
     return scan_orders(recorded).fit
 
@@ -264,10 +267,7 @@ def _set_in_form(request: _SetRequest, recorded: list[Bla]) -> UncertaintyModel:
     # a model without a hold and a record behind one differ by the hold, which is no misfit
     blas = [centre_of(request.nominal).behind_hold(bla) for bla in recorded]
     first = blas[0]
-    if first.is_single:
-        made, rules = _disc_set(request, blas)
-    else:
-        made, rules = _block_set(request, blas)
+    made, rules = request.make(request, blas)
     model = UncertaintyModel(
         nominal=request.nominal,
         form=request.form,
@@ -426,9 +426,7 @@ def _require_records(bla: Bla | Sequence[Bla]) -> list[Bla]:
             " radius of your own UncertaintyModel.from_radius(nominal, omega, radius), for weights"
             " of your own UncertaintyModel(...)"
         )
-    require_same_units(blas)
-    if any(not one.is_single for one in blas):
-        matrices_given(blas)  # of the same channels
+    matrices_given(blas)  # in the same units, and of the same channels
     return blas
 
 
@@ -455,13 +453,12 @@ def _nominal_of_records(
 def _describe_record(bla: Bla) -> str:
     lines = f"{bla.f.size} lines {bla.f[0]:g} to {bla.f[-1]:g} Hz"
     made = bla.experiment
-    if made.grid == "given":
-        what = "an FRF" if bla.is_single else "a matrix of FRFs"
-        return f"{what} that was given, {lines}, variance from its {bla.level_source}"
-    design, drawn = "", f"{made.n_realizations} realisations"
+    what, design, drawn = "an FRF", "", f"{made.n_realizations} realisations"
     if not bla.is_single:
-        design = f"{made.design} "
+        what, design = "a matrix of FRFs", f"{made.design} "
         drawn = f"{made.n_realizations} sets of {bla.n_inputs} experiments"
+    if made.grid == "given":
+        return f"{what} that was given, {lines}, variance from its {bla.level_source}"
     return (
         f"{design}{made.grid} multisine, {lines}, {drawn} x {made.n_periods} periods, level from"
         f" {bla.level_source}"

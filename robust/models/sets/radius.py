@@ -403,14 +403,12 @@ def block_radius(
 
 def entry_misfits(frm: Bla, model: np.ndarray) -> np.ndarray:
     """Return (F,) or (n_y, n_u, F) the misfit of the nominal beyond scatter, entry by entry."""
-    if frm.is_single:
-        return _model_misfit(frm, model)
-    out, spec = np.empty(model.shape), RadiusSpec(even=False)
-    for j, i in np.ndindex(model.shape[:2]):
-        out[j, i] = record_radius_parts(frm.entry(j, i), control.frd(model[j, i], frm.omega), spec)[
-            "misfit"
-        ]
-    return out
+    entries = model.reshape(frm.n_outputs, frm.n_inputs, -1)
+    out, spec = np.empty(entries.shape), RadiusSpec(even=False)
+    for j, i in np.ndindex(entries.shape[:2]):
+        parts = record_radius_parts(frm.entry(j, i), control.frd(entries[j, i], frm.omega), spec)
+        out[j, i] = parts["misfit"]
+    return out.reshape(model.shape)
 
 
 def block_radii_of_record(

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, cast
 
-from nlfrf._base.arguments import require_kind
-from robust._base.channels import is_matrix
+from nlfrf import Bla
+from nlfrf._base.arguments import as_list, require_kind
 from robust._base.types import Controller, Weight
-from robust.models.sets.model import has_several_channels
+from robust.models.sets.model import UncertaintyModel
 from robust.synthesis.fixed.demands import Bound
 from robust.synthesis.fixed.one_loop import Proved, design_loop
 from robust.synthesis.fixed.plants import DesignPlant
@@ -158,11 +158,14 @@ def design_frf(
     del asked["plant"], asked["structure"]
     require_kind("positive", positive, bool)
     asked["y_rises"] = positive
-    if has_several_channels(plant) or is_matrix(plant):
-        return close_in_turn(plant, structure, asked)
-    if isinstance(plant, list | tuple) and any(
-        has_several_channels(one) or is_matrix(one) for one in plant
-    ):
+    matrices = [
+        one
+        for one in as_list(plant)
+        if isinstance(one, Bla | UncertaintyModel) and not one.is_single
+    ]
+    if plant in matrices:
+        return close_in_turn(matrices[0], structure, asked)
+    if matrices:
         raise ValueError(
             "plant must be one Bla or UncertaintyModel with several channels, or a list of single"
             " loops, got a list of matrices"

@@ -13,7 +13,7 @@ from robust.lti.lti import is_constant, timebase, with_names
 from robust.lti.realisation import multivariable, stable_weight
 from robust.lti.sampling import delayed, discretize, sampled
 from robust.models.sets.forms import FORMS
-from robust.models.sets.model import UncertaintyModel, has_several_channels
+from robust.models.sets.model import UncertaintyModel
 from robust.synthesis.hinf.design import Design
 from robust.synthesis.hinf.hinfsyn import hinfsyn
 from robust.synthesis.hinf.riccati_pair import MOST_STEPS
@@ -156,17 +156,19 @@ def _is_unstructured_model(model: object) -> TypeGuard[UncertaintyModel]:
     """Return True for a model with a parametric nominal; refuse one without, or with a structured
     perturbation.
     """
-    if has_several_channels(model):
+    if not isinstance(model, UncertaintyModel):
+        return False
+    if not model.is_single:
         raise ValueError(
             "model must be a plant or an UncertaintyModel, got one with several channels: use"
             " dk_iteration for its perturbation, or mixsyn(model.nominal, ...) for its nominal"
             " alone"
         )
-    if isinstance(model, UncertaintyModel) and model.measured_only:
+    if model.measured_only:
         raise ValueError(
             "model must have a parametric nominal for a synthesis, got an FRF: see design_frf"
         )
-    return isinstance(model, UncertaintyModel)
+    return True
 
 
 def weight_on_time_base(name: str, w: Weight, *, dt: float, n: int) -> control.StateSpace:
