@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
+from functools import partial, singledispatch
 from pathlib import Path
 
 import control
@@ -14,7 +14,6 @@ from nlfrf._base.arguments import one_line, short_form
 from nlfrf._base.parsing import parse_json_of
 from nlfrf._base.types import JsonObject
 from robust._base.types import Controller
-from robust.analysis.findings import Proofs
 from robust.analysis.loop import assemble_loop
 from robust.analysis.loop_proofs import stability_claim
 from robust.analysis.report import RobustnessReport
@@ -50,28 +49,43 @@ def certificate_path(report: Path, number: int = 0) -> Path:
     return report.with_suffix(f".{number + 1}.certificate.json" if number else ".certificate.json")
 
 
-def save_certificate(
-    report: RobustnessReport | FrictionProof | ScheduleProof, path: PathLike
-) -> None:
+@singledispatch
+def save_certificate(report: object, path: PathLike) -> None:
     """Write a proof as JSON: plant, controller, delay, weights and claim as given, and a digest of
     them.
 
     For several channels it holds the loop with its perturbations pulled out, P and the scaling of
     each claim.
+
+    report : RobustnessReport, FrictionProof or ScheduleProof
     """
-    if isinstance(report, FrictionProof) and report.certificate is not None:
-        save_friction_proof(report, path)
-        return
-    if isinstance(report, ScheduleProof) and report.holds:
-        certificate = report.certificate
-        how = [{"subject": certificate.subject, "found by": certificate.method}]
-        write_claim(path, certificate.claim, found=how)  # type: ignore[arg-type]  # a certificate of any claim
-        return
-    if isinstance(report, RobustnessReport):
-        known = report.proofs
-    else:
-        known = Proofs()
-    proofs = [c for c in known.certificates if c.holds]
+    del path
+    got = f"the verdict {report.verdict!r}" if hasattr(report, "verdict") else short_form(report)
+    raise ValueError(f"report must contain a proof that can be repeated, got {got}")
+
+
+_refuse = save_certificate.dispatch(object)
+
+
+@save_certificate.register(FrictionProof)
+def _save_friction_certificate(report: FrictionProof, path: PathLike) -> None:
+    if report.certificate is None:
+        _refuse(report, path)
+    save_friction_proof(report, path)
+
+
+@save_certificate.register(ScheduleProof)
+def _save_schedule_certificate(report: ScheduleProof, path: PathLike) -> None:
+    if not report.holds:
+        _refuse(report, path)
+    certificate = report.certificate
+    how = [{"subject": certificate.subject, "found by": certificate.method}]
+    write_claim(path, certificate.claim, found=how)  # type: ignore[arg-type]  # a certificate of any claim
+
+
+@save_certificate.register(RobustnessReport)
+def _save_report_certificate(report: RobustnessReport, path: PathLike) -> None:
+    proofs = [c for c in report.proofs.certificates if c.holds]
     found = [c.claim for c in proofs if isinstance(c.claim, LoopClaim)]
     scaled = {
         c.subject: c.claim
@@ -79,8 +93,8 @@ def save_certificate(
         if isinstance(c.claim, ScaledClaim | IntervalClaim | FoldedClaim)
     }
     how = [{"subject": c.subject, "found by": c.method} for c in proofs if c.claim is not None]
-    warned = getattr(report, "warnings", ())
-    if isinstance(report, RobustnessReport) and scaled and not found:
+    warned = report.warnings
+    if scaled and not found:
         given = report.given
         write_claim(
             path,
@@ -90,14 +104,7 @@ def save_certificate(
         )
         return
     if not found:
-        raise ValueError(
-            "report must contain a proof that can be repeated, got "
-            + (
-                f"the verdict {report.verdict!r}"
-                if hasattr(report, "verdict")
-                else short_form(report)
-            )
-        )
+        _refuse(report, path)
     claim = replace(
         found[0],
         claims=tuple(name for claim in found for name in claim.claims),

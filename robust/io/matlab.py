@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from functools import singledispatch
 from pathlib import Path
+from typing import TypeAlias
 
 import control
 import numpy as np
@@ -83,17 +85,7 @@ def export_matlab(
     name = re.sub(
         r"\W", "_", path.stem, flags=re.ASCII
     )  # only characters allowed in the name of a MATLAB function
-    struct: dict[str, object]
-    if isinstance(content, UncertaintyModel):
-        struct = _model_struct(content)
-        script = _MODEL_LOADER if content.is_single else _MATRIX_LOADER
-    elif isinstance(content, (RobustnessReport, ChannelsClaim)):
-        struct = {"kind": ChannelsClaim.SCHEMA, "proofs": _proof_structs(content)}
-        script = _PROOF_LOADER
-    else:
-        K = as_controller("content", content)
-        struct = {"kind": CONTROLLER_SCHEMA, "K": _matlab_system(K), **sections_by_name(K)}
-        script = _CONTROLLER_LOADER
+    struct, script = _struct_and_loader(content)
     warned = getattr(content, "warnings", ())
     struct |= {"warnings": _cell_array(list(warned))} if warned else {}
     loader = path.with_name(f"load_{name}.m")
@@ -116,15 +108,53 @@ def export_matlab(
     write_text(loader, text, role=Role.DERIVED)
 
 
-def _model_struct(model: UncertaintyModel) -> dict[str, object]:
-    """Return a model as a struct of numbers and text; weights of "elements" as W (n_y, n_u)."""
-    single = model.is_single
+_StructAndLoader: TypeAlias = "tuple[dict[str, object], str]"
+
+
+@singledispatch
+def _struct_and_loader(content: Controller) -> _StructAndLoader:
+    """Return the struct of a content, and the script that loads it."""
+    K = as_controller("content", content)
     struct: dict[str, object] = {
-        "kind": MODEL_SCHEMA if single else MATRIX_SCHEMA,
+        "kind": CONTROLLER_SCHEMA,
+        "K": _matlab_system(K),
+        **sections_by_name(K),
+    }
+    return struct, _CONTROLLER_LOADER
+
+
+@_struct_and_loader.register(RobustnessReport)
+def _report_and_loader(content: RobustnessReport) -> _StructAndLoader:
+    held = {c.subject: c.claim for c in content.proofs.certificates if c.holds}
+    return {"kind": ChannelsClaim.SCHEMA, "proofs": _proof_structs(held)}, _PROOF_LOADER
+
+
+@_struct_and_loader.register(ChannelsClaim)
+def _claim_and_loader(content: ChannelsClaim) -> _StructAndLoader:
+    return {"kind": ChannelsClaim.SCHEMA, "proofs": _proof_structs(content.claims)}, _PROOF_LOADER
+
+
+@_struct_and_loader.register(UncertaintyModel)
+def _model_and_loader(model: UncertaintyModel) -> _StructAndLoader:
+    if model.is_single:
+        return _disc_struct(model), _MODEL_LOADER
+    struct = _set_struct(MATRIX_SCHEMA, model)
+    struct |= {side: _cell_array(list(getattr(model, side))) for side in ("inputs", "outputs")}
+    struct |= {
+        side: _cell_array(list(map(_matlab_system, getattr(model, side))))
+        for side in ("left", "right")
+    }
+    return struct, _MATRIX_LOADER
+
+
+def _set_struct(kind: str, model: UncertaintyModel) -> dict[str, object]:
+    """Return the part of a struct that models with one channel and with several share."""
+    struct: dict[str, object] = {
+        "kind": kind,
         "freq": model.omega,
         "freq_unit": "rad/s",
         "class": model.perturbation,
-        "Ts": timebase(model.weight if single else model.nominal),
+        "Ts": model.dt,
         **{name: getattr(model, name) for name in ("radius", "form", "confidence", "simultaneous")},
         "joint": model.joint.frf,
         "joint_bla": model.joint.bla,
@@ -133,13 +163,14 @@ def _model_struct(model: UncertaintyModel) -> dict[str, object]:
     }
     if not model.measured_only:
         struct["nominal"] = _matlab_system(model.nominal)
-    if not single:
-        struct |= {side: _cell_array(list(getattr(model, side))) for side in ("inputs", "outputs")}
-        return struct | {
-            side: _cell_array(list(map(_matlab_system, getattr(model, side))))
-            for side in ("left", "right")
-        }
+    return struct
+
+
+def _disc_struct(model: UncertaintyModel) -> dict[str, object]:
+    """Return a model with one channel as a struct."""
+    struct = _set_struct(MODEL_SCHEMA, model)
     struct |= {
+        "Ts": timebase(model.weight),
         "response": model.at(model.omega),
         "weight": _matlab_system(model.weight),
         "delay": model.origin.delay,
@@ -152,15 +183,10 @@ def _model_struct(model: UncertaintyModel) -> dict[str, object]:
     return struct
 
 
-def _proof_structs(content: RobustnessReport | ChannelsClaim) -> np.ndarray:
+def _proof_structs(held: Mapping[str, object]) -> np.ndarray:
     """Return the proofs by P and scalings, one for all frequencies or for each interval, as a cell
     array of structs.
     """
-    held = (
-        content.claims
-        if isinstance(content, ChannelsClaim)
-        else {c.subject: c.claim for c in content.proofs.certificates if c.holds}
-    )
     claims = {
         subject: claim
         for subject, claim in held.items()

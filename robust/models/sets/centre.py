@@ -14,7 +14,9 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf._base.values import value
 from robust._base.types import AnySystem
+from robust.lti.grids import interpolate_frf
 from robust.lti.lti import frf_on_lines, response, response_by_channel, timebase
+from robust.lti.realisation import frequency_response
 from robust.models.fit.measurement import bla_behind_hold
 from robust.models.sets.delta import Delta
 from robust.models.sets.forms import FORMS
@@ -33,6 +35,14 @@ class Centre(Protocol):
 
     def response(self, omega: np.ndarray) -> np.ndarray:
         """Return the response at omega [rad/s]."""
+        ...
+
+    def known_at(self, omega: np.ndarray) -> np.ndarray:
+        """Return omega, moved into the band in which the nominal is known."""
+        ...
+
+    def between_lines(self, omega: np.ndarray) -> np.ndarray:
+        """Return the response (n_y, n_u, W) at any omega [rad/s] in that band."""
         ...
 
     def describe(self) -> str:
@@ -83,6 +93,12 @@ class _SystemCentre:
     def response(self, omega: np.ndarray) -> np.ndarray:
         return response_by_channel(self.system, omega)
 
+    def known_at(self, omega: np.ndarray) -> np.ndarray:
+        return omega
+
+    def between_lines(self, omega: np.ndarray) -> np.ndarray:
+        return self.response(omega)
+
     def describe(self) -> str:
         return f"{self.system.nstates} states"
 
@@ -123,6 +139,15 @@ class _FrfCentre:
 
     def response(self, omega: np.ndarray) -> np.ndarray:
         return frf_on_lines(self.frf, omega)[None, None]
+
+    def known_at(self, omega: np.ndarray) -> np.ndarray:
+        return np.clip(omega, np.min(self.frf.omega), np.max(self.frf.omega))
+
+    def between_lines(self, omega: np.ndarray) -> np.ndarray:
+        known, G = frequency_response("nominal", self.frf, omega)
+        if omega[0] < known[0] * (1 - 1e-6) or omega[-1] > known[-1] * (1 + 1e-6):
+            raise ValueError("nominal must be an FRF over the whole band of bla, got a shorter one")
+        return interpolate_frf(omega, known, G)[None, None]
 
     def describe(self) -> str:
         return "an FRF"

@@ -19,10 +19,10 @@ from nlfrf import Bla
 from nlfrf._base.arguments import require_choice, require_nonnegative
 from nlfrf._base.values import value
 from robust._base.types import Weight
-from robust.lti.grids import interpolate_frf
-from robust.lti.lti import response, response_by_channel
-from robust.lti.realisation import frequency_response, state_space
+from robust.lti.lti import response
+from robust.lti.realisation import state_space
 from robust.models.fit.weights import WeightOrderError, fit_weight
+from robust.models.sets.centre import centre_of
 from robust.models.sets.forms import INPUT, Form
 from robust.models.sets.records import PARTS
 
@@ -150,15 +150,10 @@ def nominal_response(
 
     On its lines the interpolation is exact.
     """
-    if not isinstance(nominal, control.FrequencyResponseData):
-        G = response_by_channel(nominal, omega)
-        if G.shape[:2] == (1, 1):
-            return G[0, 0]
-        return G
-    known, G = frequency_response("nominal", nominal, omega)
-    if omega[0] < known[0] * (1 - 1e-6) or omega[-1] > known[-1] * (1 + 1e-6):
-        raise ValueError("nominal must be an FRF over the whole band of bla, got a shorter one")
-    return interpolate_frf(omega, known, G)
+    G = centre_of(nominal).between_lines(omega)
+    if G.shape[:2] == (1, 1):
+        return G[0, 0]
+    return G
 
 
 def disc_parts(
@@ -327,9 +322,8 @@ def radius_in_form(
     def sizes(
         omega: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray]:  # |G|, and |W1 W2| of the given scalings
-        inside = omega  # an FRF is continued by its value at each end
-        if isinstance(nominal, control.FrequencyResponseData):
-            inside = np.clip(omega, np.min(nominal.omega), np.max(nominal.omega))
+        # an FRF is continued by its value at each end
+        inside = centre_of(nominal).known_at(omega)
         scaling = [response(state_space("W1 and W2", W), omega) for W in shaped_by if W is not None]
         return np.abs(nominal_response(nominal, inside)), np.abs(
             np.prod([np.ones(omega.size), *scaling], axis=0)

@@ -176,12 +176,9 @@ def limit_rows(
             )
         )
     if omega_c is not None:
-        if isinstance(omega_c, (tuple, list)):
-            least, highest = omega_c
-        else:
-            least, highest = omega_c, None
+        least, *above = np.ravel(omega_c).tolist()
         rows.append(_gain_row(at, "omega_c", least, 1.0))
-        if highest is not None:
+        for highest in above:
             where = _nearest_lines(at, "omega_c", highest)
             name = f"|L| <= 1 at {format_hertz(highest)}"
             if not resonates:

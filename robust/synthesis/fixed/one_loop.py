@@ -500,10 +500,7 @@ def _per_demand_list(name: str, given: float | tuple[float, ...] | None) -> list
     """Return one number or two as a list; the gain always has two."""
     if given is None:
         return []
-    if isinstance(given, (tuple, list)):
-        many = list(given)
-    else:
-        many = [given]
+    many = as_list(given)
     if len(many) != 2 and (name == "gain" or len(many) != 1):
         wanted = "(omega, least |L| there)" if name == "gain" else "one number or (low, high)"
         raise ValueError(f"{name} must be {wanted}, got {short_form(given)}")

@@ -9,7 +9,13 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike
 
-from nlfrf._base.arguments import require_kind, require_positive, require_real_array, short_form
+from nlfrf._base.arguments import (
+    as_list,
+    require_kind,
+    require_positive,
+    require_real_array,
+    short_form,
+)
 from nlfrf._base.values import value
 from robust._base.types import LinearSystem, SystemField
 from robust.lti.connections import biproper_inverse, in_series
@@ -180,12 +186,12 @@ def _evaluate_magnitude(name: str, given: Magnitude, omega: np.ndarray) -> np.nd
 
 def require_limits(name: str, given: Sequence[Asked], kinds: tuple[type, ...]) -> list[Asked]:
     """Return limits as a list; refuse others."""
-    limits = [given] if isinstance(given, kinds) else given
-    if not isinstance(limits, tuple | list) or not all(isinstance(one, kinds) for one in limits):
+    limits: list[Asked] = as_list(given)
+    if not all(isinstance(one, kinds) for one in limits):
         raise ValueError(
             f"{name} must hold robust.tuning.Limit values, as a list, got {short_form(given)}"
         )
-    return list(limits)
+    return limits
 
 
 # ---- The gain that a limit bounds, and its slope, from the responses H of a closed loop.
