@@ -150,12 +150,20 @@ def plot_set(
         blas = []
     else:
         blas = as_list(bla)
+    require, draw = (
+        (require_single, _draw_disc) if model.is_single else (require_matrix, _draw_entries)
+    )
     for one in blas:
-        (require_single if model.is_single else require_matrix)("bla", one)
+        require("bla", one)
     blas = [model.centre.behind_hold(one) for one in blas]
     omega = model.centre.band(model.omega, _widened_band(model))
-    if not model.is_single:
-        return _draw_entries(model, blas, omega=omega, ax=ax)
+    return draw(model, blas, omega=omega, ax=ax)
+
+
+def _draw_disc(
+    model: UncertaintyModel, blas: Sequence[Bla], *, omega: np.ndarray, ax: Axes | None
+) -> tuple[Axes, Axes]:
+    """Draw `plot_set` for one channel."""
     top, bottom = bode_axes(ax)
     f, G = to_hertz(omega), model.at(omega)
     size, w, scale = (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import cast
 
 import control
 import numpy as np
@@ -321,8 +322,8 @@ def _candidates(
                 for pair in pairs
             ]
         else:
-            assert isinstance(model, UncertaintyModel)
-            loop = assemble_loop(model, K, w_P=w_P, delay=delay)
+            # no lines: a set
+            loop = assemble_loop(cast("UncertaintyModel", model), K, w_P=w_P, delay=delay)
             closed_loops = [loop.closed_loop(*pair) for pair in pairs]
         behind, before = map(continuous_image, closed_loops)
         if np.all(np.linalg.eigvals(before[0]).real < 0):

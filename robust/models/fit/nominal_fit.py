@@ -7,7 +7,7 @@ import numpy as np
 
 from nlfrf._base.arguments import format_hertz
 from nlfrf._base.values import value
-from robust._base.types import AnySystem
+from robust._base.types import AnySystem, SystemField
 from robust.lti.connections import block_diagonal, in_series
 from robust.lti.lti import timebase
 from robust.lti.realisation import state_space
@@ -146,12 +146,33 @@ class NominalFit:
 _PADE_ORDER, _PADE_ORDER_PER_INPUT = 4, 2  # order for one delay, and for each of several inputs
 
 
-def with_delays(nominal: NominalFit | AnySystem | float) -> tuple[AnySystem | float, float]:
-    """Return a nominal with the delays of its inputs included, and the longest of them [s]; a
-    system unchanged.
-    """
+@value(copy=False)
+class GivenNominal:
+    """A nominal from a user: a system, an FRF or a number, and what a fit adds to it."""
+
+    plant: SystemField  # with the delays of its inputs included
+    delay: float = 0.0  # the longest of them [s]
+    omega_c: float = float("nan")  # crossover that it was fitted for [rad/s]; nan if none was named
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+
+
+def given_nominal(nominal: NominalFit | AnySystem | float) -> GivenNominal:
+    """Return a nominal with the delays of a fit included; a system unchanged."""
     if not isinstance(nominal, NominalFit):
-        return nominal, 0.0
+        return GivenNominal(plant=nominal)
+    plant, delay = _plant_with_delays(nominal)
+    return GivenNominal(
+        plant=plant,
+        delay=delay,
+        omega_c=nominal.omega_c,
+        inputs=nominal.inputs,
+        outputs=nominal.outputs,
+    )
+
+
+def _plant_with_delays(nominal: NominalFit) -> tuple[control.StateSpace, float]:
+    """Return the plant of a fit with the delays of its inputs included, and the longest [s]."""
     G, delays = nominal.G, nominal.delays
     if G.ninputs == G.noutputs == 1:
         return delayed(G, nominal.delay, order=_PADE_ORDER), nominal.delay
@@ -166,10 +187,11 @@ def single_nominal(
     nominal: NominalFit | AnySystem | float,
 ) -> tuple[control.StateSpace | control.FrequencyResponseData, float]:
     """Return a nominal with one channel, with its delay inside, and that delay [s]."""
-    plant, delay = with_delays(nominal)
-    return (
-        plant if isinstance(plant, control.FrequencyResponseData) else state_space("nominal", plant)
-    ), delay
+    given = given_nominal(nominal)
+    plant = given.plant
+    if not isinstance(plant, control.FrequencyResponseData):
+        plant = state_space("nominal", plant)
+    return plant, given.delay
 
 
 def sampling_time_of(nominal: control.StateSpace | control.FrequencyResponseData) -> float:

@@ -36,7 +36,13 @@ from robust.models.fit.measurement import (
     matrices_given,
     require_same_channels,
 )
-from robust.models.fit.nominal_fit import NominalFit, sampling_time_of, single_nominal, with_delays
+from robust.models.fit.nominal_fit import (
+    GivenNominal,
+    NominalFit,
+    given_nominal,
+    sampling_time_of,
+    single_nominal,
+)
 from robust.models.fit.weights import larger_of_neighbours
 from robust.models.sets.centre import centre_of
 from robust.models.sets.family import DIAGONAL
@@ -185,11 +191,11 @@ def uncertainty(
     single = recorded[0].is_single
     form = _checked_form(form, single)
     known = _nominal_or_fit(nominal, recorded, single)
-    centre, delay = _nominal_of_records(known, recorded[0])
+    given = given_nominal(known)
     request = _SetRequest(
-        nominal=centre,
-        delay=delay,
-        omega_c=known.omega_c if isinstance(known, NominalFit) else float("nan"),
+        nominal=_plant_of_records(given, recorded[0]),
+        delay=given.delay,
+        omega_c=given.omega_c,
         form=form,
         make=_disc_set if single else _block_set,
         order=None if order is None else require_integer("order", order, least=0),
@@ -430,24 +436,20 @@ def _require_records(bla: Bla | Sequence[Bla]) -> list[Bla]:
     return blas
 
 
-def _nominal_of_records(
-    nominal: NominalFit | AnySystem | float, bla: Bla
-) -> tuple[AnySystem, float]:
-    """Return the nominal with its delays inside, as the channels of the record need it, and the
-    longest delay [s].
-    """
+def _plant_of_records(
+    nominal: GivenNominal, bla: Bla
+) -> control.StateSpace | control.FrequencyResponseData:
+    """Return the nominal as the channels of the record need it."""
     if bla.is_single:
-        return single_nominal(nominal)
-    if isinstance(nominal, NominalFit):
-        require_same_channels(bla, nominal, "its nominal")
-    given, delay = with_delays(nominal)
-    system = multivariable("nominal", given)
+        return single_nominal(nominal.plant)[0]
+    require_same_channels(bla, nominal, "its nominal")
+    system = multivariable("nominal", nominal.plant)
     if (system.noutputs, system.ninputs) != (bla.n_outputs, bla.n_inputs):
         raise ValueError(
             f"nominal must have {bla.n_outputs} outputs and {bla.n_inputs} inputs, as the record, "
             f"got {system.noutputs} and {system.ninputs}"
         )
-    return system, delay
+    return system
 
 
 def _describe_record(bla: Bla) -> str:

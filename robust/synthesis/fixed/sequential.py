@@ -13,7 +13,7 @@ both. If this check fails, the discs are widened and the design is repeated.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 import numpy as np
 
@@ -114,15 +114,179 @@ class MatrixOnLines:
         return np.asarray(entries + block)
 
 
+class _Matrix(Protocol):
+    """A square plant whose loops are closed in turn."""
+
+    def clock(self, dt: float, delay: float) -> float:
+        """Return the sampling time [s] of the loops; refuse a plant that they cannot be closed
+        for.
+        """
+        ...
+
+    def on_lines(self, dt: float, delay: float) -> MatrixOnLines:
+        """Return the matrix and its set on measured lines, or at features of it and its weights."""
+        ...
+
+    def check_whole(
+        self,
+        on_lines: MatrixOnLines,
+        *,
+        K: list[control.StateSpace | None],
+        order: list[int],
+        dt: float,
+    ) -> tuple[str, float]:
+        """Return the reason why the whole set is not stable ("" if it is), and the factor up to
+        which it is stable.
+        """
+        ...
+
+
+@value(copy=False)
+class _ModelledMatrix:
+    """A set around a system."""
+
+    model: UncertaintyModel
+
+    def clock(self, dt: float, delay: float) -> float:
+        step = timebase(self.model.nominal)
+        if delay or (dt and dt != step):
+            raise ValueError(
+                f"dt and delay must be in the nominal for several channels, got {dt:g} s and"
+                f" {delay:g} s in addition to a nominal at {step:g} s: use sampled()"
+            )
+        wild = unstable_pole_values(self.model.nominal, step)
+        if wild.size:
+            raise ValueError(
+                "plant must be stable except for integrators, because its loops are closed one"
+                f" after the other, got a pole at {wild[0]:.4g}: use dk_iteration or ncfsyn, which"
+                " design a full controller"
+            )
+        return step
+
+    def on_lines(self, dt: float, delay: float) -> MatrixOnLines:
+        n = self.model.n_inputs
+        del delay  # inside the nominal
+        require_record_form(
+            self.model, "to tune its loops one by one (dk_iteration takes every form)"
+        )
+        N = self.model.nominal
+        modes = structure_grid(N)
+        low, high = min(modes[1], self.model.omega[0]), max(modes[-1], self.model.omega[-1])
+        if dt:
+            far = np.pi / dt
+        else:
+            far = _BAND_EXTENSION * high
+        omega = np.unique(
+            np.concatenate([self.model.omega, modes, np.geomspace(low, far, _N_LINES)])
+        )
+        omega = omega[(omega > 0) & (omega * dt < np.pi * (1 - 1e-6))]
+        G = frequency_response_matrices((N.A, N.B, N.C, N.D), omega, dt)
+        right = np.abs([response(w, omega) for w in self.model.right])
+        if self.model.form == ELEMENTS:
+            none = np.zeros((omega.size, n, 1))
+            radius = right.reshape(n, n, -1).transpose(2, 1, 0)
+            return MatrixOnLines(
+                omega=omega, G=G, left=none, right=none.swapaxes(1, 2), radius=radius
+            )
+        left = _diagonal_matrices(np.abs([response(w, omega) for w in self.model.left]))
+        if self.model.form == INPUT:
+            left = G @ left
+        return MatrixOnLines(
+            omega=omega, G=G, left=left, right=_diagonal_matrices(right), radius=np.zeros(G.shape)
+        )
+
+    def check_whole(
+        self,
+        on_lines: MatrixOnLines,
+        *,
+        K: list[control.StateSpace | None],
+        order: list[int],
+        dt: float,
+    ) -> tuple[str, float]:
+        del on_lines, order  # a set around a system is known everywhere
+        try:
+            report = check(self.model, block_diagonal(K, dt))
+        except ValueError as error:
+            return f"the whole loop cannot be checked: {error}", np.nan
+        good = report.proofs.robustly_stable
+        return "" if good else f"the whole set is not stable: {report.reason}", float(
+            report.margins.rs
+        )
+
+
+@value(copy=False)
+class _MeasuredMatrix:
+    """A measured matrix with its bound."""
+
+    bla: Bla
+
+    def clock(self, dt: float, delay: float) -> float:
+        del delay
+        return dt
+
+    def on_lines(self, dt: float, delay: float) -> MatrixOnLines:
+        factor = lines_of_bla(self.bla).hold_and_delay_factor(self.bla.omega, dt=dt, delay=delay)
+        left, right = block_radii_of_record(
+            self.bla,
+            self.bla.G,
+            missed=np.zeros(self.bla.G.shape),
+            spec=RadiusSpec(p=_CONFIDENCE),
+            form=ADDITIVE,
+        )
+        G, left = np.moveaxis(self.bla.G * factor, 2, 0), left * np.abs(factor)
+        return MatrixOnLines(
+            omega=self.bla.omega,
+            G=G,
+            left=_diagonal_matrices(left),
+            right=_diagonal_matrices(right),
+            radius=np.zeros(G.shape),
+        )
+
+    def check_whole(
+        self,
+        on_lines: MatrixOnLines,
+        *,
+        K: list[control.StateSpace | None],
+        order: list[int],
+        dt: float,
+    ) -> tuple[str, float]:
+        finer = on_lines.with_modes(
+            K
+        )  # for all controllers: the plant of one loop contains the modes of the others
+        for lines in (on_lines, finer):
+            if why := check_sequential_stability(self.bla, lines, K=K, order=order, dt=dt):
+                return why, np.nan
+        on_lines = finer
+        gains = _diagonal_matrices(np.array([response(one, on_lines.omega) for one in K]))
+        N = (
+            on_lines.right
+            @ gains
+            @ np.linalg.inv(np.eye(len(K)) + on_lines.G @ gains)
+            @ on_lines.left
+        )
+        size = np.linalg.norm(N, 2, axis=(1, 2))
+        worst = int(size.argmax())
+        margin = float(1 / size[worst])
+        return (
+            (
+                ""
+                if margin > 1
+                else f"the whole set is not stable at {format_hertz(on_lines.omega[worst])}"
+            ),
+            margin,
+        )
+
+
 def close_in_turn(
     plant: Bla | UncertaintyModel, structure: Structure | list[Structure], options: LoopOptions
 ) -> Design:
     """Return `design_frf` for a matrix: a diagonal controller, loop by loop."""
-    dt = _require_plant(plant, options)
+    dt, matrix = _require_plant(plant, options), _matrix_of(plant)
+    dt = matrix.clock(dt, options["delay"])
     n = plant.n_inputs
     of_loops = {**options, "dt": dt, "delay": 0.0}
     each = [_loop_demands(k, n, structure=structure, options=of_loops) for k in range(n)]
-    on_lines = _matrix_on_lines(plant, dt, options["delay"])
+    on_lines = matrix.on_lines(dt, options["delay"])
     order = sorted(range(n), key=lambda k: -_crossover_of(each[k][1]["omega_c"]))
     K: list[control.StateSpace | None] = [None] * n
     wider, history = 1.0, list[float]()
@@ -146,7 +310,7 @@ def close_in_turn(
             loops = [_evaluate_loop(on_lines, k, K=K, own=each[k], wider=1.0) for k in range(n)]
             if all(loop.met for loop in loops):
                 break
-        whole, margin = _check_whole_set(plant, on_lines, K=K, order=order, dt=dt)
+        whole, margin = matrix.check_whole(on_lines, K=K, order=order, dt=dt)
         if not whole or not 0 < margin < np.inf:
             break
         wider *= 1.1 / margin
@@ -175,8 +339,14 @@ def close_in_turn(
     )
 
 
+def _matrix_of(plant: Bla | UncertaintyModel) -> _Matrix:
+    if isinstance(plant, Bla):
+        return _MeasuredMatrix(bla=plant)
+    return _ModelledMatrix(model=plant)
+
+
 def _require_plant(plant: Bla | UncertaintyModel, options: LoopOptions) -> float:
-    """Return the sampling time of the controller; refuse a plant whose loops cannot be closed in
+    """Return the sampling time that was asked for; refuse a plant whose loops cannot be closed in
     turn.
     """
     if plant.n_inputs != plant.n_outputs:
@@ -196,22 +366,7 @@ def _require_plant(plant: Bla | UncertaintyModel, options: LoopOptions) -> float
             "n_unstable must be 0 for several channels, because their loops are closed one"
             f" after the other from a stable plant, got {n_unstable}"
         )
-    if isinstance(plant, Bla):
-        return dt
-    step = timebase(plant.nominal)
-    if options["delay"] or (dt and dt != step):
-        raise ValueError(
-            f"dt and delay must be in the nominal for several channels, got {dt:g} s and"
-            f" {options['delay']:g} s in addition to a nominal at {step:g} s: use sampled()"
-        )
-    wild = unstable_pole_values(plant.nominal, step)
-    if wild.size:
-        raise ValueError(
-            "plant must be stable except for integrators, because its loops are closed one"
-            f" after the other, got a pole at {wild[0]:.4g}: use dk_iteration or ncfsyn, which"
-            " design a full controller"
-        )
-    return step
+    return dt
 
 
 def _loop_demands(
@@ -228,50 +383,6 @@ def _loop_demands(
             )
         own[name] = given[k] if isinstance(given, list) else given
     return own.pop("structure"), own
-
-
-def _matrix_on_lines(plant: Bla | UncertaintyModel, dt: float, delay: float) -> MatrixOnLines:
-    """Return the matrix and its set on measured lines, or at features of it and its weights."""
-    n = plant.n_inputs
-    if isinstance(plant, Bla):
-        factor = lines_of_bla(plant).hold_and_delay_factor(plant.omega, dt=dt, delay=delay)
-        left, right = block_radii_of_record(
-            plant,
-            plant.G,
-            missed=np.zeros(plant.G.shape),
-            spec=RadiusSpec(p=_CONFIDENCE),
-            form=ADDITIVE,
-        )
-        G, left = np.moveaxis(plant.G * factor, 2, 0), left * np.abs(factor)
-        return MatrixOnLines(
-            omega=plant.omega,
-            G=G,
-            left=_diagonal_matrices(left),
-            right=_diagonal_matrices(right),
-            radius=np.zeros(G.shape),
-        )
-    require_record_form(plant, "to tune its loops one by one (dk_iteration takes every form)")
-    N = plant.nominal
-    modes = structure_grid(N)
-    low, high = min(modes[1], plant.omega[0]), max(modes[-1], plant.omega[-1])
-    if dt:
-        far = np.pi / dt
-    else:
-        far = _BAND_EXTENSION * high
-    omega = np.unique(np.concatenate([plant.omega, modes, np.geomspace(low, far, _N_LINES)]))
-    omega = omega[(omega > 0) & (omega * dt < np.pi * (1 - 1e-6))]
-    G = frequency_response_matrices((N.A, N.B, N.C, N.D), omega, dt)
-    right = np.abs([response(w, omega) for w in plant.right])
-    if plant.form == ELEMENTS:
-        none = np.zeros((omega.size, n, 1))
-        radius = right.reshape(n, n, -1).transpose(2, 1, 0)
-        return MatrixOnLines(omega=omega, G=G, left=none, right=none.swapaxes(1, 2), radius=radius)
-    left = _diagonal_matrices(np.abs([response(w, omega) for w in plant.left]))
-    if plant.form == INPUT:
-        left = G @ left
-    return MatrixOnLines(
-        omega=omega, G=G, left=left, right=_diagonal_matrices(right), radius=np.zeros(G.shape)
-    )
 
 
 def _diagonal_matrices(sizes: np.ndarray) -> np.ndarray:
@@ -358,48 +469,6 @@ def _evaluate_loop(
     structure, options = own
     as_it_is = {**options, "start": K[k], "n_iterations": 0}
     return design_loop(on_lines.seen_from(k, K, wider), structure, as_it_is)
-
-
-def _check_whole_set(
-    plant: Bla | UncertaintyModel,
-    on_lines: MatrixOnLines,
-    *,
-    K: list[control.StateSpace | None],
-    order: list[int],
-    dt: float,
-) -> tuple[str, float]:
-    """Return the reason why the whole set is not stable ("" if it is), and the factor up to which
-    it is stable.
-    """
-    if isinstance(plant, UncertaintyModel):
-        try:
-            report = check(plant, block_diagonal(K, dt))
-        except ValueError as error:
-            return f"the whole loop cannot be checked: {error}", np.nan
-        good = report.proofs.robustly_stable
-        return "" if good else f"the whole set is not stable: {report.reason}", float(
-            report.margins.rs
-        )
-    finer = on_lines.with_modes(
-        K
-    )  # for all controllers: the plant of one loop contains the modes of the others
-    for lines in (on_lines, finer):
-        if why := check_sequential_stability(plant, lines, K=K, order=order, dt=dt):
-            return why, np.nan
-    on_lines = finer
-    gains = _diagonal_matrices(np.array([response(one, on_lines.omega) for one in K]))
-    N = on_lines.right @ gains @ np.linalg.inv(np.eye(len(K)) + on_lines.G @ gains) @ on_lines.left
-    size = np.linalg.norm(N, 2, axis=(1, 2))
-    worst = int(size.argmax())
-    margin = float(1 / size[worst])
-    return (
-        (
-            ""
-            if margin > 1
-            else f"the whole set is not stable at {format_hertz(on_lines.omega[worst])}"
-        ),
-        margin,
-    )
 
 
 def check_sequential_stability(
