@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
+from functools import singledispatch
+from types import NoneType
 from typing import Any
 
 import control
@@ -41,18 +43,11 @@ def load_bla(path: PathLike) -> nlfrf.Bla:
     return bla
 
 
+@singledispatch
 def _encode(content: object) -> Json:
-    """Encode any content of a model as JSON types."""
-    if content is None or isinstance(content, str | bool):
-        return content
-    if isinstance(content, control.StateSpace | control.FrequencyResponseData):
-        return encode_system(content)
-    if isinstance(content, tuple | list):
-        return [_encode(item) for item in content]
+    """Encode any content of a model as JSON types: a value by its fields, all else as numbers."""
     if is_dataclass(content):
         return {name: _encode(getattr(content, name)) for name in field_names(content)}
-    if isinstance(content, Mapping):
-        return {name: _encode(part) for name, part in content.items()}
     array = np.asarray(content)
     if array.ndim:
         return [_encode(item) for item in array]
@@ -66,6 +61,24 @@ def _encode(content: object) -> Json:
             return "inf"
         return "-inf"
     return number
+
+
+@_encode.register(NoneType)
+@_encode.register(str)
+@_encode.register(bool)
+def _encode_word(content: str | bool | None) -> Json:
+    return content
+
+
+@_encode.register(tuple)
+@_encode.register(list)
+def _encode_sequence(content: Sequence[object]) -> Json:
+    return [_encode(item) for item in content]
+
+
+@_encode.register(Mapping)
+def _encode_mapping(content: Mapping[str, object]) -> Json:
+    return {name: _encode(part) for name, part in content.items()}
 
 
 def _decode(content: Json) -> ArrayField:
@@ -82,20 +95,25 @@ def _decode(content: Json) -> ArrayField:
         ) from None
 
 
-def encode_system(system: control.StateSpace | control.FrequencyResponseData) -> JsonObject:
-    """Encode a state space or an FRF."""
-    if system.dt is None:
-        dt = None
-    else:
-        dt = float(system.dt)
-    if isinstance(system, control.FrequencyResponseData):
-        return {
-            "kind": "frf",
-            "omega": _encode(system.omega),
-            "G": _encode(system.frdata[0, 0]),
-            "dt": dt,
-        }
-    return {"kind": "ss", "dt": dt, **{name: _encode(getattr(system, name)) for name in "ABCD"}}
+@_encode.register(control.StateSpace)
+def encode_system(system: control.StateSpace) -> JsonObject:
+    """Encode a state space."""
+    matrices = {name: _encode(getattr(system, name)) for name in "ABCD"}
+    return {"kind": "ss", "dt": _encode_clock(system), **matrices}
+
+
+@_encode.register(control.FrequencyResponseData)
+def _encode_frf(frf: control.FrequencyResponseData) -> JsonObject:
+    return {
+        "kind": "frf",
+        "omega": _encode(frf.omega),
+        "G": _encode(frf.frdata[0, 0]),
+        "dt": _encode_clock(frf),
+    }
+
+
+def _encode_clock(system: control.StateSpace | control.FrequencyResponseData) -> float | None:
+    return None if system.dt is None else float(system.dt)
 
 
 def decode_system(content: JsonObject) -> control.StateSpace | control.FrequencyResponseData:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import field
 from itertools import cycle
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from nlfrf._base.arguments import require_kind, short_form
 from nlfrf._base.axes import AxesLike, axes_or_new, bode_axes, finish_axes
+from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict
 from robust.friction.reading.force import FrictionForce
 from robust.friction.reading.friction_fit import FrictionFit
@@ -97,7 +99,8 @@ def plot_friction_force(
             f"loops must hold position and force of a record by its name, got {short_form(loops)}"
         )
     ax = axes_or_new(ax)
-    force, length = read.units if isinstance(read, FrictionFit) else read.sliding.units
+    drawn = _drawn_force(read)
+    force, length = drawn.units
     for k, ((name, (x, f)), color) in enumerate(
         zip(loops.items(), cycle(_LEVEL_COLORS))
     ):  # the smallest on top
@@ -110,19 +113,18 @@ def plot_friction_force(
             label=name,
             zorder=3 - 0.1 * k,
         )
-    K0, Fs = _force_numbers(read)
-    at_most = "" if isinstance(read, FrictionFit) else "at most "
+    K0, Fs = drawn.K0, drawn.Fs
     widest = max(float(np.ptp(x)) for x, _ in loops.values())
     if K0 * Fs > 0 and np.isfinite(K0 * Fs):
         reach = min(widest, _SLIP_LENGTHS * Fs / K0)
     else:
         reach = widest
-    if isinstance(read, FrictionFit) and np.isfinite(K0 * Fs):
+    if drawn.element_stiffness.size and np.isfinite(K0 * Fs):
         x = np.linspace(-reach, reach, 401)
         virgin = np.sign(x) * np.minimum(
-            np.outer(np.abs(x), read.element_stiffness), read.element_strength
+            np.outer(np.abs(x), drawn.element_stiffness), drawn.element_strength
         ).sum(axis=1)
-        label = f"virgin curve, {read.element_stiffness.size} Maxwell elements"
+        label = f"virgin curve, {drawn.element_stiffness.size} Maxwell elements"
         ax.plot(1e6 * x, virgin, "-", lw=2.0, color=COLOR["radius"], label=label, zorder=4)
     if np.isfinite(Fs):
         ax.axhline(
@@ -130,7 +132,7 @@ def plot_friction_force(
             ls="--",
             lw=1.0,
             color=COLOR["weight"],
-            label=f"break-away force {at_most}{Fs:.4g} {force}",
+            label=f"break-away force {drawn.at_most}{Fs:.4g} {force}",
         )
         ax.axhline(-Fs, ls="--", lw=1.0, color=COLOR["weight"])
     if np.isfinite(K0 * Fs) and K0 > 0:
@@ -146,17 +148,37 @@ def plot_friction_force(
     return finish_axes(ax)
 
 
-def _force_numbers(read: FrictionFit | FrictionForce) -> tuple[float, float]:
-    """Return presliding stiffness [N/m] and break-away force [N], the latter at most; nan if
-    undetermined.
-    """
+@value(copy=False)
+class _DrawnForce:
+    """What a picture shows of an estimate of friction; a number is nan if undetermined."""
+
+    units: tuple[str, str]  # of force and length
+    K0: float  # presliding stiffness [N/m]
+    Fs: float  # break-away force [N]
+    at_most: str = ""  # before a break-away force that is an upper bound
+    element_stiffness: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    element_strength: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+
+def _drawn_force(read: FrictionFit | FrictionForce) -> _DrawnForce:
     if isinstance(read, FrictionForce):
-        return float(np.mean(read.K0)), float(read.Fs.max())
-    known = [
-        value if np.isfinite(read.stds[name]) else np.nan
-        for name, value in (("K0", read.K0), ("Fs", read.Fs))
-    ]
-    return known[0], known[1]
+        return _DrawnForce(
+            units=read.sliding.units,
+            K0=float(np.mean(read.K0)),
+            Fs=float(read.Fs.max()),
+            at_most="at most ",
+        )
+    K0, Fs = (
+        number if np.isfinite(read.stds[name]) else np.nan
+        for name, number in (("K0", read.K0), ("Fs", read.Fs))
+    )
+    return _DrawnForce(
+        units=read.units,
+        K0=K0,
+        Fs=Fs,
+        element_stiffness=read.element_stiffness,
+        element_strength=read.element_strength,
+    )
 
 
 class RestCase(NamedTuple):
