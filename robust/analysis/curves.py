@@ -13,8 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from nlfrf._base.values import value
-from robust.analysis.findings import LoopCurves, Margins, reciprocal
+from robust.analysis.findings import LoopCurves, Margins
 from robust.lti.connections import largest_allowed_factor, worst_sensitivity
+from robust.lti.grids import peak_of
 from robust.lti.lti import replace_infinite
 from robust.models.sets.forms import FORMS, perturbed_sensitivity_terms
 
@@ -178,27 +179,22 @@ def loop_curves(
 
 def margins_on_lines(curves: Curves) -> Margins:
     """Return the margins at the frequencies of the curves, without a search between them."""
-    omega, rs, half = curves.omega, curves.rs, curves.half_disk
-    found = Margins(disk=reciprocal(float(half.max())), omega_disk=float(omega[half.argmax()]))
+    omega, rs = curves.omega, curves.rs
+    found = Margins(peak_disk=peak_of(omega, curves.half_disk))
     if not np.isfinite(rs).all():
         return found
-    S_worst = curves.S_worst
     found = replace(
         found,
-        rs=reciprocal(float(rs.max())),
-        omega_rs=float(omega[rs.argmax()]),
-        S_worst=float(S_worst.max()),
-        omega_S_worst=float(omega[S_worst.argmax()]),
+        peak_rs=peak_of(omega, rs),
+        peak_S=peak_of(omega, curves.S_worst),
         S_worst_lines=omega.size,
     )
     if curves.w_P is None:
         return found
     met = curves.np_ < 1
     if met.all():
-        factors = curves.performance_margin
-    else:
-        factors = np.where(met, 1.0, 0.0)
-    return replace(found, rp=float(factors.min()), omega_rp=float(omega[factors.argmin()]))
+        return replace(found, peak_rp=peak_of(omega, curves.inverse_performance_margin))
+    return replace(found, peak_rp=peak_of(omega, np.where(met, 1.0, np.inf)))
 
 
 @value(copy=False)

@@ -25,6 +25,7 @@ _GAIN_STEP, _LEAST_GAIN = 0.1, 0.02
 #: Methods of proof for one channel.
 ProofMethod: TypeAlias = Literal["exact", "lmi", "both"]
 METHODS = ("exact", "lmi", "both")
+_NO_PEAK = Peak(np.nan, np.nan)
 
 
 @value
@@ -130,7 +131,7 @@ class ReportCurves:
 
     def performance_facts(self, margins: Margins, met: str) -> list[Fact]:
         """Return the lines of a report about a demand; met : whether the set meets it."""
-        worst = Peak(1 / margins.rp, margins.omega_rp)
+        worst = margins.peak_rp or ""
         return [Fact("performance", worst, meaning=f"max mu, allowed is 1; {met}")]
 
 
@@ -195,33 +196,34 @@ class LoopCurves(ReportCurves):
 
 @value
 class Margins:
-    """Margins of a loop, each with the frequency [rad/s] at which it is smallest; nan for a margin
-    that does not exist.
+    """Margins of a loop: peaks over frequency, and the factors that follow from their sizes.
+
+    A peak is a pair (value, omega [rad/s]). An unstable nominal loop has no peak, and a margin
+    without a peak is nan: `rs` and `S_worst` without a set, `rp` without a demand.
 
     Fields
     ------
-    rs, rp : float
-        Largest factor on the uncertainty for which the loop is robustly stable (rs), or meets the
-        demand rp <= 1 (rp; 0 if |w_P S| >= 1 for the nominal plant). nan for an unstable loop. If
-        the loop is judged by mu: the factor up to which the upper bound of mu stays below one (for
-        rp a factor on the perturbations and the performance together), or the factor that was
-        proved on the parts of the box of real parameters.
-    broken : float
-        If the loop is judged by mu: factor on the uncertainty at which a perturbation was found
-        that makes the loop singular; inf if none was found.
-    worst : dict or None
-        If the loop is judged by mu: the perturbation behind `broken`, divided by `broken`. For each
-        block by name: a number in [-1, 1] for a real block, the gain for a complex block.
-    disk : float
-        Symmetric disk margin alpha = 1/max |S - 1/2|, for one channel.
-    S_worst : float
+    peak_rs : Peak or None
+        Largest rs. If the loop is judged by mu: largest upper bound of mu, or a smaller bound that
+        was proved on the parts of the box of real parameters.
+    peak_rp : Peak or None
+        Largest inverse of the factor on the uncertainty up to which the demand rp <= 1 is met; inf
+        if |w_P S| >= 1 for the nominal plant. If the loop is judged by mu: largest upper bound of
+        mu with the performance; its inverse is a factor on perturbations and performance together.
+    peak_disk : Peak or None
+        Largest |S - 1/2|, for one channel.
+    peak_S : Peak or None
         Largest |S| over the set; for several channels an upper bound of the largest singular value
-        of S. inf if the loop with a plant of the set is unstable, nan without a set.
+        of S. inf if the loop with a plant of the set is unstable.
     S_worst_lines : int
         For several channels: 0 if `S_worst` is proved at all frequencies, else the number of
         frequencies checked.
-    omega_rs, omega_rp, omega_disk, omega_S_worst : float
-        Frequencies at which rs, rp, disk and S_worst are attained [rad/s].
+    broken : float
+        Factor on the uncertainty at which a perturbation was found that makes the loop singular;
+        inf if none was found. Perturbations are searched if the loop is judged by mu.
+    worst : dict or None
+        The perturbation behind `broken`, divided by `broken`. For each block by name: a number in
+        [-1, 1] for a real block, the gain for a complex block.
 
     References
     ----------
@@ -229,27 +231,65 @@ class Margins:
 
     Examples
     --------
-    >>> margins = Margins(disk=1.0)
+    >>> margins = Margins(peak_disk=Peak(1.0, 2.0))
     >>> round(margins.disk_gain, 3), round(float(np.degrees(margins.disk_phase)), 1)
     (3.0, 53.1)
+    >>> margins.rs
+    nan
     """
 
-    rs: float = np.nan
-    omega_rs: float = np.nan
-    rp: float = np.nan
-    omega_rp: float = np.nan
-    broken: float = np.nan
-    worst: dict[str, float] | None = None
-    disk: float = np.nan
-    omega_disk: float = np.nan
-    S_worst: float = np.nan
+    peak_rs: Peak | None = None
+    peak_rp: Peak | None = None
+    peak_disk: Peak | None = None
+    peak_S: Peak | None = None
     S_worst_lines: int = 0
-    omega_S_worst: float = np.nan
+    broken: float = np.inf
+    worst: dict[str, float] | None = None
+
+    @property
+    def rs(self) -> float:
+        """Largest factor on the uncertainty for which the loop is robustly stable."""
+        return _reciprocal(self.largest_rs)
 
     @property
     def largest_rs(self) -> float:
         """Largest rs, or largest bound of mu."""
-        return reciprocal(self.rs)
+        return (self.peak_rs or _NO_PEAK).value
+
+    @property
+    def omega_rs(self) -> float:
+        """Frequency at which rs is largest [rad/s]."""
+        return (self.peak_rs or _NO_PEAK).omega
+
+    @property
+    def rp(self) -> float:
+        """Largest factor on the uncertainty for which the loop meets the demand."""
+        return _reciprocal((self.peak_rp or _NO_PEAK).value)
+
+    @property
+    def omega_rp(self) -> float:
+        """Frequency at which `rp` is smallest [rad/s]."""
+        return (self.peak_rp or _NO_PEAK).omega
+
+    @property
+    def disk(self) -> float:
+        """Symmetric disk margin alpha = 1/max |S - 1/2|, for one channel."""
+        return _reciprocal((self.peak_disk or _NO_PEAK).value)
+
+    @property
+    def omega_disk(self) -> float:
+        """Frequency at which the disk margin is smallest [rad/s]."""
+        return (self.peak_disk or _NO_PEAK).omega
+
+    @property
+    def S_worst(self) -> float:
+        """Largest |S| over the set, or a bound of its largest singular value."""
+        return (self.peak_S or _NO_PEAK).value
+
+    @property
+    def omega_S_worst(self) -> float:
+        """Frequency at which `S_worst` is attained [rad/s]."""
+        return (self.peak_S or _NO_PEAK).omega
 
     @property
     def disk_gain(self) -> float:
@@ -264,7 +304,7 @@ class Margins:
         return 2 * float(np.arctan(self.disk / 2))
 
 
-def reciprocal(x: float) -> float:
+def _reciprocal(x: float) -> float:
     """Return one over a nonnegative number; inf for zero, nan for nan."""
     if np.isnan(x):
         return x

@@ -44,19 +44,16 @@ def judge_exact(loop: Loop, effort: Effort) -> Findings:
         )
     curves = loop.curves(extend_grid(omega, loop.omega_max))
     margins = find_margins(loop, curves, loop.band)
-    if loop.w_P is None:
-        at_peak = np.nan
-    else:
-        at_peak = refine_peaks(
+    peaks = [margins.peak_rs, margins.peak_rp, margins.peak_disk, margins.peak_S]
+    if loop.w_P is not None:
+        peaks += refine_peaks(
             lambda at: loop.curves(at).rp[None],
             curves.omega,
             values=curves.rp[None],
             band=loop.band,
-        )[0].omega
-    places = np.array(
-        [margins.omega_rs, margins.omega_rp, margins.omega_disk, margins.omega_S_worst, at_peak]
-    )
-    curves = curves.merge(loop.curves(places[~np.isnan(places)])).in_band(omega[0], omega[-1])
+        )
+    places = np.array([peak.omega for peak in peaks if peak is not None])
+    curves = curves.merge(loop.curves(places)).in_band(omega[0], omega[-1])
     proofs = prove_set_by(loop, curves, margins.largest_rs, effort)
     folding = _rs_breakdown_at_peak(loop, margins)
     if (
@@ -64,10 +61,7 @@ def judge_exact(loop: Loop, effort: Effort) -> Findings:
     ):  # the part of the aliases is a bound, so it disproves nothing alone
         proofs = replace(proofs, violated=folding.single_frequency >= 1)
     proved, not_proved = proof_sentences(loop, proofs)
-    if np.isnan(margins.omega_rs):
-        T = np.nan
-    else:
-        T = float(abs(1 - loop.curves(np.array([margins.omega_rs])).S[0]))
+    T = float(abs(1 - loop.curves(np.array([margins.omega_rs])).S[0]))
     advice = advise_on_margin(
         loop.model, margins.omega_rs, weight=loop.responders["w"], folding=folding, T=T
     )

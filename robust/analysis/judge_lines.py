@@ -190,7 +190,7 @@ def judge_matrix_lines(loop: MatrixLoopOnLines, _: Effort) -> Findings:
     if nominal is Stability.STABLE:
         S = np.linalg.inv(one + L)
         peak = peak_of(omega, np.linalg.norm(S, 2, axis=(1, 2)))
-        margins = Margins(S_worst=peak.value, omega_S_worst=peak.omega)
+        margins = Margins(peak_S=peak)
         reason += f". The largest singular value of S on {omega.size} lines is {peak}"
         if loop.w_P is not None:
             weighted = np.moveaxis(response_by_channel(loop.w_P, omega), 2, 0) @ S

@@ -26,7 +26,7 @@ from robust.analysis.text import (
     explain_mu,
     structure_proof_sentences,
 )
-from robust.lti.grids import structure_grid
+from robust.lti.grids import Peak, peak_of, structure_grid
 from robust.lti.lti import response_by_channel
 from robust.models.sets.interconnection import UncertainSystem
 from robust.mu.blocks import block_structure, blocks_with_kinds
@@ -59,9 +59,7 @@ def judge_mu(loop: LoopOfChannels, effort: Effort) -> Findings:
     if taken.nominally_stable:
         system = loop.sensitivity(form)
         S = set_gain(system.N, system.structure, curve=False, certify=effort.certify)
-        margins = replace(
-            taken.margins, S_worst=S.peak.value, omega_S_worst=S.peak.omega, S_worst_lines=S.n_lines
-        )
+        margins = replace(taken.margins, peak_S=S.peak, S_worst_lines=S.n_lines)
         taken = replace(taken, margins=margins)
     if folded := loop.folded(form):
         return _add_aliases(taken, loop.systems[form], folded)
@@ -143,12 +141,8 @@ def judge_system(system: UncertainSystem, effort: Effort) -> Findings:
             np_=np.full(curves.omega.size, np.nan),
         ),
         margins=Margins(
-            rs=max(1 / curves.peak if curves.peak > 0 else np.inf, cut.proved if cut else 0.0),
-            omega_rs=(
-                cut.omega if cut is not None and cut.proved * curves.peak > 1 else curves.omega_peak
-            ),
-            rp=1 / curves.peak_rp if curves.peak_rp > 0 else np.nan,
-            omega_rp=float(curves.omega[curves.mu_rp.argmax()]) if system.inputs else np.nan,
+            peak_rs=_smaller_bound(curves, cut),
+            peak_rp=peak_of(curves.omega, curves.mu_rp) if system.inputs else None,
             broken=broken,
             worst=worst,
         ),
@@ -164,6 +158,15 @@ def judge_system(system: UncertainSystem, effort: Effort) -> Findings:
         proved=proved[0],
         not_proved=proved[1],
     )
+
+
+def _smaller_bound(curves: MuCurves, cut: ParameterMargin | None) -> Peak:
+    """Return the largest bound of mu: on the grid, or the smaller one that the subdivision of the
+    parameter box proved.
+    """
+    if cut is not None and cut.proved * curves.peak > 1:
+        return Peak(1 / cut.proved, cut.omega)
+    return Peak(curves.peak, curves.omega_peak)
 
 
 def _bound_curves(system: UncertainSystem, omega: np.ndarray) -> tuple[MuCurves, Crossing | None]:

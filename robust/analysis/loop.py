@@ -26,7 +26,7 @@ from robust.analysis.aliases import (
     fold_aliases,
 )
 from robust.analysis.curves import Curves, loop_curves
-from robust.analysis.findings import Given, Margins, reciprocal
+from robust.analysis.findings import Given, Margins
 from robust.lti.connections import closed_loop, in_series
 from robust.lti.grids import Peak, find_peak, loop_grid, refine_peaks
 from robust.lti.lti import is_constant, sampling_times_differ, timebase
@@ -399,27 +399,18 @@ def find_margins(loop: Loop, curves: Curves, band: tuple[float, float]) -> Margi
             band=band,
         )
 
-    (rs, omega_rs), (half, omega_disk), *performance = along(names)
-    rp, omega_rp = np.nan, np.nan
-    for peak, where in performance:
-        rp, omega_rp = 0.0, where
-        if peak < 1:  # the largest factor on the uncertainty with |w_P| max |S_p| <= 1
-            largest, omega_rp = along(["inverse_performance_margin"])[0]
-            rp = reciprocal(largest)
-    if rs < 1:
-        S_worst, omega_S_worst = along(["S_worst"])[0]
+    rs, disk, *performance = along(names)
+    rp = None
+    for nominal in performance:
+        if nominal.value < 1:  # the largest factor on the uncertainty with |w_P| max |S_p| <= 1
+            rp = along(["inverse_performance_margin"])[0]
+        else:
+            rp = Peak(np.inf, nominal.omega)
+    if rs.value < 1:
+        S = along(["S_worst"])[0]
     else:
-        S_worst, omega_S_worst = np.inf, omega_rs
-    return Margins(
-        rs=reciprocal(rs),
-        omega_rs=omega_rs,
-        rp=rp,
-        omega_rp=omega_rp,
-        disk=reciprocal(half),
-        omega_disk=omega_disk,
-        S_worst=S_worst,
-        omega_S_worst=omega_S_worst,
-    )
+        S = Peak(np.inf, rs.omega)
+    return Margins(peak_rs=rs, peak_rp=rp, peak_disk=disk, peak_S=S)
 
 
 def plant_in_loop(plant: control.StateSpace, loop: Loop, delay: float) -> control.StateSpace:

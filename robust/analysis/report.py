@@ -22,7 +22,6 @@ from robust.analysis.text import (
     disk_margin_fact,
     format_margin_factor,
 )
-from robust.lti.grids import Peak
 from robust.models.sets.forms import FORMS, loop_discs
 from robust.pages.section import Fact
 from robust.pages.text import format_facts
@@ -52,7 +51,7 @@ class RobustnessReport(Findings):
         performance (`np_`) and robust performance (`rp`). For one channel also `S`, `T`, `G`, `K`,
         `L`, `radius`.
     margins : Margins
-        Largest `rs` and `rp`, disk margin `disk`, and largest |S| over the set `S_worst`, each with
+        Factors `rs` and `rp`, disk margin `disk`, and largest |S| over the set `S_worst`, each with
         its frequency (`omega_rs` and so on).
     proofs : Proofs
         `robustly_stable`, `robust_performance`, and their `certificates`.
@@ -200,7 +199,7 @@ class RobustnessReport(Findings):
     @property
     def meaning(self) -> str:
         """Meaning of the verdict for the machine."""
-        alone = self.verdict.is_robust and np.isnan(self.margins.rs)
+        alone = self.verdict.is_robust and self.margins.peak_rs is None
         if alone:
             return PLANT_ALONE
         return describe_meaning(self.verdict, self.confidence)
@@ -239,17 +238,18 @@ class RobustnessReport(Findings):
         """Reason, margins over the set, what was proved and not proved, and the next step."""
         margins, facts = self.margins, [Fact("because", self.reason)]
         if self.nominally_stable:
-            largest = Peak(margins.largest_rs, margins.omega_rs)
             facts += [
-                Fact("stability", "the model has no uncertainty" if np.isnan(margins.rs) else ""),
+                Fact(
+                    "stability", "the model has no uncertainty" if margins.peak_rs is None else ""
+                ),
                 Fact(
                     f"max {self.curves.measure}",
-                    largest,
+                    margins.peak_rs or "",
                     meaning=format_margin_factor(margins.rs),
                 ),
                 Fact(
                     "max |S|",
-                    Peak(margins.S_worst, margins.omega_S_worst),
+                    margins.peak_S or "",
                     meaning=self.curves.describe_peak(margins.S_worst_lines),
                 ),
                 Fact("aliases", self.folding),
@@ -271,7 +271,7 @@ class RobustnessReport(Findings):
         """
         if self.performance is None:
             return []
-        of = "" if np.isnan(self.margins.rs) else " for the whole set"
+        of = "" if self.margins.peak_rs is None else " for the whole set"
         return self.curves.performance_facts(self.margins, f"demand {self.performance}{of}")
 
     @property

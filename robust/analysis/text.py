@@ -78,8 +78,8 @@ def advise_on_margin(
     omega_rs: float,
     *,
     weight: Callable[[np.ndarray], np.ndarray],
-    folding: RsBreakdown | None = None,
-    T: float = np.nan,
+    folding: RsBreakdown | None,
+    T: float,
 ) -> str:
     """Advise what to measure or change, by the parts of the radius where the stability margin is
     limited.
@@ -87,8 +87,6 @@ def advise_on_margin(
     `weight` is the response of the weight; `folding` contains the parts of rs, if known; `T` is |T|
     at `omega_rs`.
     """
-    if not np.isfinite(omega_rs):
-        return ""
     seen_at = format_hertz(omega_rs)
     if folding is not None and folding.omega_source != folding.omega:
         seen_at += f" through its alias at {format_hertz(folding.omega_source)}"

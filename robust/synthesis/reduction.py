@@ -294,7 +294,7 @@ def _without_set(report: RobustnessReport) -> RobustnessReport:
         what = "Stability"
     return replace(
         report,
-        margins=replace(report.margins, rs=np.nan, S_worst=np.nan, broken=np.nan, worst=None),
+        margins=replace(report.margins, peak_rs=None, peak_S=None, broken=np.inf, worst=None),
         reason="the loop with this plant is stable" if stable else report.reason,
         advice="",
         proved=f"{what} with the given plant, at all frequencies." if stable else report.proved,
