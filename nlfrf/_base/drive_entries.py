@@ -9,7 +9,6 @@ from nlfrf._base.types import JsonObject
 from nlfrf._base.units import parse_gain_unit, parse_quantity, split_quantity
 
 PORTS = ("force", "velocity", "position")  # set points of a drive to which a signal can be added
-GAINS = ("kv", "kp", "tn")  # gains that identify the drive of an experiment
 SAME_GAIN = 1e-3  # relative error up to which two gains are the same
 #: Position gains [1/s] without a warning. Chosen: the four preset axes have 15 to 100 1/s, and a
 #: misread unit gives an error by a factor of 16.7 or 60.

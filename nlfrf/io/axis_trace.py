@@ -30,7 +30,7 @@ from nlfrf.io.rows import find_lost_rows
 from nlfrf.records.record import Record, SignalLabels
 from nlfrf.records.reference import design_period
 from nlfrf.records.screening.input import warn_about_channel
-from nlfrf.signals.axis_experiment import AxisExperiment
+from nlfrf.signals.axis_experiment import AssumedDrive, AxisExperiment
 
 #: Units of positions, velocities and accelerations, which no force has.
 _MOTION_UNITS = (
@@ -264,20 +264,20 @@ def _examine_records(
 
 
 def _unit_ratio(
-    unit: str, designed: str, known: dict[str, tuple[str, float]], constant: float = np.nan
+    unit: str, designed: str, known: dict[str, tuple[str, float]], drive: AssumedDrive | None = None
 ) -> float:
     """Return how many units of a design one unit is; one without a unit, nan if it cannot be
     converted.
 
-    known : base unit and factor of each known unit. constant : force per A.
+    known : base unit and factor of each known unit. drive : converts A into force.
     """
     (base, size), (own, own_size) = (
         known.get(one, (one, 1.0)) for one in (unit or designed, designed)
     )
     if base == own:
         return size / own_size
-    if base == "A":
-        return constant * size / own_size
+    if base == "A" and drive is not None:
+        return drive.force_constant * size / own_size
     return np.nan
 
 
@@ -291,7 +291,7 @@ def in_design_units(record: Record, experiment: AxisExperiment) -> Record:
     record : Record
         Record of `load_trace`.
     experiment : AxisExperiment
-        Experiment that was played. Its force constant converts current into force.
+        Experiment that was played. Its drive converts current into force.
 
     Returns
     -------
@@ -308,7 +308,7 @@ def in_design_units(record: Record, experiment: AxisExperiment) -> Record:
     >>> in_design_units(record, experiment).y_unit
     'm'
     """
-    u = _unit_ratio(record.u_unit, experiment.force_unit, OUTPUTS, experiment.force_constant)
+    u = _unit_ratio(record.u_unit, experiment.force_unit, OUTPUTS, experiment.assumed_drive)
     y = _unit_ratio(record.y_unit, experiment.position_unit, POSITIONS)
     return replace(
         record,

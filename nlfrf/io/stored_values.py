@@ -19,6 +19,7 @@ from nlfrf._base.values import field_names
 from nlfrf.bla.bla import Covariances, DistortionLevels, Experiment
 from nlfrf.io.channels import Channels
 from nlfrf.io.measurement_files import read_channels
+from nlfrf.signals.axis_experiment import AssumedDrive
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
 
@@ -32,6 +33,7 @@ _NESTED_VALUES: dict[str, type[DataclassInstance]] = {
     "cov": Covariances,
     "levels": DistortionLevels,
     "ms": Multisine,
+    "assumed_drive": AssumedDrive,
 }
 _TEXT_FIELDS = ("inputs", "outputs", "input_units", "output_units", "warnings")
 #: Axes of signals; for several inputs and outputs a channel axis comes first.
@@ -116,9 +118,14 @@ def _value_from_arrays(
         **{
             name: _field_from_arrays(name, content, prefix)
             for name in wanted
-            if f"{prefix}{name}" in content or name in required
+            if name in required or _is_stored(f"{prefix}{name}", content)
         }
     )
+
+
+def _is_stored(key: str, content: Mapping[str, np.ndarray]) -> bool:
+    """Return whether a file has a field: itself, or the fields of its inner value."""
+    return key in content or any(one.startswith(f"{key}.") for one in content)
 
 
 def _field_from_arrays(name: str, content: Mapping[str, np.ndarray], prefix: str) -> object:

@@ -8,6 +8,9 @@ segment they return to zero over a quarter of a period.
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import NamedTuple
+
 import numpy as np
 
 from nlfrf._base.arguments import (
@@ -64,6 +67,73 @@ class AxisLimits:
 
 
 @value
+class AssumedDrive:
+    """Drive that the design of an experiment assumes.
+
+    Fields
+    ------
+    kv : float
+        Position gain [1/s].
+    kp : float
+        Velocity gain [A s/m] or [A s/rad].
+    tn : float
+        Reset time [s].
+    velocity_feedforward : float
+        Fraction of the set-point velocity that is fed forward.
+    lag, delay : float
+        Time constant and delay of the current loop [s].
+    force_constant : float
+        Force constant [N/A] or [Nm/A].
+
+    References
+    ----------
+    `nlfrf.rig.Drive` has all settings of a drive; these are the ones that change the force of an
+    experiment.
+
+    Examples
+    --------
+    >>> import nlfrf, robust.servo
+    >>> ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=200, rng=1)
+    >>> experiment = robust.servo.design_experiment(nlfrf.servo_axis("belt"), ms, rms=20)
+    >>> drive = experiment.assumed_drive
+    >>> drive.kv, drive.tn, drive.has_gains(kv=60.0, kp=drive.kp, tn=drive.tn)
+    (30, 0.03, False)
+    """
+
+    kv: float
+    kp: float
+    tn: float
+    velocity_feedforward: float
+    lag: float
+    delay: float
+    force_constant: float
+
+    def has_gains(self, kv: float, kp: float, tn: float) -> bool:
+        """Return whether these are the gains: kv [1/s], kp [A s/m] or [A s/rad], tn [s]."""
+        return bool(
+            np.allclose((kv, kp, 1 / tn), (self.kv, self.kp, 1 / self.tn), rtol=SAME_GAIN, atol=0)
+        )
+
+    def describe(self, position_unit: str, force_unit: str) -> str:
+        """Describe the drive in the units of the experiment."""
+        without = "" if self.velocity_feedforward else " (none)"
+        return (
+            f"kv = {self.kv:g} 1/s, kp = {self.kp:g} A s/{position_unit}, tn = {self.tn:g} s,"
+            f" velocity_feedforward = {self.velocity_feedforward:g}{without};"
+            f" current loop: {self.force_constant:g} {force_unit}/A, lag {1e3 * self.lag:g}"
+            f" ms, delay {1e3 * self.delay:g} ms"
+        )
+
+
+class _Motion(NamedTuple):
+    """Peaks of force and velocity, and the travel."""
+
+    force: float
+    velocity: float
+    travel: float
+
+
+@value
 class AxisExperiment:
     """Experiment on a running drive: a multisine added to one of its set points.
 
@@ -95,13 +165,11 @@ class AxisExperiment:
         Number of periods kept in each segment, and of periods discarded before them.
     position_unit, force_unit : str
         Units of the position and of the force set point.
-    peak_force, peak_velocity, travel : float
-        Expected largest force set point, velocity and travel, in these units.
-    kv, kp, tn, velocity_feedforward, lag, delay, force_constant : float
-        Drive that the design assumes: position gain [1/s], velocity gain [A s/m] or [A s/rad],
-        reset time [s], fraction of the set-point velocity that is fed forward, time constant and
-        delay of the current loop [s], force constant [N/A] or [Nm/A]. nan if the design was made
-        from a record.
+    base_force : float
+        Expected largest force set point of the base motion alone; at rest the mean force of the
+        record, or zero.
+    assumed_drive : AssumedDrive or None
+        Drive that the design assumes; None if the design was made from a record.
 
     Raises
     ------
@@ -131,18 +199,10 @@ class AxisExperiment:
     velocities: np.ndarray
     n_periods: int
     n_discard: int
-    position_unit: str = "m"
-    force_unit: str = "N"
-    peak_force: float = np.nan
-    peak_velocity: float = np.nan
-    travel: float = np.nan
-    kv: float = np.nan
-    kp: float = np.nan
-    tn: float = np.nan
-    velocity_feedforward: float = np.nan
-    lag: float = np.nan
-    delay: float = np.nan
-    force_constant: float = np.nan
+    position_unit: str
+    force_unit: str
+    base_force: float
+    assumed_drive: AssumedDrive | None = None
 
     def __post_init__(self) -> None:
         require_one_input(self.ms)
@@ -163,26 +223,12 @@ class AxisExperiment:
                 f"velocities must be one per segment, {gains.size} of them, got {velocities.size}"
             )
 
-    def has_gains(self, kv: float, kp: float, tn: float) -> bool:
-        """Return whether the experiment was designed for these gains: kv [1/s], kp [A s/m] or [A
-        s/rad], tn [s].
-        """
-        return bool(
-            np.allclose((kv, kp, 1 / tn), (self.kv, self.kp, 1 / self.tn), rtol=SAME_GAIN, atol=0)
-        )
-
     @property
     def drive(self) -> str:
         """Description of the drive that the experiment assumes."""
-        if np.isnan(self.velocity_feedforward):
-            return "the same as in the first record, or not stated by an older file"
-        return (
-            f"kv = {self.kv:g} 1/s, kp = {self.kp:g} A s/{self.position_unit}, tn = {self.tn:g} s,"
-            " velocity_feedforward ="
-            f" {self.velocity_feedforward:g}{'' if self.velocity_feedforward else ' (none)'};"
-            f" current loop: {self.force_constant:g} {self.force_unit}/A, lag {1e3 * self.lag:g}"
-            f" ms, delay {1e3 * self.delay:g} ms"
-        )
+        if self.assumed_drive is None:
+            return "the same as in the first record"
+        return self.assumed_drive.describe(self.position_unit, self.force_unit)
 
     @property
     def n_segments(self) -> int:
@@ -215,6 +261,60 @@ class AxisExperiment:
         multisine.
         """
         return float(self.gains.max() * np.sqrt(np.sum(self.force_amplitude**2) / 2))
+
+    @property
+    def base_motion(self) -> _Motion:
+        """Peaks and travel of the base motion alone."""
+        return _Motion(
+            self.base_force, float(np.abs(self.velocities).max()), float(np.ptp(self.base))
+        )
+
+    @property
+    def multisine_motion(self) -> _Motion:
+        """Peaks and travel of the multisine alone at its largest amplitude, for the worst of its
+        realisations.
+        """
+        force, velocity, position = (
+            self._multisine_behind(H)
+            for H in (
+                self.force_response,
+                2j * np.pi * self.ms.f * self.position_response,
+                self.position_response,
+            )
+        )
+        return _Motion(
+            float(np.abs(force).max()),
+            float(np.abs(velocity).max()),
+            float(np.ptp(position, axis=1).max()),
+        )
+
+    def _multisine_behind(self, H: np.ndarray) -> np.ndarray:
+        """Return the multisine (M, N) behind an FRF (F,), at its largest amplitude."""
+        ms = replace(
+            self.ms,
+            amplitude=self.gains.max() * self.ms.amplitude * np.abs(H),
+            phase=self.ms.phase + np.angle(H),
+        )
+        return ms.u
+
+    @property
+    def peak_force(self) -> float:
+        """Bound of the largest force set point: the sum of base motion and multisine, because
+        their peaks may coincide.
+        """
+        return self.base_motion.force + self.multisine_motion.force
+
+    @property
+    def peak_velocity(self) -> float:
+        """Bound of the largest velocity of the position response: sum of base motion and
+        multisine.
+        """
+        return self.base_motion.velocity + self.multisine_motion.velocity
+
+    @property
+    def travel(self) -> float:
+        """Bound of the distance between the two ends of the motion."""
+        return self.base_motion.travel + self.multisine_motion.travel
 
     @property
     def base(self) -> np.ndarray:

@@ -264,8 +264,10 @@ def compare_gains(design: nlfrf.signals.AxisExperiment, settings: Drive) -> Reco
         kp = settings.gain * settings.output_factor("A")
     except ValueError:  # no torque constant: the design has a kp in A
         return RecordedGains.UNKNOWN
-    same = settings.base_unit == design.position_unit and design.has_gains(
-        settings.kv, kp, settings.tn
+    same = (
+        design.assumed_drive is not None
+        and settings.base_unit == design.position_unit
+        and design.assumed_drive.has_gains(settings.kv, kp, settings.tn)
     )
     if same:
         return RecordedGains.SAME

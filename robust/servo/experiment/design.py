@@ -21,7 +21,7 @@ from nlfrf._base.arguments import (
 from nlfrf._base.drive_entries import PORTS
 from nlfrf._base.units import POSITIONS
 from nlfrf.rig import ServoAxis, run
-from nlfrf.signals import AxisExperiment, AxisLimits
+from nlfrf.signals import AssumedDrive, AxisExperiment, AxisLimits
 from robust.servo.experiment.loop import closed_loop_poles, crossover_frequency, drive_loop
 
 #: A drive with a rough machine; a drive with a measured FRF that replaces that of its machine; or a
@@ -215,14 +215,6 @@ class _Segments(NamedTuple):
     n_discard: int
 
 
-class _Motion(NamedTuple):
-    """Peaks of force and velocity, and the travel."""
-
-    force: float
-    velocity: float
-    travel: float
-
-
 def _wanted_force(source: Source, ms: Multisine) -> Multisine:
     """Return the wanted multisine of the force, with an rms of one."""
     origin = source[0] if isinstance(source, tuple) else source
@@ -294,8 +286,10 @@ def _experiment_within(
     )
     if isinstance(source, ServoAxis):
         position, force = source.units
+        assumed = _assumed_drive(source)
     else:
         position, force = source.y_unit, source.u_unit
+        assumed = None
     position = POSITIONS.get(position, (position,))[0]
     draft = AxisExperiment(
         ms=replace(wanted, amplitude=wanted.amplitude / np.abs(force_response)),
@@ -308,73 +302,51 @@ def _experiment_within(
         n_discard=require_integer("n_discard", segments.n_discard, least=1),
         position_unit=position or "m",
         force_unit=force or "N",
+        base_force=0.0,
+        assumed_drive=assumed,
     )
-    if isinstance(source, ServoAxis):
-        drive = source.drive
-        draft = replace(
-            draft,
-            **{name: getattr(drive, name) for name in ("kv", "tn", "velocity_feedforward", "lag")},
-            kp=drive.gain,
-            delay=drive.delay_periods / drive.fs,
-            force_constant=source.force_constant,
-        )
-    # Peaks are bounded by sums, base motion plus level times multisine, whatever their phases are.
-    base, one = _base_motion(source, draft), _multisine_motion(draft)
-    level = _level_within(
-        draft, base, one=one, limits=AxisLimits() if limits is None else limits, rms=rms
-    )
-    return replace(
-        draft,
-        ms=replace(draft.ms, amplitude=level * draft.ms.amplitude),
-        peak_force=base.force + level * one.force,
-        peak_velocity=base.velocity + level * one.velocity,
-        travel=base.travel + level * one.travel,
+    # the force of the base motion is simulated with the set points of the draft
+    draft = replace(draft, base_force=_base_force(source, draft))
+    level = _level_within(draft, limits=AxisLimits() if limits is None else limits, rms=rms)
+    return replace(draft, ms=replace(draft.ms, amplitude=level * draft.ms.amplitude))
+
+
+def _assumed_drive(axis: ServoAxis) -> AssumedDrive:
+    drive = axis.drive
+    return AssumedDrive(
+        kv=drive.kv,
+        kp=drive.gain,
+        tn=drive.tn,
+        velocity_feedforward=drive.velocity_feedforward,
+        lag=drive.lag,
+        delay=drive.delay,
+        force_constant=axis.force_constant,
     )
 
 
-def _base_motion(source: ServoAxis | Record, experiment: AxisExperiment) -> _Motion:
-    """Return peaks and travel of the base motion; its force is simulated, or the mean of a record
-    in motion.
-    """
+def _base_force(source: ServoAxis | Record, experiment: AxisExperiment) -> float:
+    """Return the peak force of the base motion: simulated, or the mean of a record in motion."""
     if isinstance(source, Record):
-        force = float(np.abs(source.u.mean(axis=-1)).max())
-    elif np.any(experiment.velocities):
-        n = min(
-            2 * experiment.block + experiment.ms.n_samples, experiment.n_rows
-        )  # both directions, and one reversal
-        force = float(np.abs(run(source, experiment.base[:n]).force_set).max())
-    else:
-        force = 0.0
-    return _Motion(
-        force, float(np.abs(experiment.velocities).max()), float(np.ptp(experiment.base))
-    )
+        return float(np.abs(source.u.mean(axis=-1)).max())
+    if not np.any(experiment.velocities):
+        return 0.0
+    # both directions, and one reversal
+    n = min(2 * experiment.block + experiment.ms.n_samples, experiment.n_rows)
+    return float(np.abs(run(source, experiment.base[:n]).force_set).max())
 
 
-def _multisine_motion(experiment: AxisExperiment) -> _Motion:
-    """Return peaks and travel of the multisine at the port, for the worst of its realisations."""
-    ms, x = experiment.ms, experiment.position_response
-
-    def behind(H: np.ndarray) -> np.ndarray:
-        return replace(ms, amplitude=ms.amplitude * np.abs(H), phase=ms.phase + np.angle(H)).u
-
-    force, position, velocity = (
-        behind(H) for H in (experiment.force_response, x, 2j * np.pi * ms.f * x)
-    )
-    return _Motion(
-        float(np.abs(force).max()),
-        float(np.abs(velocity).max()),
-        float(np.ptp(position, axis=1).max()),
-    )
-
-
-def _level_within(
-    draft: AxisExperiment, base: _Motion, *, one: _Motion, limits: AxisLimits, rms: float | None
-) -> float:
-    """Return the rms of the force set point, as given or the largest within the limits; `one` is
-    the motion at 1.
+def _level_within(draft: AxisExperiment, *, limits: AxisLimits, rms: float | None) -> float:
+    """Return the rms of the force set point, as given or the largest within the limits; the draft
+    has an rms of 1.
     """
-    units = _Motion(draft.force_unit, f"{draft.position_unit}/s", draft.position_unit)._asdict()  # type: ignore[arg-type]
-    taken, each = base._asdict(), one._asdict()
+    units = {
+        "force": draft.force_unit,
+        "velocity": f"{draft.position_unit}/s",
+        "travel": draft.position_unit,
+    }
+    base = draft.base_motion
+    # Peaks are bounded by sums, base motion plus level times multisine, whatever their phases are.
+    taken, each = base._asdict(), draft.multisine_motion._asdict()
     left = {}
     for name, unit in units.items():
         limit = getattr(limits, name)

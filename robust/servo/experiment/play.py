@@ -13,7 +13,7 @@ import numpy as np
 
 from nlfrf import load
 from nlfrf._base.arguments import require_kind
-from nlfrf._base.drive_entries import GAINS, PORTS, SAME_GAIN
+from nlfrf._base.drive_entries import PORTS, SAME_GAIN
 from nlfrf._base.files import require_writable, to_path, write_table
 from nlfrf.io import load_set_points
 from nlfrf.rig import ServoAxis, Trajectory, run
@@ -135,19 +135,19 @@ def _require_designed_gains(axis: ServoAxis, path: Path) -> None:
             design = load(found[0].with_suffix(".npz"))
         else:
             design = None
-    if not isinstance(design, AxisExperiment):
+    if not isinstance(design, AxisExperiment) or design.assumed_drive is None:
         return
-    drive = axis.drive
-    own = (drive.kv, drive.gain, drive.tn, drive.velocity_feedforward)
-    designed = tuple(getattr(design, name) for name in (*GAINS, "velocity_feedforward"))
-    # the feedforward acts on the position set point only; an old file may have none
+    drive, assumed = axis.drive, design.assumed_drive
+    # the feedforward acts on the position set point only
     fed = design.port == "position" or np.any(design.velocities)
-    other = fed and abs(own[-1] - designed[-1]) > SAME_GAIN
-    if not np.isnan(designed[:-1]).any() and (other or not design.has_gains(*own[:-1])):
+    other = (
+        fed and abs(drive.velocity_feedforward - assumed.velocity_feedforward) > SAME_GAIN
+    ) or not assumed.has_gains(drive.kv, drive.gain, drive.tn)
+    if other:
         numbers = [
-            f"kv = {kv:g} 1/s, kp = {kp:g} A s/{axis.units[0]}, tn = {tn:g} s, velocity_feedforward"
-            f" = {share:g}"
-            for kv, kp, tn, share in (own, designed)
+            f"kv = {one.kv:g} 1/s, kp = {kp:g} A s/{axis.units[0]}, tn = {one.tn:g} s,"
+            f" velocity_feedforward = {one.velocity_feedforward:g}"
+            for one, kp in ((drive, drive.gain), (assumed, assumed.kp))
         ]
         raise ValueError(
             f"axis must have the gains of the design in {found[0].with_suffix('.npz').name!r},"

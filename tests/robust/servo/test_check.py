@@ -963,7 +963,7 @@ def test_gains_that_did_not_run_are_not_called_stable(folder):
         compare_gains(experiment, replace(settings, kp_unit="Ns/m", torque_constant=np.nan))
         == "unknown"
     )
-    assert compare_gains(replace(experiment, kv=np.nan), settings) == "other"
+    assert compare_gains(replace(experiment, assumed_drive=None), settings) == "other"
 
 
 @pytest.mark.usefixtures("played")

@@ -247,6 +247,18 @@ def test_the_design_survives_its_file(tmp_path, port):
     assert str(experiment) in str(nlfrf.inspect_file(tmp_path / "play.npz"))
 
 
+@pytest.mark.parametrize("suffix", [".npz", ".h5"])
+def test_a_file_has_the_assumed_drive_or_none(tmp_path, suffix):
+    by_model = design_experiment(servo_axis("belt"), MS, rms=3)
+    for experiment in (by_model, replace(by_model, assumed_drive=None)):
+        path = tmp_path / f"{experiment.assumed_drive is None}{suffix}"
+        nlfrf.save(experiment, path)
+        again = nlfrf.load(path)
+        assert str(again) == str(experiment)
+        assert (again.assumed_drive is None) == (experiment.assumed_drive is None)
+    assert "the same as in the first record" in str(again)
+
+
 @pytest.mark.parametrize("name", PRESETS)
 def test_from_the_design_to_the_frf_of_either_direction(tmp_path, name):
     """In motion the friction is a constant and a damping: the FRF is that of the machine without
