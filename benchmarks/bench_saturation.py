@@ -48,8 +48,8 @@ def played(
     """
     n = samples_needed(K, delay)
     force = np.zeros(n)
-    begin = np.array([0.0, rng.choice([-1, 1]) * proof.kick * rng.uniform(0.5, 1.0)])
-    if np.isinf(proof.kick):
+    begin = np.array([0.0, rng.choice([-1, 1]) * proof.actuator.kick * rng.uniform(0.5, 1.0)])
+    if np.isinf(proof.actuator.kick):
         force, begin = disturbed(rng, n)
         force, begin = force * 10 ** rng.uniform(0, 0.5), begin * 10 ** rng.uniform(0, 2)
     return moving(weak_law(rng), K, delay, force, begin, LIMIT)
@@ -63,7 +63,14 @@ def least_bad_kick(
     """
     n = samples_needed(K, delay)
     for times in STEPS:
-        if moving(weak_law(rng), K, delay, np.zeros(n), np.array([0.0, times * proof.kick]), LIMIT):
+        if moving(
+            weak_law(rng),
+            K,
+            delay,
+            np.zeros(n),
+            np.array([0.0, times * proof.actuator.kick]),
+            LIMIT,
+        ):
             return float(times)
     return np.inf
 
@@ -84,7 +91,11 @@ def main() -> None:
             proofs.append((proof, K, delay))
             seconds.append(time.process_time() - begin)
     kicks = np.array(
-        [proof.kick / proof.kick_linear for proof, _, _ in proofs if np.isfinite(proof.kick)]
+        [
+            proof.actuator.kick / proof.actuator.kick_linear
+            for proof, _, _ in proofs
+            if np.isfinite(proof.actuator.kick)
+        ]
     )
     print(
         f"{len(proofs)} loops proved without a limit; CPU median {np.median(seconds):.2g} s, most"
@@ -99,7 +110,7 @@ def main() -> None:
     found = [played(*each, rng) for each in proofs for _ in range(args.bursts)]
     print(f"  proved and still moving {sum(found)} of {len(found)} kicks and bursts", flush=True)
     bad = np.array(
-        [least_bad_kick(*each, rng) for each in proofs[::5] if np.isfinite(each[0].kick)]
+        [least_bad_kick(*each, rng) for each in proofs[::5] if np.isfinite(each[0].actuator.kick)]
     )
     seen = bad[np.isfinite(bad)]
     print(

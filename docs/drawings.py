@@ -296,11 +296,10 @@ def verdicts_friction() -> Figure:
         push = np.append(5 * np.linspace(0, 1, 300), np.zeros(3700))  # N
         x = 1e6 * np.ravel(nlfrf.rig.run(axis, {"force": push}, oversampling=8).x)[: push.size]
         ax.plot(np.arange(push.size) / settings.fs, x, color=KINDS["even"], lw=0.9)
-        for side, label in ((-1, None), (1, "settling_error")):
-            ax.axhline(
-                side * 1e6 * proof.settling_error, color=KINDS["odd"], ls="--", lw=1.2, label=label
-            )
         if np.isfinite(proof.settling_error):
+            error = 1e6 * proof.settling_error
+            ax.axhline(-error, color=KINDS["odd"], ls="--", lw=1.2)
+            ax.axhline(error, color=KINDS["odd"], ls="--", lw=1.2, label="settling_error")
             ax.legend(fontsize="small", loc="center right", bbox_to_anchor=(1, 0.78))
         ax.set(
             xlabel="time [s]", ylabel="position [µm]", ylim=limits, title=f"{proof.verdict}: {text}"

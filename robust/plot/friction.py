@@ -183,7 +183,7 @@ def _drawn_force(read: FrictionFit | FrictionForce) -> _DrawnForce:
 
 class RestCase(NamedTuple):
     """An assumption or change, the verdict with it, and the largest distance from the set point,
-    nan if unknown.
+    infinite if none is known.
 
     A simulation has no verdict.
     """

@@ -87,7 +87,7 @@ class Bounded(FrictionClass):
         return self.Fs
 
     def error_bound(self, loop: FrictionLoop, forces: np.ndarray) -> float:
-        """Return the largest final distance from rest; nan if none is known."""
+        """Return the largest final distance from rest; inf if none is known."""
         return bound_of_ports(loop, forces, self.bristle_time)
 
     def describe_proved(self, proof: FrictionProof) -> str:

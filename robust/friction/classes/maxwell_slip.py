@@ -220,7 +220,7 @@ class MaxwellSlip(FrictionClass):
             )
             exact = replace(build_claim(task, ports, one), settling=own_settling)
             if verify_friction(exact).verified:
-                smaller = error_bound if error_bound < error else error
+                smaller = min(error_bound, error)
                 proved = certificate_of(exact)
                 return replace(
                     undecided,

@@ -104,31 +104,28 @@ def weights_of_ports(
 
 def bound_of_ports(loop: FrictionLoop, forces: np.ndarray, bristle_time: float = 0.0) -> float:
     """Return the largest distance of any port from rest that remains with any friction up to these
-    forces; or nan.
+    forces; inf if there is no bound.
 
     Bristles with damping make the friction s + tau s' with a bounded s. After integration by parts
     s' enters through F B as s enters through B, unless a sample sees B at once. The bound is convex
     in tau, so it is largest at one end.
     """
     if not np.isfinite(forces).all() or not loop.growth() < 0:
-        return np.nan
+        return np.inf
     if bristle_time:
         size = np.abs(loop.columns).max()
         if any(
             np.abs(jump @ loop.columns - loop.columns).max() > ROUNDING * size
             for jump in loop.jumps
         ):
-            return np.nan
+            return np.inf
         ends = [loop.columns, loop.columns + bristle_time * loop.F @ loop.columns]
     else:
         ends = [loop.columns]
-    bounds = [
+    return max(
         sum(
             force * max(steady_error_bound(replace(loop, B=end[:, port], x=x, v=v)) for end in ends)
             for port, force in enumerate(forces)
         )
         for x, v in zip(loop.displacements, loop.velocities, strict=True)
-    ]
-    if np.isfinite(bounds).all():
-        return max(bounds)
-    return np.nan
+    )

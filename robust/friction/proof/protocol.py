@@ -147,7 +147,7 @@ class FrictionClass(ABC):
 
     def error_bound(self, loop: FrictionLoop, forces: np.ndarray) -> float:
         """Return the bound of the final distance from rest, with any friction up to these forces;
-        nan if unknown.
+        inf if there is none.
         """
         return bound_of_ports(loop, forces)
 
@@ -164,6 +164,42 @@ def require_stiction(stiction: float) -> float:
             f" {stiction:g}"
         )
     return stiction
+
+
+@value
+class SaturatedActuator:
+    """An actuator that saturates, and the motion from which rest is proved with it.
+
+    Fields
+    ------
+    limit : float
+        Largest force of the actuator [N].
+    kick : float
+        Largest initial velocity at the friction port [m/s] from which rest is proved although the
+        actuator saturates. The machine starts from rest, without force in the springs of the
+        friction. Infinite if rest is proved from every state, zero if nothing is proved.
+    kick_linear : float
+        Initial velocity [m/s] up to which the actuator does not saturate.
+    share : float
+        Sector gain of the proof: fraction of the commanded force that the saturated actuator may
+        fail to deliver, not counting the force that holds the friction. Zero if the actuator never
+        saturates; one if it may deliver nothing.
+
+    References
+    ----------
+    S. Tarbouriech and others, *Stability and Stabilization of Linear Systems with Saturating
+    Actuators*, 2011.
+
+    Examples
+    --------
+    >>> SaturatedActuator(limit=20.0).kick
+    0.0
+    """
+
+    limit: float
+    kick: float = 0.0
+    kick_linear: float = 0.0
+    share: float = 0.0
 
 
 @value
@@ -194,35 +230,25 @@ class FrictionProof:
         stiffness for each port.
     error_bound : float
         Bound [m] on the final distance of the position from rest, with any friction of at most Fs;
-        for several ports a bound on each displacement. nan if no Fs was given, if the loop without
+        for several ports a bound on each displacement. inf if no Fs was given, if the loop without
         friction is not stable, or if its modes are too fast for the sampling time or too slow to
         compute the bound.
     settling_error : float
         Bound [m] on the final distance of the position from rest, with every friction of the class
         of at most Fs. It is the smaller of two bounds: one for the class, which
         `certificate.verify()` proves over the rationals, and `error_bound`, which is computed in
-        floating point. nan if no Fs was given, if the loop comes to rest, or if no bound was found.
+        floating point. inf if no Fs was given, if the loop comes to rest, or if no bound was found.
     kick_sure : float
         Initial velocity [m/s] from which the machine diverges with every friction of at most Fs;
-        nan if no Fs was given, if the loop without friction is stable, or if no such velocity was
+        inf if no Fs was given, if the loop without friction is stable, or if no such velocity was
         found.
     certificate : Certificate or None
         The certificate behind the verdict, or None; `certificate.verify()` proves it again over the
         rationals.
-    saturation : float
-        Largest force of the actuator [N]; infinite if none was given.
-    kick : float
-        Largest initial velocity at the friction port [m/s] from which rest is proved although the
-        actuator saturates. The machine starts from rest, without force in the springs of the
-        friction. Infinite if rest is proved from every state, zero if nothing is proved, nan
-        without saturation. With saturation `verdict` is "proved" (from every state) or "proved up
-        to a kick" (up to this velocity).
-    kick_linear : float
-        Initial velocity [m/s] up to which the actuator does not saturate.
-    share : float
-        Sector gain of the proof: fraction of the commanded force that the saturated actuator may
-        fail to deliver, not counting the force that holds the friction. Zero if the actuator never
-        saturates; one if it may deliver nothing.
+    actuator : SaturatedActuator or None
+        Limit of the actuator, and the initial velocity `actuator.kick` up to which rest is proved
+        with it; None if no saturation was given. With saturation `verdict` is "proved" (from every
+        state) or "proved up to a kick" (up to this velocity).
 
     References
     ----------
@@ -254,14 +280,11 @@ class FrictionProof:
     machine: FrictionPlant
     friction: tuple[FrictionClass, ...]
     counterexample: tuple[float | tuple[float, ...], complex] | None = None
-    error_bound: float = np.nan
-    settling_error: float = np.nan
-    kick_sure: float = np.nan
+    error_bound: float = np.inf
+    settling_error: float = np.inf
+    kick_sure: float = np.inf
     certificate: Certificate | None = None
-    saturation: float = np.inf
-    kick: float = np.nan
-    kick_linear: float = np.nan
-    share: float = np.nan
+    actuator: SaturatedActuator | None = None
 
     @property
     def facts(self) -> tuple[Fact, ...]:

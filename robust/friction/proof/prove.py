@@ -102,7 +102,7 @@ def prove_friction(
     >>> import control
     >>> PD = control.ss([[0.0]], [[1.0]], [[-60e3]], [[80e3]], 1e-3)         # 20 kN/m and 60 Ns/m at 1 kHz
     >>> proof = prove_friction(rig, PD, MaxwellSlip(64e3), Fs=1.0, saturation=20.0)
-    >>> proof.verdict, proof.kick > 2 * proof.kick_linear
+    >>> proof.verdict, proof.actuator.kick > 2 * proof.actuator.kick_linear
     ('proved up to a kick', True)
     """
     if not isinstance(machine, FrictionPlant):
@@ -198,20 +198,19 @@ def prove_all(
 
 
 def _sure_kick(task: ProofTask) -> float:
-    """Return the velocity at one port from which the loop diverges; nan if there is none."""
-    machine, loop, forces, kick = task.machine, task.loop, task.forces, np.nan
+    """Return the velocity at one port from which the loop diverges; inf if there is none."""
+    machine, loop, forces = task.machine, task.loop, task.forces
     unstable = not loop.growth() < 0
-    if (
+    if not (
         machine.n_ports == 1
         and np.isfinite(forces[0])
         and unstable
         and machine.velocity @ machine.B_port > 0
     ):
-        hit = np.zeros(loop.F.shape[0])
-        hit[: machine.A.shape[0]] = machine.B_port / (machine.velocity @ machine.B_port)
-        least = divergence_velocity(loop, hit, float(forces[0]))
-        kick = least if np.isfinite(least) else np.nan
-    return kick
+        return np.inf
+    hit = np.zeros(loop.F.shape[0])
+    hit[: machine.A.shape[0]] = machine.B_port / (machine.velocity @ machine.B_port)
+    return divergence_velocity(loop, hit, float(forces[0]))
 
 
 def _describe_counterexample(proof: FrictionProof, loop: FrictionLoop) -> str:
@@ -258,12 +257,13 @@ def _describe_claim(
         bound = f"{proof.settling_error:.3g} {units.position}"
         settles = f"Settles within {bound} of rest from every state {scope}, of at most {most}"
         return f"{settles}. It may keep moving within this distance."
-    if proof.verdict is FrictionVerdict.PROVED_LOCALLY:
-        hit = f"a kick of at most {1e3 * proof.kick:.3g} m{units.velocity} at the friction port"
+    actuator = proof.actuator
+    if actuator is not None and proof.verdict is FrictionVerdict.PROVED_LOCALLY:
+        hit = f"a kick of at most {1e3 * actuator.kick:.3g} m{units.velocity} at the friction port"
         rest = f"At rest and relaxed, comes to rest again after {hit}"
     else:
         rest = proof.friction[0].describe_proved(proof)
-    limited = (
-        f", with an actuator of {proof.saturation:g} {units.force} and friction of at most {most}"
-    )
-    return f"{rest} {scope}{limited if np.isfinite(proof.saturation) else ''}."
+    if actuator is None:
+        return f"{rest} {scope}."
+    limited = f"with an actuator of {actuator.limit:g} {units.force}"
+    return f"{rest} {scope}, {limited} and friction of at most {most}."

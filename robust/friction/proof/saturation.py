@@ -30,6 +30,7 @@ from robust.friction.proof.protocol import (
     FrictionClass,
     FrictionProof,
     ProofTask,
+    SaturatedActuator,
 )
 from robust.friction.proof.storage import Block, Dissipation, JudgedStorage, certified_dissipation
 from robust.lti.realisation import state_space
@@ -381,9 +382,13 @@ def with_actuator(plain: FrictionProof, task: ProofTask, known: Actuator) -> Fri
     machine, (friction,) = task.machine, plain.friction
 
     def nothing(verdict: FrictionVerdict, reason: str) -> FrictionProof:
-        none = replace(plain, kick=0.0, kick_linear=0.0, share=0.0, saturation=known.limit)
         return replace(
-            none, verdict=verdict, reason=reason, certificate=None, not_claimed=_NO_ACTUATOR_CLAIM
+            plain,
+            verdict=verdict,
+            reason=reason,
+            certificate=None,
+            not_claimed=_NO_ACTUATOR_CLAIM,
+            actuator=SaturatedActuator(limit=known.limit),
         )
 
     if plain.verdict is not FrictionVerdict.PROVED:
@@ -423,8 +428,7 @@ def with_actuator(plain: FrictionProof, task: ProofTask, known: Actuator) -> Fri
             other=friction.excluded, Fs=known.Fs, limit=known.limit, unit=unit
         ),
         certificate=certificate,
-        saturation=known.limit,
-        kick=kick,
-        kick_linear=kick_linear,
-        share=share,
+        actuator=SaturatedActuator(
+            limit=known.limit, kick=kick, kick_linear=kick_linear, share=share
+        ),
     )

@@ -176,7 +176,7 @@ def _judge(
     """
     K = cascade(settings, output_unit=output_unit)
     proof = prove_friction(machine, K, friction, delay=settings.delay, Fs=forces.tolist())
-    bound = float(np.nan_to_num(proof.error_bound, nan=np.inf))
+    bound = proof.error_bound
     if proof.verdict is FrictionVerdict.PROVED:
         loop = friction_loop(machine, K, settings.delay)
         still, off = (part.reshape(-1, forces.size) for part in loop.rest())

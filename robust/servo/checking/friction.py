@@ -98,7 +98,7 @@ class DriveFriction:
         of the identified interval; for motor and load one each.
     added_delay : float
         Largest additional delay [s] for which the proof was repeated with success, in steps of
-        `_ADDED_STEP` periods; nan if the loop is not proved.
+        `_ADDED_STEP` periods; zero if there is none, or if the loop is not proved.
     known_delay : float
         Delay and lag [s] of the settings that are part of the traces.
     has_integral : bool
@@ -120,7 +120,7 @@ class DriveFriction:
     bounded_machine: str = MODEL
     note: str = ""
     largest: float | tuple[float, ...] | None = None
-    added_delay: float = np.nan
+    added_delay: float = 0.0
     known_delay: float = 0.0
     has_integral: bool = False
     force: FrictionForce | None = None
@@ -154,13 +154,12 @@ class DriveFriction:
 
     @property
     def within(self) -> float:
-        """Proved largest final distance from rest [m] or [rad]; zero if the axis rests, nan if
-        unknown.
+        """Proved largest final distance from rest [m] or [rad]; zero if the axis rests, inf if
+        none is proved.
         """
         if self.proved:
             return 0.0
-        known = [self.error_bound, *(proof.settling_error for proof in self.proofs[:1])]
-        return float(np.fmin.reduce(known))
+        return min([self.error_bound, *(proof.settling_error for proof in self.proofs[:1])])
 
     @property
     def K0_used(self) -> float:
@@ -183,8 +182,8 @@ class DriveFriction:
 
     @property
     def error_bound(self) -> float:
-        """Proved largest distance from rest [m] or [rad] with any friction up to `largest`; nan if
-        unknown.
+        """Proved largest distance from rest [m] or [rad] with any friction up to `largest`; inf if
+        none is proved.
         """
         if self.bounded is None:
             proofs = self.proofs
@@ -192,7 +191,7 @@ class DriveFriction:
             proofs = (self.bounded,)
         return max(
             (proof.error_bound for proof in proofs if np.isfinite(proof.error_bound)),
-            default=np.nan,
+            default=np.inf,
         )
 
     @property
@@ -538,7 +537,7 @@ def judge_friction(
     K = cascade(settings, output_unit=unit)
     friction = assumed.friction
     late = settings.delay
-    added = np.nan
+    added = 0.0
     try:
         proofs = prove_all((read,), K, friction, delay=late, Fs=largest)
     except ValueError as error:  # a delay that is too long to be proved
@@ -604,7 +603,7 @@ def bound_any_friction(
         for into, where in ports
     ]
     proofs = [prove_friction(one, K, friction, delay=settings.delay) for one in places]
-    return max(proofs, key=lambda proof: np.nan_to_num(proof.error_bound, nan=np.inf))
+    return max(proofs, key=lambda proof: proof.error_bound)
 
 
 def _largest_forces_read(fit: FrictionFit) -> float | tuple[float, ...]:

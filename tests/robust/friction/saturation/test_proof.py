@@ -64,12 +64,12 @@ def with_integral_action(request):
 def test_a_kick_that_saturates_is_proved_and_comes_to_rest(with_integral_action):
     K, delay, proof = with_integral_action
     assert proof.verdict == "proved up to a kick"
-    assert proof.kick > 4 * proof.kick_linear
+    assert proof.actuator.kick > 4 * proof.actuator.kick_linear
     for law in laws(0, 3):
-        force, swing = played(law, K, delay, 0.999 * proof.kick)
-        assert force == LIMIT or proof.kick < LIMIT / (K.D[0, 0] * 4e-4)
+        force, swing = played(law, K, delay, 0.999 * proof.actuator.kick)
+        assert force == LIMIT or proof.actuator.kick < LIMIT / (K.D[0, 0] * 4e-4)
         assert swing < 0.05
-        assert played(law, K, delay, proof.kick_linear)[0] < LIMIT
+        assert played(law, K, delay, proof.actuator.kick_linear)[0] < LIMIT
     assert "a quadratic energy cannot prove it" in unwrapped(proof)
 
 
@@ -115,7 +115,7 @@ def test_from_every_state_where_the_machine_is_damped():
     machine, K = friction_plant(1.0, 80e3, 40.0), pd(1e3, 10.0)
     proof = prove_friction(machine, K, SLIP, Fs=FS, saturation=LIMIT)
     assert proof.verdict == "proved"
-    assert np.isinf(proof.kick)
+    assert np.isinf(proof.actuator.kick)
     assert "from every state" in proof.claim
     assert proof.certificate.verify().verified
     for law, kick in zip(laws(1, 3), (0.1, 1.0, 10.0), strict=True):
@@ -125,14 +125,14 @@ def test_from_every_state_where_the_machine_is_damped():
 def test_a_continuous_controller_too(tmp_path):
     PD = control.ss(control.tf([60.0, 20e3], [1e-4, 1]))
     proof = prove_friction(RIG, PD, SLIP, Fs=FS, saturation=LIMIT)
-    assert proof.kick > proof.kick_linear > 0
+    assert proof.actuator.kick > proof.actuator.kick_linear > 0
     nlfrf.save(proof, tmp_path / "proof.json")
     assert verify_certificate(tmp_path / "proof.json").verified
 
 
 def test_part_of_a_sample_late():
     proof = prove_friction(RIG, pid(20e3, 3e5, 60.0), SLIP, Fs=FS, saturation=LIMIT, delay=0.3 * T)
-    assert proof.kick > 2 * proof.kick_linear
+    assert proof.actuator.kick > 2 * proof.actuator.kick_linear
     assert proof.certificate.verify().verified
 
 
@@ -140,11 +140,11 @@ def test_the_rig_of_the_paper_as_far_as_it_never_saturates():
     proof = prove_friction(
         RIG, pd(20e3, 60.0), Bristle(64e3, 1 / 0.7, 13.0), Fs=FS, saturation=LIMIT
     )
-    assert proof.kick == proof.kick_linear > 0
-    assert proof.share == 0
+    assert proof.actuator.kick == proof.actuator.kick_linear > 0
+    assert proof.actuator.share == 0
     assert "not tried for this class" in proof.reason
     assert "rigid stiction" in proof.not_claimed
-    force, swing = played(nlfrf.friction.Leuven(), pd(20e3, 60.0), 0.0, proof.kick, c=0.0)
+    force, swing = played(nlfrf.friction.Leuven(), pd(20e3, 60.0), 0.0, proof.actuator.kick, c=0.0)
     assert force < LIMIT
     assert swing < 0.05
 
@@ -152,7 +152,7 @@ def test_the_rig_of_the_paper_as_far_as_it_never_saturates():
 @pytest.mark.parametrize("friction", [SLIP, Bristle(64e3, 1.2)])
 def test_an_actuator_that_is_asked_for_nothing_never_saturates(friction):
     proof = prove_friction(friction_plant(1.0, 80e3, 40.0), 0.0, friction, Fs=FS, saturation=LIMIT)
-    assert (proof.verdict, proof.kick, proof.reason) == ("proved", np.inf, "")
+    assert (proof.verdict, proof.actuator.kick, proof.reason) == ("proved", np.inf, "")
     assert "from every state" in proof.claim
     excluded = "LuGre" if friction is SLIP else "rigid stiction"
     assert excluded in proof.not_claimed
@@ -164,15 +164,15 @@ def test_the_kick_grows_with_what_the_limit_leaves_over_friction():
     """
     proof = prove_friction(RIG, pid(40e3, 1e6, 120.0), SLIP, Fs=FS, saturation=3.0, delay=T)
     for name in ("kick", "kick_linear"):
-        assert getattr(oracle_proof("P3"), name) == pytest.approx(
-            19 / 2 * getattr(proof, name), rel=1e-6
+        assert getattr(oracle_proof("P3").actuator, name) == pytest.approx(
+            19 / 2 * getattr(proof.actuator, name), rel=1e-6
         )
 
 
 def test_what_is_refuted_without_saturation_is_with_it():
     proof = prove_friction(RIG, pid(0.0, 2e6, 0.0), SLIP, Fs=FS, saturation=LIMIT)
     assert proof.verdict == "refuted"
-    assert proof.kick == 0
+    assert proof.actuator.kick == 0
     assert " ".join(str(proof).split()).startswith(
         "refuted: without saturation: the sliding loop is unstable"
     )
