@@ -14,7 +14,7 @@ from robust.analysis.performance import (
     ClassicalMargins,
     classical_margins,
 )
-from robust.lti.grids import Peak, peak_of
+from robust.lti.grids import NO_PEAK, Peak, peak_of
 from robust.pages.section import Fact
 from robust.proofs.search.certificate import Certificate
 
@@ -25,7 +25,6 @@ _GAIN_STEP, _LEAST_GAIN = 0.1, 0.02
 #: Methods of proof for one channel.
 ProofMethod: TypeAlias = Literal["exact", "lmi", "both"]
 METHODS = ("exact", "lmi", "both")
-_NO_PEAK = Peak(np.nan, np.nan)
 
 
 @value
@@ -254,42 +253,42 @@ class Margins:
     @property
     def largest_rs(self) -> float:
         """Largest rs, or largest bound of mu."""
-        return (self.peak_rs or _NO_PEAK).value
+        return (self.peak_rs or NO_PEAK).value
 
     @property
     def omega_rs(self) -> float:
         """Frequency at which rs is largest [rad/s]."""
-        return (self.peak_rs or _NO_PEAK).omega
+        return (self.peak_rs or NO_PEAK).omega
 
     @property
     def rp(self) -> float:
         """Largest factor on the uncertainty for which the loop meets the demand."""
-        return _reciprocal((self.peak_rp or _NO_PEAK).value)
+        return _reciprocal((self.peak_rp or NO_PEAK).value)
 
     @property
     def omega_rp(self) -> float:
         """Frequency at which `rp` is smallest [rad/s]."""
-        return (self.peak_rp or _NO_PEAK).omega
+        return (self.peak_rp or NO_PEAK).omega
 
     @property
     def disk(self) -> float:
         """Symmetric disk margin alpha = 1/max |S - 1/2|, for one channel."""
-        return _reciprocal((self.peak_disk or _NO_PEAK).value)
+        return _reciprocal((self.peak_disk or NO_PEAK).value)
 
     @property
     def omega_disk(self) -> float:
         """Frequency at which the disk margin is smallest [rad/s]."""
-        return (self.peak_disk or _NO_PEAK).omega
+        return (self.peak_disk or NO_PEAK).omega
 
     @property
     def S_worst(self) -> float:
         """Largest |S| over the set, or a bound of its largest singular value."""
-        return (self.peak_S or _NO_PEAK).value
+        return (self.peak_S or NO_PEAK).value
 
     @property
     def omega_S_worst(self) -> float:
         """Frequency at which `S_worst` is attained [rad/s]."""
-        return (self.peak_S or _NO_PEAK).omega
+        return (self.peak_S or NO_PEAK).omega
 
     @property
     def disk_gain(self) -> float:

@@ -19,7 +19,7 @@ from nlfrf._base.arguments import (
 from nlfrf._base.values import value
 from robust._base.types import AnySystem, Controller, LinearSystem
 from robust.lti.connections import closed_loop, lower_lft
-from robust.lti.grids import Peak, structure_grid
+from robust.lti.grids import NO_PEAK, Peak, structure_grid
 from robust.lti.lti import (
     evaluate_transfer,
     is_constant,
@@ -51,18 +51,15 @@ class ClassicalMargins:
     ------
     crossovers : tuple of float
         Every frequency with |L| = 1 [rad/s], increasing.
-    phase_margin, omega_phase : float
+    phase : Peak or None
         Smallest |180 deg + arg L| over all frequencies with |L| = 1 [rad], and its frequency
-        [rad/s].
+        [rad/s]; None without crossover.
     delay_margin : float
         Smallest additional delay that puts L on -1, over all frequencies with |L| = 1 [s]; inf
         without crossover.
-    gain_margin, omega_gain : float
-        Smallest factor above one on the loop gain that puts L on -1, inf if there is none; its
-        frequency [rad/s].
-    gain_reduction, omega_reduction : float
-        Largest factor below one on the loop gain that puts L on -1, 0 if there is none; its
-        frequency [rad/s].
+    gain, reduction : Peak or None
+        Smallest factor above one, and largest below one, on the loop gain that puts L on -1, and
+        its frequency [rad/s]; None if there is none.
     bandwidth : float
         Lowest frequency at which |S| rises to 1/sqrt(2) [rad/s]; nan if |S| starts above it or
         never reaches it.
@@ -82,14 +79,47 @@ class ClassicalMargins:
     """
 
     crossovers: tuple[float, ...] = ()
-    phase_margin: float = float("nan")
-    omega_phase: float = float("nan")
+    phase: Peak | None = None
     delay_margin: float = float("inf")
-    gain_margin: float = float("inf")
-    omega_gain: float = float("nan")
-    gain_reduction: float = 0.0
-    omega_reduction: float = float("nan")
+    gain: Peak | None = None
+    reduction: Peak | None = None
     bandwidth: float = float("nan")
+
+    @property
+    def phase_margin(self) -> float:
+        """Smallest |180 deg + arg L| over all frequencies with |L| = 1 [rad]; nan without
+        crossover.
+        """
+        return (self.phase or NO_PEAK).value
+
+    @property
+    def omega_phase(self) -> float:
+        """Frequency of the phase margin [rad/s]; nan without crossover."""
+        return (self.phase or NO_PEAK).omega
+
+    @property
+    def gain_margin(self) -> float:
+        """Smallest factor above one on the loop gain that puts L on -1; inf if there is none."""
+        if self.gain is None:
+            return float("inf")
+        return self.gain.value
+
+    @property
+    def omega_gain(self) -> float:
+        """Frequency of the gain margin [rad/s]; nan if no factor puts L on -1."""
+        return (self.gain or NO_PEAK).omega
+
+    @property
+    def gain_reduction(self) -> float:
+        """Largest factor below one on the loop gain that puts L on -1; 0 if there is none."""
+        if self.reduction is None:
+            return 0.0
+        return self.reduction.value
+
+    @property
+    def omega_reduction(self) -> float:
+        """Frequency of the gain reduction [rad/s]; nan if no factor puts L on -1."""
+        return (self.reduction or NO_PEAK).omega
 
     @property
     def crossover(self) -> float:
@@ -183,14 +213,18 @@ def classical_margins(
     if x.size < 2:
         return ClassicalMargins()
     size, phase = np.log(np.abs(L)), np.unwrap(np.angle(L))
-    found: dict[str, float] = {}
-    at = crossovers = _zero_crossings(x, size)
+    found = ClassicalMargins()
+    at = _zero_crossings(x, size)
     if at.size:
         off = np.interp(at, x, phase)
         margin = np.abs((off + 2 * np.pi) % (2 * np.pi) - np.pi)
         k = int(np.argmin(margin))
-        found |= {"phase_margin": margin[k], "omega_phase": np.exp(at[k])}
-        found["delay_margin"] = ((off + np.pi) % (2 * np.pi) / np.exp(at)).min()
+        found = replace(
+            found,
+            crossovers=tuple(np.exp(at).tolist()),
+            phase=Peak(float(margin[k]), float(np.exp(at[k]))),
+            delay_margin=float(((off + np.pi) % (2 * np.pi) / np.exp(at)).min()),
+        )
     turns = np.arange(
         np.ceil((phase.min() / np.pi - 1) / 2), np.floor((phase.max() / np.pi - 1) / 2) + 1
     )
@@ -199,19 +233,26 @@ def classical_margins(
         real.append(x[-1:])
     at = np.unique(np.concatenate([np.zeros(0), *real]))
     factor = np.exp(-np.interp(at, x, size))
-    for name, side in (("gain", factor > 1), ("reduction", factor < 1)):
-        if side.any():
-            k = np.flatnonzero(side)[np.argmin(np.abs(np.log(factor[side])))]
-            found |= {
-                "gain_margin" if name == "gain" else "gain_reduction": factor[k],
-                f"omega_{name}": np.exp(at[k]),
-            }
+    found = replace(
+        found,
+        gain=_nearest_to_one(factor, at, factor > 1),
+        reduction=_nearest_to_one(factor, at, factor < 1),
+    )
     S = np.log(np.abs(1 / (1 + L))) + np.log(2) / 2
     reached = _zero_crossings(x, S)
     if S[0] < 0 and reached.size:
-        found["bandwidth"] = np.exp(reached[0])
-    numbers = {name: float(number) for name, number in found.items()}
-    return ClassicalMargins(crossovers=tuple(np.exp(crossovers).tolist()), **numbers)
+        return replace(found, bandwidth=float(np.exp(reached[0])))
+    return found
+
+
+def _nearest_to_one(factor: np.ndarray, x: np.ndarray, side: np.ndarray) -> Peak | None:
+    """Return the factor (n,) nearest to one on one side of it, with its frequency exp x; None if
+    there is none on this side.
+    """
+    if not side.any():
+        return None
+    k = np.flatnonzero(side)[np.argmin(np.abs(np.log(factor[side])))]
+    return Peak(float(factor[k]), float(np.exp(x[k])))
 
 
 def _loop_gain_of(L: object) -> tuple[np.ndarray, np.ndarray]:

@@ -164,13 +164,17 @@ def plant_features(G: control.StateSpace, dt: float, otherwise: tuple[float, ...
 
 
 class Peak(NamedTuple):
-    """A largest value and its frequency [rad/s]."""
+    """An extreme value over frequency, and its frequency [rad/s]."""
 
     value: float
     omega: float
 
     def __str__(self) -> str:
         return f"{self.value:.4g} at {format_hertz(self.omega)}"
+
+
+#: Numbers of a peak that does not exist.
+NO_PEAK = Peak(np.nan, np.nan)
 
 
 def peak_of(omega: np.ndarray, values: np.ndarray) -> Peak:
