@@ -30,8 +30,8 @@ class StabilityResult:
     # True if exact arithmetic found it on the boundary or beyond it, where rounding is too large to
     # decide
     at_boundary: bool = False
-    # number of unstable poles of a loop with its delay, if they were counted; else nan
-    n_unstable: float = np.nan
+    # number of unstable poles counted for a loop with its delay; 0 if a pole decides instead
+    n_unstable: float = 0.0
 
     @property
     def stable(self) -> bool:
@@ -53,7 +53,7 @@ class StabilityResult:
         where = (f" at {self.pole:.4g}" if named else "") + (
             " without its delay" if self.without_delay else ""
         )
-        if self.unstable and not np.isnan(self.n_unstable):
+        if self.unstable and self.n_unstable:
             what = f"the nominal loop with its delay has {self.n_unstable:g} unstable poles"
         elif self.unstable:
             beyond = ", on the stability boundary or beyond it" if self.at_boundary else ""
