@@ -85,7 +85,7 @@ class Drive:
         positions over the period.
     observer_frequency : float
         Natural frequency [Hz] of an observer that gives the velocity: a critically damped tracking
-        loop, s/(s/omega + 1)^2. nan: the velocity is the difference of two positions.
+        loop, s/(s/omega + 1)^2. Infinite: the velocity is the difference of two positions.
     velocity_feedforward : float
         Fraction of the set-point velocity that is added to the velocity set point, 0 to 1. The
         presets of `nlfrf.servo_axis` have 1.
@@ -135,7 +135,7 @@ class Drive:
     position_every: int = 1
     encoder: str = "motor"
     velocity_lag: float = 0.0
-    observer_frequency: float = np.nan
+    observer_frequency: float = np.inf
     velocity_feedforward: float = 0.0
     limit: float = np.inf
     position_unit: str = ""
@@ -148,10 +148,10 @@ class Drive:
         require_positive("fs", self.fs)
         for name in ("kv", "kp", "lag", "delay_periods", "velocity_lag"):
             require_nonnegative(name, getattr(self, name))
-        for name in ("tn", "limit"):
+        for name in ("tn", "limit", "observer_frequency"):
             if getattr(self, name) != np.inf:
                 require_positive(name, getattr(self, name))
-        for name in ("torque_constant", "observer_frequency", "unit_factor", "load_factor"):
+        for name in ("torque_constant", "unit_factor", "load_factor"):
             number = getattr(self, name)
             if not (isinstance(number, float) and np.isnan(number)):
                 require_positive(name, number)
@@ -196,7 +196,7 @@ class Drive:
     @property
     def velocity_from(self) -> str:
         """Source of the velocity, "differences" or "observer"."""
-        if np.isnan(self.observer_frequency):
+        if np.isinf(self.observer_frequency):
             return "differences"
         return "observer"
 
