@@ -430,10 +430,10 @@ class Coulomb:
     ----------
     Fc : float
         Coulomb friction [N].
-    Fs : float, optional
-        Static friction [N]; by default Fc.
-    vs : float, optional
-        Stribeck velocity [m/s]; needed if Fs exceeds Fc.
+    Fs : float
+        Static friction [N].
+    vs : float
+        Stribeck velocity [m/s].
     delta : float
         Exponent of the Stribeck curve.
     sigma2 : float
@@ -442,7 +442,7 @@ class Coulomb:
     Raises
     ------
     ValueError
-        A number is not positive, Fs is below Fc, or Fs is above Fc without vs.
+        A number is not positive, or Fs is below Fc.
 
     References
     ----------
@@ -450,27 +450,41 @@ class Coulomb:
 
     Examples
     --------
-    >>> Coulomb(Fc=0.7).Fs
+    >>> Coulomb(Fc=0.7, Fs=1.0, vs=0.01).delta
+    2.0
+
+    The same friction at every velocity, also at rest:
+
+    >>> Coulomb.constant(0.7).Fs
     0.7
     """
 
     Fc: float
-    Fs: float = np.nan
-    vs: float = np.nan
+    Fs: float
+    vs: float
     delta: float = 2.0
     sigma2: float = 0.0
 
     def __post_init__(self) -> None:
-        require_positive("Fc", self.Fc)
-        if not _is_given(self.Fs):
-            object.__setattr__(self, "Fs", self.Fc)
-        if not _is_given(self.vs):
-            if require_positive("Fs", self.Fs) > self.Fc:
-                raise ValueError(
-                    f"vs must be given if Fs = {self.Fs:g} N exceeds Fc = {self.Fc:g} N, got none"
-                )
-            object.__setattr__(self, "vs", 1.0)
         _check_stribeck(self)
+
+    @classmethod
+    def constant(cls, Fc: float, *, sigma2: float = 0.0) -> Coulomb:
+        """Return the law with a flat Stribeck curve: the static friction is the Coulomb friction.
+
+        Parameters
+        ----------
+        Fc : float
+            Coulomb friction, which is also the static friction [N].
+        sigma2 : float
+            Viscous friction [Ns/m].
+
+        Returns
+        -------
+        Coulomb
+        """
+        # a flat curve has no velocity scale: with any vs it is the same curve
+        return cls(Fc=Fc, Fs=Fc, vs=1.0, sigma2=sigma2)
 
 
 @value
@@ -691,11 +705,6 @@ class GeneralizedMaxwellSlip:
         object.__setattr__(self, "alpha", shares.strength)
         require_positive("C", self.C)
         _check_stribeck(self)
-
-
-def _is_given(number: float) -> bool:
-    """Return whether a parameter was given; its default is nan."""
-    return not (isinstance(number, float) and np.isnan(number))
 
 
 StribeckLaw = Coulomb | LuGre | Leuven | GeneralizedMaxwellSlip

@@ -119,7 +119,7 @@ def test_friction_that_grows_between_the_traces_is_told_and_held(law, monkeypatc
 
 
 @pytest.mark.parametrize(
-    "law", [nlfrf.friction.Dahl(sigma0=1e6, Fc=10.0), nlfrf.friction.Coulomb(Fc=10.0, Fs=10.0)]
+    "law", [nlfrf.friction.Dahl(sigma0=1e6, Fc=10.0), nlfrf.friction.Coulomb.constant(10.0)]
 )
 def test_friction_of_motor_and_load_is_read_as_one(law):
     """A sharp filter below the antiresonance overshot by up to 18 %, and a coupling passed for a

@@ -37,7 +37,9 @@ def values_of_nlfrf():
     ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, n_realizations=2, rng=1)
     u = ms.u[:, None]
     record = nlfrf.Record(u=u, y=2 * u + 0.1 * u**3, fs=128, lines=ms.lines)
-    rig = nlfrf.rig.Rig(mass=1.0, stiffness=100.0, damping=2.0, friction=friction.Coulomb(Fc=0.1))
+    rig = nlfrf.rig.Rig(
+        mass=1.0, stiffness=100.0, damping=2.0, friction=friction.Coulomb.constant(0.1)
+    )
     band = nlfrf.multisine(fs=512, n_samples=512, f_min=2, f_max=60, rng=1)
     yield from (BLA, BLA.levels, BLA.lines, ms, record, rig, nlfrf.second_opinion(record))
     yield nlfrf.level_study(rig, band, [0.5, 1.0], n_discard=10)

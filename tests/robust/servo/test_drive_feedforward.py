@@ -86,7 +86,7 @@ def test_the_simulated_axis_follows():
     axis = frictionless("linear motor")
     axis = replace(
         axis,
-        motor_friction=nlfrf.friction.Coulomb(Fc=15.0),
+        motor_friction=nlfrf.friction.Coulomb.constant(15.0),
         drive=replace(axis.drive, velocity_feedforward=1.0),
     )
     settings = settings_of(axis)

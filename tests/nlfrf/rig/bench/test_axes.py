@@ -158,7 +158,7 @@ def test_dry_friction_holds_one_axis_while_the_other_moves():
     rig = Rig(
         mass,
         [[4e4, -2e4], [-2e4, 6e4]],
-        [COULOMB, nlfrf.friction.Coulomb(Fc=0.5)],
+        [COULOMB, nlfrf.friction.Coulomb.constant(0.5)],
         np.diag([5.0, 8.0]),
     )
     t = np.arange(2000) / 4096

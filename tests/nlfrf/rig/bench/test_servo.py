@@ -227,7 +227,7 @@ def test_filters_are_those_of_scipy():
     sections = np.vstack([notch, low])
     held = replace(
         MASS,
-        motor_friction=nlfrf.friction.Coulomb(Fc=1e6),
+        motor_friction=nlfrf.friction.Coulomb.constant(1e6),
         drive=replace(DRIVE, filters=sections, tn=np.inf),
     )
     speed = np.random.default_rng(1).standard_normal(400) * 1e-2
@@ -238,7 +238,7 @@ def test_filters_are_those_of_scipy():
 def test_a_slower_position_loop_holds_the_velocity_set_point():
     held = replace(
         MASS,
-        motor_friction=nlfrf.friction.Coulomb(Fc=1e6),
+        motor_friction=nlfrf.friction.Coulomb.constant(1e6),
         drive=replace(DRIVE, position_every=4, velocity_feedforward=0),
     )
     r = np.random.default_rng(2).standard_normal(40)
@@ -297,7 +297,9 @@ def test_the_current_keeps_its_limit_and_the_integrator_does_not_wind_up():
     after 1000 periods.
     """
     held = replace(
-        MASS, motor_friction=nlfrf.friction.Coulomb(Fc=1e6), drive=replace(DRIVE, tn=0.5, limit=3.0)
+        MASS,
+        motor_friction=nlfrf.friction.Coulomb.constant(1e6),
+        drive=replace(DRIVE, tn=0.5, limit=3.0),
     )
     speed = np.where(np.arange(8000) < 6000, 0.1, -0.1)
     trace = run(held, {"velocity": speed})

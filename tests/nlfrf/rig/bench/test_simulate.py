@@ -218,7 +218,7 @@ def test_interruption_cancels_what_was_not_begun(tmp_path):
 
 
 def test_mass_that_never_breaks_away_is_a_constant_output_and_no_number_that_is_none():
-    stuck = Rig(1.0, 80e3, nlfrf.friction.Coulomb(Fc=10.0))
+    stuck = Rig(1.0, 80e3, nlfrf.friction.Coulomb.constant(10.0))
     with pytest.raises(ValueError, match="y must vary, got the constant 0"):
         simulate(stuck, odd(n_samples=512))
 
