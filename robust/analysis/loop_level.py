@@ -55,7 +55,8 @@ class NoiseSignal:
     rms : float
         Root mean square, in the unit of the signal.
     omega_min, omega_max : float
-        Band [rad/s]. Default of omega_max: the Nyquist frequency of a sampled loop.
+        Band [rad/s]. Without an upper end (inf) the band of a sampled loop ends at its Nyquist
+        frequency.
 
     Raises
     ------
@@ -74,15 +75,14 @@ class NoiseSignal:
 
     rms: float
     omega_min: float = 0.0
-    omega_max: float = float("nan")
+    omega_max: float = float("inf")
 
     def __post_init__(self) -> None:
         require_nonnegative("rms", self.rms)
         require_nonnegative("omega_min", self.omega_min)
-        if (
-            not np.isnan(_require_real_or_nan("omega_max", self.omega_max))
-            and self.omega_max <= self.omega_min
-        ):
+        if self.omega_max != np.inf:
+            require_real("omega_max", self.omega_max)
+        if self.omega_max <= self.omega_min:
             raise ValueError(
                 f"omega_max must lie above omega_min, {self.omega_min:g} rad/s, got"
                 f" {self.omega_max:g}"
@@ -159,13 +159,6 @@ class LoopSignals:
         """Return the given signals, by name."""
         every = {"reference": self.reference, "disturbance": self.disturbance, "noise": self.noise}
         return {name: signal for name, signal in every.items() if signal is not None}
-
-
-def _require_real_or_nan(name: str, number: object) -> float:
-    """Return a real number, or nan for a missing one."""
-    if isinstance(number, float) and np.isnan(number):
-        return float("nan")
-    return require_real(name, number)
 
 
 #: Factor by which a level may lie outside the measured ones and still count as one of them, because
@@ -528,7 +521,7 @@ def _noise_band(name: str, signal: NoiseSignal, dt: float) -> tuple[float, float
     Nyquist is refused.
     """
     high = float(signal.omega_max)
-    if np.isnan(high):
+    if np.isinf(high):
         if not dt:
             raise ValueError(
                 f"{name} must have a highest frequency (omega_max) in a continuous loop,"

@@ -438,7 +438,7 @@ def signals_from_options(
     None without any.
     """
     if up_to is None:
-        end = float("nan")
+        end = float("inf")
     else:
         end = 2 * np.pi * require_positive("up-to", up_to)
     if step is None:
