@@ -143,9 +143,9 @@ def main() -> None:
                     " %); lines outside "
                 )
                 text += f"{outside:.2f}, expected {wanted:.2f}"
-                if hasattr(seen[0], "p_level"):
+                if seen[0].change is not None:
                     p, level = (
-                        np.array([getattr(one, part) for one in seen])
+                        np.array([getattr(one.change, part) for one in seen])
                         for part in ("p_level", "level")
                     )
                     text += (

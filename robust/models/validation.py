@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Required, TypeAlias, TypedDict, TypeVar
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from scipy.special import gammaincc, ndtr
@@ -51,6 +51,30 @@ _LINE_TOLERANCE = 1e-6  # relative distance to a line of the FRF that a model is
 
 
 @value
+class _RecordChange:
+    """Change from one record to another that explains their difference best, and what it leaves.
+
+    Fields
+    ------
+    gain, frequency : float
+        Relative change of the gain and of the frequencies. For example, `frequency` is 0.01 if the
+        resonance has risen by 1 %.
+    delay : float
+        Change of the delay [s].
+    level, p_level : float
+        Rms of the difference that the change of gain, delay and frequency does not explain, divided
+        by the scatter expected from both records; and its p-value, the probability of at least this
+        ratio for an unchanged machine.
+    """
+
+    gain: float
+    frequency: float
+    delay: float
+    level: float
+    p_level: float
+
+
+@value
 class Validation:
     """Result of `validate`: comparison of a second record with a model or with a first record.
 
@@ -75,15 +99,9 @@ class Validation:
     omega, distance : (n_lines,) ndarray
         Frequencies of the lines [rad/s], and the distance of the second FRF from the nominal on
         each, divided by the weight; nan without a model.
-    gain, frequency : float
-        Estimated relative change of the gain and of the frequencies. For example, `frequency` is
-        0.01 if the resonance has risen by 1 %.
-    delay : float
-        Estimated change of the delay [s].
-    level, p_level : float
-        Rms of the difference that the change of gain, delay and frequency does not explain, divided
-        by the scatter expected from both records; and its p-value, the probability of at least this
-        ratio for an unchanged machine.
+    change : RecordChange or None
+        Estimated change of gain, frequency and delay, and the level of the difference that remains.
+        None for the record of the model itself, and for fewer than eight lines.
     entries_outside : (n_y, n_u) int ndarray or None
         `n_outside` of each entry, for several channels; `n_expected` refers to each entry.
     p_values : (n_y, n_u) ndarray or None
@@ -131,11 +149,7 @@ class Validation:
     n_lines: int
     omega: np.ndarray
     distance: np.ndarray
-    gain: float = float("nan")
-    delay: float = float("nan")
-    frequency: float = float("nan")
-    level: float = float("nan")
-    p_level: float = float("nan")
+    change: _RecordChange | None
     entries_outside: np.ndarray | None = None
     p_values: np.ndarray | None = None
     inputs: tuple[str, ...] = ("u",)
@@ -176,15 +190,25 @@ class Validation:
             )
             low, high = int(self.entries_outside.min()), int(self.entries_outside.max())
             entries = f"; entries {low} to {high}"
-        rows.append(
-            f"shape: p = {self.p_value:.2g}; best change{shares}: gain {100 * self.gain:+.2g} %,"
-            f" frequency {100 * self.frequency:+.2g} %, delay {1e3 * self.delay:+.2g} ms"
-        )
-        rows += [entry] * bool(entry)
-        rows.append(
-            f"level: the remainder is {self.level:.2g} times the scatter of both records, p ="
-            f" {self.p_level:.2g}; {self.n_outside} {what}, {self.n_expected:.3g} expected{entries}"
-        )
+        outside = f"{self.n_outside} {what}, {self.n_expected:.3g} expected{entries}"
+        change = self.change
+        if change is None:
+            if self.p_value == 1:
+                why = "the record is that of the model"
+            else:
+                why = f"not tested on fewer than {_MIN_SHARED_LINES} lines"
+            rows.append(f"shape and level: {why}; {outside}")
+        else:
+            rows.append(
+                f"shape: p = {self.p_value:.2g}; best change{shares}: gain"
+                f" {100 * change.gain:+.2g} %, frequency {100 * change.frequency:+.2g} %, delay"
+                f" {1e3 * change.delay:+.2g} ms"
+            )
+            rows += [entry] * bool(entry)
+            rows.append(
+                f"level: the remainder is {change.level:.2g} times the scatter of both records, p ="
+                f" {change.p_level:.2g}; {outside}"
+            )
         return "\n  ".join(
             [
                 *rows,
@@ -198,11 +222,11 @@ class Validation:
         """Conclusion: whether the machine or its scatter changed, and whether the set contains all
         lines.
         """
-        seen = {
-            "the FRF has another shape": self.p_value,
-            "it scatters more than both records": self.p_level,
-        }
-        changed = [what for what, p in seen.items() if p < _CHANGED]
+        changed = []
+        if self.p_value < _CHANGED:
+            changed.append("the FRF has another shape")
+        if self.change is not None and self.change.p_level < _CHANGED:
+            changed.append("it scatters more than both records")
         if changed:
             words = ", and ".join(changed)
         else:
@@ -261,7 +285,7 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
     >>> first, second = (nlfrf.identify(nlfrf.Record(u=ms.u[i:i + 1, None], y=gain * y[i:i + 1, None], fs=128,
     ...     lines=ms.lines)) for i, gain in ((0, 1.0), (1, 1.3)))
     >>> seen = validate(robust.uncertainty(first, control.tf([2.3], [1]), order=0, above="flat"), second)
-    >>> bool(abs(seen.gain - 0.3) < 0.1), seen.p_value < 1e-3
+    >>> bool(abs(seen.change.gain - 0.3) < 0.1), seen.p_value < 1e-3
     (True, True)
     """
     require_kind("model", model, UncertaintyModel, Bla)
@@ -314,9 +338,15 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
         tried.append(
             _compare_matrix_records(*pair, p) if several else _compare_records(slope, *pair, p)
         )
-    best = max(tried, key=lambda one: (np.nan_to_num(one.p_value), one.p_level))
+    best = max(tried, key=_likeness)
     best = replace(best, omega=second.omega, n_lines=second.omega.size, distance=distance)
     return replace(best, inputs=bla.inputs, outputs=bla.outputs)
+
+
+def _likeness(found: Validation) -> tuple[float, float]:
+    """Return how well a record fits: the p-value of its shape, then that of its level."""
+    level = 0.0 if found.change is None else found.change.p_level
+    return float(np.nan_to_num(found.p_value)), level
 
 
 def _hold_factor(model: UncertaintyModel, bla: Bla, inside: np.ndarray) -> np.ndarray:
@@ -374,42 +404,30 @@ def shared_lines(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.asarray(fewer[keep])
 
 
-class _Change(TypedDict, total=False):
-    """Result of a comparison of two records, by the names of the fields of `Validation`."""
-
-    p_value: Required[float]
-    gain: float
-    delay: float
-    frequency: float
-    level: float
-    p_level: float
-    p_values: np.ndarray
-
-
 def fit_shape_and_level(
     x: np.ndarray, units: np.ndarray, *, z: np.ndarray, n_lines: int | None = None
-) -> _Change:
-    """Return shape and level of whitened differences z (n,) along directions x (3, n), on n lines
-    or fewer.
+) -> tuple[float, _RecordChange | None]:
+    """Return p-value and change of whitened differences z (n,) along directions x (3, n), on n
+    lines or fewer; nan and None on too few lines.
     """
     if n_lines is None:
         n_lines = z.size
     if n_lines < _MIN_SHARED_LINES:
-        return {"p_value": float("nan")}
+        return float("nan"), None
     score, fisher = (x.conj() @ z).real, (x.conj() @ x.T).real
     covariance = ((x.conj() * np.abs(z) ** 2) @ x.T).real / 2
     theta = np.linalg.lstsq(fisher, score, rcond=1e-12)[0]
     T = float(score @ np.linalg.lstsq(covariance, score, rcond=1e-12)[0])
     square = float(np.sum(np.abs(z - theta @ x) ** 2) / (z.size - len(x) / 2))
     gain, delay, frequency = (float(t) for t in theta * units)
-    return {
-        "p_value": float(gammaincc(len(x) / 2, T / 2)),
-        "gain": gain,
-        "delay": delay,
-        "frequency": frequency,
-        "level": float(np.sqrt(square)),
-        "p_level": float(ndtr(-np.log(max(square, 1e-300)) / np.sqrt(_LEVEL_LINES / n_lines))),
-    }
+    change = _RecordChange(
+        gain=gain,
+        delay=delay,
+        frequency=frequency,
+        level=float(np.sqrt(square)),
+        p_level=float(ndtr(-np.log(max(square, 1e-300)) / np.sqrt(_LEVEL_LINES / n_lines))),
+    )
+    return float(gammaincc(len(x) / 2, T / 2)), change
 
 
 def local_slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -465,13 +483,13 @@ def _compare_records(
     omega, d = second.omega, second.G - first.G
     variance = np.maximum(first.variance + second.variance, np.finfo(float).tiny)
     outside = np.abs(d) ** 2 > _f_quantile(p, LEVEL_DOF) * variance
-    found: _Change = {"p_value": 1.0}
+    p_value, change = 1.0, None
     if not np.all(np.abs(d) <= 1e-9 * np.abs(second.G)):
         # about the weighted mean of both records, which is independent of their difference
         G = (first.G * second.variance + second.G * first.variance) / variance
         x, units = _change_directions(omega, G, slope(omega, G))
-        found = fit_shape_and_level(x / np.sqrt(variance), units, z=d / np.sqrt(variance))
-    return _make_validation(omega, outside, p=p, found=found)
+        p_value, change = fit_shape_and_level(x / np.sqrt(variance), units, z=d / np.sqrt(variance))
+    return _make_validation(omega, outside, p=p, p_value=p_value, change=change)
 
 
 def _compare_matrix_records(first: RecordSummary, second: RecordSummary, p: float) -> Validation:
@@ -498,17 +516,24 @@ def _compare_matrix_records(first: RecordSummary, second: RecordSummary, p: floa
     L = _welch_satterthwaite_dof(before, after, dof_a=dof, dof_b=later_dof)
     Z = _inverse_hermitian_root(C[0] + C[1]) @ d @ _inverse_hermitian_root(gamma)
     limit = np.array([roy_quantile(p, n_y, n_u, round(float(one), 1)) for one in L])
-    found: _Change = {"p_value": 1.0, "p_values": np.ones((n_y, n_u))}
+    p_value, change, p_values = 1.0, None, np.ones((n_y, n_u))
     if not np.all(np.abs(d) <= 1e-9 * np.abs(second.G)):
-        found = _entry_changes(first, second, d=d, C=C[0] + C[1])
+        p_value, change, p_values = _entry_changes(first, second, d=d, C=C[0] + C[1])
     outside = np.linalg.norm(Z, 2, (1, 2)) ** 2 > limit
     return replace(
-        _make_validation(omega, outside, p=p, found=found), entries_outside=entries.sum(axis=0)
+        _make_validation(omega, outside, p=p, p_value=p_value, change=change),
+        entries_outside=entries.sum(axis=0),
+        p_values=p_values,
     )
 
 
 def _make_validation(
-    omega: np.ndarray, outside: np.ndarray, *, p: float, found: _Change
+    omega: np.ndarray,
+    outside: np.ndarray,
+    *,
+    p: float,
+    p_value: float,
+    change: _RecordChange | None,
 ) -> Validation:
     """Make the result on the shared lines of two records."""
     return Validation(
@@ -518,7 +543,8 @@ def _make_validation(
         n_lines=omega.size,
         omega=omega,
         distance=np.zeros(omega.size),
-        **found,
+        p_value=p_value,
+        change=change,
     )
 
 
@@ -545,8 +571,10 @@ def _inverse_hermitian_root(X: np.ndarray) -> np.ndarray:
 
 def _entry_changes(
     first: RecordSummary, second: RecordSummary, *, d: np.ndarray, C: np.ndarray
-) -> _Change:
-    """Return the change that all entries share, and p-values for a change of each entry."""
+) -> tuple[float, _RecordChange | None, np.ndarray]:
+    """Return p-value and change that all entries share, and (n_y, n_u) p-values for a change of
+    each entry.
+    """
     omega, (F, n_y, n_u) = second.omega, d.shape
     G = (first.G + second.G) / 2
     slope = np.array([_measured_slope(omega, g) for g in G.reshape(F, -1).T]).T.reshape(G.shape)
@@ -555,12 +583,12 @@ def _entry_changes(
     own = np.einsum("fii->fi", first.gamma).real
     level = smooth_covariance(C, np.moveaxis(G, 0, 2), own.T)
     left, right = _inverse_hermitian_root(level), _inverse_hermitian_root(first.gamma)
-    shared = fit_shape_and_level(
+    p_value, change = fit_shape_and_level(
         (left @ x @ right).reshape(3, -1), units, z=(left @ d @ right).ravel(), n_lines=F
     )
     size = np.sqrt(np.einsum("fjj->fj", level).real[:, :, None] * own[:, None])
     each = [
-        fit_shape_and_level((x / size)[:, :, j, i], units, z=(d / size)[:, j, i])["p_value"]
+        fit_shape_and_level((x / size)[:, :, j, i], units, z=(d / size)[:, j, i])[0]
         for j, i in np.ndindex(n_y, n_u)
     ]
-    return {**shared, "p_values": np.array(each).reshape(n_y, n_u)}
+    return p_value, change, np.array(each).reshape(n_y, n_u)

@@ -258,12 +258,13 @@ def _describe_change(seen: Validation) -> str:
     """Return the change between a record and the record of the model as text; empty if they are the
     same.
     """
-    if seen.p_value == 1 or np.isnan(seen.p_value):
+    change = seen.change
+    if change is None:
         return ""
     return (
         f"; compared with the record of the model p = {seen.p_value:.2g} for another gain"
-        f" ({100 * seen.gain:+.2g} %), frequency ({100 * seen.frequency:+.2g} %) or delay"
-        f" ({1e3 * seen.delay:+.2g} ms), the rest is {seen.level:.2g} times the scatter of both"
+        f" ({100 * change.gain:+.2g} %), frequency ({100 * change.frequency:+.2g} %) or delay"
+        f" ({1e3 * change.delay:+.2g} ms), the rest is {change.level:.2g} times the scatter of both"
     )
 
 

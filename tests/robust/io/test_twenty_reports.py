@@ -454,14 +454,15 @@ def told_of_the_model(facts, model, given):
         seen = validate(model, bla)
         said = NUMBER.findall(facts["nominal", f"lines in the set{which}"])
         holds(" ".join(said[:2]), seen.n_outside_set, seen.n_lines)
-        change = (
-            seen.p_value,
-            100 * seen.gain,
-            100 * seen.frequency,
-            1e3 * seen.delay,
-            seen.level,
-            seen.p_level,
-        )
+        change = [seen.p_value]
+        if seen.change is not None:
+            change += [
+                100 * seen.change.gain,
+                100 * seen.change.frequency,
+                1e3 * seen.change.delay,
+                seen.change.level,
+                seen.change.p_level,
+            ]
         for token in said[2:]:
             assert any(
                 is_written(token, number) for number in (*change, seen.n_outside, seen.n_expected)

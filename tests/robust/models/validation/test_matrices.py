@@ -54,7 +54,7 @@ def test_two_records_of_one_machine():
         assert abs(share - p) < 4 * np.sqrt(p * (1 - p) / 40)
         each = np.mean([one.p_values < p for one in seen], axis=0)
         assert np.all(np.abs(each - p) < 4 * np.sqrt(p * (1 - p) / 40))
-    assert 0.9 < np.median([one.level for one in seen]) < 1.1
+    assert 0.9 < np.median([one.change.level for one in seen]) < 1.1
 
 
 @pytest.mark.parametrize(
@@ -66,7 +66,7 @@ def test_a_change_that_all_entries_share_is_found(change, name, size):
         for e in range(10)
     ]
     assert max(one.p_value for one in found) < 0.01
-    assert np.mean([getattr(one, name) for one in found]) == pytest.approx(size, rel=0.15)
+    assert np.mean([getattr(one.change, name) for one in found]) == pytest.approx(size, rel=0.15)
 
 
 def test_one_entry_that_changed_is_named():
@@ -88,7 +88,7 @@ def test_noise_of_the_second_record_counts():
     for one, other in ((quiet, loud), (loud, quiet)):
         seen = robust.validate(one, other)
         assert seen.n_outside < 3 * seen.n_expected
-        assert 0.8 < seen.level < 1.25
+        assert 0.8 < seen.change.level < 1.25
 
 
 @pytest.mark.parametrize("form", ["additive", "auto"])

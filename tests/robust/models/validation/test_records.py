@@ -67,7 +67,7 @@ def test_p_values_are_uniform_where_nothing_has_changed(frf):
     assert kstest(p, "uniform").pvalue > 0.01
     assert np.mean(p < 0.05) < 0.12
     assert np.mean([one.n_outside for one in seen]) == pytest.approx(seen[0].n_expected, rel=0.35)
-    assert 0.85 < np.median([one.level for one in seen]) < 1.15
+    assert 0.85 < np.median([one.change.level for one in seen]) < 1.15
 
 
 def test_on_the_rig_it_is_uniform_and_sees_small_changes():
@@ -77,8 +77,8 @@ def test_on_the_rig_it_is_uniform_and_sees_small_changes():
     assert kstest(p["nothing"], "uniform").pvalue > 0.01
     assert np.mean(p["gain + 3 %"] < 0.05) >= 0.8
     assert np.mean(p["resonance + 0.5 %"] < 0.05) >= 0.8
-    gain = np.array([one.gain for one in found["gain + 3 %"]]) - [
-        one.gain for one in found["nothing"]
+    gain = np.array([one.change.gain for one in found["gain + 3 %"]]) - [
+        one.change.gain for one in found["nothing"]
     ]
     assert np.median(gain) == pytest.approx(0.03, rel=0.1)
 
@@ -95,7 +95,7 @@ def test_on_the_rig_it_is_uniform_and_sees_small_changes():
 def test_a_change_is_told_by_its_name(change, name, size, frf):
     seen = pair(3, None if frf else NOMINAL, **change)
     assert seen.p_value < 1e-4
-    assert getattr(seen, name) == pytest.approx(size, rel=0.35)
+    assert getattr(seen.change, name) == pytest.approx(size, rel=0.35)
     assert f"{name} +" in unwrapped(seen)
 
 
@@ -112,7 +112,7 @@ def test_more_scatter_is_a_matter_of_level_and_not_of_shape():
         liar = nlfrf.Bla(**(vars(said) | {"G": rough.G}))
         seen = validate(model, liar)
         p.append(seen.p_value)
-        level.append(seen.p_level)
+        level.append(seen.change.p_level)
         outside.append(seen.n_outside - seen.n_expected)
     assert kstest(p, "uniform").pvalue > 0.01
     assert max(level) < 1e-6
@@ -127,7 +127,7 @@ def test_score_test_is_chi_square_for_known_directions():
     p = []
     for _ in range(2000):
         z = sizes * (rng.normal(size=80) + 1j * rng.normal(size=80))
-        p.append(fit_shape_and_level(x, np.ones(3), z=z)["p_value"])
+        p.append(fit_shape_and_level(x, np.ones(3), z=z)[0])
     assert (
         kstest(p, "uniform").statistic < 0.06
     )  # 0.03 at 5 %: 80 lines of very different size count for fewer
@@ -137,6 +137,8 @@ def test_the_record_of_the_model_itself_says_nothing():
     first = record(0)
     seen = validate(uncertainty(first, NOMINAL, order=1), first)
     assert (seen.p_value, seen.n_outside, seen.n_outside_set) == (1.0, 0, 0)
+    assert seen.change is None
+    assert "shape and level: the record is that of the model; 0 lines" in unwrapped(seen)
 
 
 def test_of_several_levels_the_nearest_counts():
@@ -160,6 +162,8 @@ def test_other_lines_are_interpolated_and_models_without_a_record_are_exact():
     few = validate(uncertainty(record(0), NOMINAL, order=1), record(12, f=F[::20]))
     assert few.n_lines == 6
     assert np.isnan(few.p_value)
+    assert few.change is None
+    assert "shape and level: not tested on fewer than 8 lines" in unwrapped(few)
 
 
 @pytest.mark.parametrize("step", [2, 4, 8])
@@ -204,7 +208,7 @@ def test_around_an_frf_the_holds_of_two_records_are_held_together():
     first = make_bla(plant, F, rng=1, hold="band-limited", **hold)
     second = make_bla(plant(2j * np.pi * F) * at, F, rng=2, hold="zoh", **hold)
     model = uncertainty(first, robust.frd(first), order=1)
-    assert abs(validate(model, second).delay) < 5e-5
+    assert abs(validate(model, second).change.delay) < 5e-5
     assert validate(model, second).p_value > 0.01
     with pytest.raises(
         ValueError, match="bla must have lines of the FRF that is the nominal of the model"
