@@ -22,7 +22,7 @@ Samples: TypeAlias = "np.ndarray | Sequence[np.ndarray]"
 Streams = dict[str, list[np.ndarray]]
 
 
-def to_streams(name: str, signal: Samples) -> list[np.ndarray]:
+def _to_streams(name: str, signal: Samples) -> list[np.ndarray]:
     """Return one-dimensional streams, one per realisation."""
     if isinstance(signal, list | tuple) and signal and np.ndim(signal[0]) > 0:
         many = list(signal)
@@ -58,7 +58,7 @@ def check_streams(
 
     Messages call an output y unless outputs are named.
     """
-    streams = {"u": to_streams("u", u)}
+    streams = {"u": _to_streams("u", u)}
     for output, y in outputs.items():
         if named:
             name = output
@@ -66,9 +66,9 @@ def check_streams(
             name = f"y {output!r}"
         else:
             name = "y"
-        streams[name] = to_streams(name, y)
+        streams[name] = _to_streams(name, y)
     if r is not None:
-        streams["r"] = to_streams("r", r)
+        streams["r"] = _to_streams("r", r)
     for name, signal in streams.items():
         if len(signal) != len(streams["u"]):
             raise ValueError(

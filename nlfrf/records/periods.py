@@ -70,7 +70,7 @@ _MAX_PERIOD_DIFFERENCE = 0.25
 _MAX_CORRECTIONS = 3
 
 
-def cut_periods(
+def _cut_periods(
     kept: Streams,
     known: str,
     *,
@@ -134,7 +134,7 @@ def _lines_of_periods(periods: np.ndarray, options: Cutting) -> LineGrid:
     """Return the lines of the design, or those found in an input or reference (M, P, N)."""
     if options.design is not None:
         return options.design.lines
-    lines = recognise_grid(periods)
+    lines = _recognise_grid(periods)
     _, n_periods, n_samples = periods.shape
     if options.n_samples is None and n_periods == 2 and lines.kind == "custom":
         data_warning(
@@ -291,7 +291,7 @@ def _require_gap(name: str, y: np.ndarray, where: PeriodAlignment) -> None:
         )
 
 
-def recognise_grid(periodic: np.ndarray) -> LineGrid:
+def _recognise_grid(periodic: np.ndarray) -> LineGrid:
     """Return the lines of an input or reference; warn if they look like distortion of an
     actuator.
     """
@@ -440,7 +440,7 @@ def records_from_streams(
         name: [one[n_discard * n_samples :] for one in signal] for name, signal in streams.items()
     }
     del streams
-    cut, lines, fs = cut_periods(
+    cut, lines, fs = _cut_periods(
         kept, known, n_samples=n_samples, fs=fs, options=options, labels=pairs
     )
     if has_outliers:

@@ -143,7 +143,7 @@ def make_family(plants: list[AnySystem], nominal: NominalFit | AnySystem | None)
     if nominal is None:
         given = None
     else:
-        given = nominal_system(nominal)
+        given = _nominal_system(nominal)
     if given is None:
         known = systems
     else:
@@ -176,7 +176,7 @@ def make_family(plants: list[AnySystem], nominal: NominalFit | AnySystem | None)
     )
 
 
-def nominal_system(nominal: NominalFit | AnySystem) -> control.StateSpace:
+def _nominal_system(nominal: NominalFit | AnySystem) -> control.StateSpace:
     if isinstance(nominal, NominalFit):
         nominal = nominal.G
     if isinstance(nominal, control.FrequencyResponseData):

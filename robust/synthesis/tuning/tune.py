@@ -118,6 +118,7 @@ def tune(
     A position loop with P and a velocity loop with PI on a mass, tuned together. The aim is a small
     response to a force d, with |S| below 1.6 at the actuator.
 
+    >>> import control
     >>> import robust
     >>> mass = control.ss([[0, 1], [0, 0]], [[0], [1]], np.eye(2), np.zeros((2, 1)))
     >>> system = [
