@@ -2,8 +2,9 @@
 
 cures       changes of the drive that improve a friction verdict
 doubts      reasons to distrust a check, or gains with a good verdict
+drive_friction  `DriveFriction`: the friction as identified, with its proof, its bound and its simulation
 findings    the result of a check, and its page as text
-friction    friction identified from traces at rest, and the proof with it
+friction    the friction of traces at rest identified, and the loop proved with it
 judge       the entry point: gains checked against traces
 linear      the linear loop: the set of a BLA, the controller of the gains, reasons to distrust it
 machine     the machine without delay and lag of the drive, and its fit

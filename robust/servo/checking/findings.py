@@ -22,7 +22,7 @@ from robust.friction.units import format_length
 from robust.lti.grids import Peak
 from robust.pages.section import Fact, Section
 from robust.pages.text import format_sections
-from robust.servo.checking.friction import DriveFriction
+from robust.servo.checking.drive_friction import DriveFriction
 
 _FILTERED = "a filter that is missing in the gains, or a mode above the band, acts like them"
 

@@ -21,8 +21,9 @@ from nlfrf.rig import Drive
 from robust.friction.reading.force import FrictionForce, read_friction_force
 from robust.friction.reading.friction_fit import FrictionFit
 from robust.models.fit.nominal_fit import NominalFit
+from robust.servo.checking.drive_friction import DriveFriction
 from robust.servo.checking.findings import BaseMotion, Conditions, DoubtKind, DriveCheck
-from robust.servo.checking.friction import DriveFriction, judge_friction
+from robust.servo.checking.friction import judge_friction
 from robust.servo.checking.linear import check_linear_loop, doubts_of_loop, report_of_drive, step_of
 from robust.servo.checking.machine import fit_machine, timings_of
 from robust.servo.checking.rest import bound_and_simulate

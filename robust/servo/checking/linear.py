@@ -31,8 +31,8 @@ from robust.servo.checking.doubts import (
     doubt_of_unstable_model,
     stabilizing_factor,
 )
+from robust.servo.checking.drive_friction import DriveFriction
 from robust.servo.checking.findings import Doubt
-from robust.servo.checking.friction import DriveFriction
 from robust.servo.checking.machine import behind_lag
 from robust.servo.checking.traces import Traces
 from robust.servo.gains.p_pi import with_set_point

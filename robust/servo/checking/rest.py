@@ -15,14 +15,9 @@ from robust.friction.classes.bounded import Bounded
 from robust.friction.plant import friction_plant
 from robust.friction.reading.from_fit import plant_of_fit
 from robust.models.sets.model import UncertaintyModel
+from robust.servo.checking.drive_friction import MODEL, READ, UNCERTIFIED, DriveFriction
 from robust.servo.checking.findings import DoubtKind
-from robust.servo.checking.friction import (
-    MODEL,
-    READ,
-    UNCERTIFIED,
-    DriveFriction,
-    bound_any_friction,
-)
+from robust.servo.checking.friction import bound_any_friction
 from robust.servo.checking.linear import LinearLoop
 from robust.servo.checking.simulation import (
     reason_against_simulation,

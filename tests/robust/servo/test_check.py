@@ -25,13 +25,13 @@ from robust.servo import cascade, load_gains
 from robust.servo import check as check_drive
 from robust.servo.checking import judge, rest
 from robust.servo.checking.doubts import doubt_of_unstable_model
+from robust.servo.checking.drive_friction import DriveFriction
 from robust.servo.checking.findings import (
     BaseMotion,
     Conditions,
     DriveCheck,
 )
 from robust.servo.checking.friction import (
-    DriveFriction,
     force_over_position,
     friction_behind_lag,
     largest_added_delay,

@@ -12,8 +12,8 @@ import nlfrf
 from nlfrf.rig import Drive
 from robust.friction.reading.force import FrictionForce
 from robust.friction.reading.in_motion import SlidingFit
+from robust.servo.checking.drive_friction import DriveFriction
 from robust.servo.checking.findings import DriveCheck
-from robust.servo.checking.friction import DriveFriction
 from robust.servo.checking.rest import simulate_drive
 from robust.servo.checking.simulation import (
     SimulatedRest,
