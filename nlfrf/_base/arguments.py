@@ -138,6 +138,18 @@ def ratio_unit(top: str, bottom: str) -> str:
     return ""
 
 
+def split_ratio_unit(unit: str) -> tuple[str, str]:
+    """Return the units of the two quantities of a ratio; empty ones where the unit leaves it open.
+
+    >>> split_ratio_unit("m/N"), split_ratio_unit("m/1"), split_ratio_unit("m/s/V")
+    (('m', 'N'), ('m', ''), ('', ''))
+    """
+    parts = ["" if one == "1" else one for one in unit.split("/")]
+    if len(parts) == 2:
+        return parts[0], parts[1]
+    return "", ""
+
+
 def label_with_unit(what: str, unit: str, otherwise: str) -> str:
     """Return a quantity with its unit in brackets, for an axis: the known unit, or a description of
     it.

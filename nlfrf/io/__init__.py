@@ -15,6 +15,7 @@ results         `save` and `load` for all objects; tables of a `Bla`
 rows            rows of a file that do not form one record: lost ones, parts, signals that alternate
 stored_records  records written to a file, and read back
 stored_values   any value of this package, field by field, with its schema and version
+trials          one signal of a repeated trial: its column by name, on the clock of the trials
 uneven_clock    time columns with unequal steps, and interpolation to equal steps
 """
 

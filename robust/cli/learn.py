@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 import robust
-from nlfrf._base.arguments import require_positive
+from nlfrf._base.arguments import require_positive, split_ratio_unit
 from nlfrf._base.axes import write_pictures
 from nlfrf._base.command import Commands, spinner
 from nlfrf._base.files import write_text
@@ -80,17 +80,28 @@ def design_learning(
 @learn_app.command("step")
 def step_learning(
     learning: Annotated[Path, typer.Argument(help="Filter from 'robust learn'.")],
-    u: Annotated[Path, typer.Argument(help="Added input of the trial: the last column of a .csv.")],
-    e: Annotated[Path, typer.Argument(help="Error r - y of the trial: the last column of a .csv.")],
+    u: Annotated[Path, typer.Argument(help="File with the added input of the trial.")],
+    e: Annotated[Path, typer.Argument(help="File with the error r - y of the trial.")],
     out: Annotated[
         Path, typer.Option("--out", "-o", help="File for the input of the next trial (.csv).")
     ],
+    input_column: Annotated[
+        str, typer.Option("--input", help="Column of the added input; default: by its name.")
+    ] = "",
+    error_column: Annotated[
+        str, typer.Option("--error", help="Column of the error; default: by its name.")
+    ] = "",
 ) -> None:
     """Compute the input of the next trial from input and error of the last trial, sampled like the
     controller.
     """
+    from nlfrf.io.trials import read_trial
+
     filters = learnings.load_learning(learning)
-    found = filters.update(from_options.read_last_column(u), from_options.read_last_column(e))
+    unit_y, unit_u = split_ratio_unit(filters.model.origin.unit)
+    added = read_trial(u, "u", dt=filters.dt, unit=unit_u, column=input_column)
+    error = read_trial(e, "e", dt=filters.dt, unit=unit_y, column=error_column)
+    found = filters.update(added.samples, error.samples)
     rows = [f"{k * filters.dt:.12g},{sample!r}" for k, sample in enumerate(found.tolist())]
     write_text(out, "\n".join(["t [s],learned input", *rows]) + "\n")
-    print(f"{found.size} samples, at most {np.abs(found).max():.4g}")
+    print(f"u: {added}\ne: {error}\n{found.size} samples, at most {np.abs(found).max():.4g}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -15,7 +14,6 @@ import nlfrf
 from nlfrf._base.arguments import (
     MissingArgumentError,
     inverse_unit,
-    one_line,
     repeat_warnings,
     require_nonnegative,
     require_positive,
@@ -313,55 +311,6 @@ def load_single_model(path: Path) -> UncertaintyModel:
             " accept it"
         )
     return model
-
-
-def read_last_column(path: Path) -> np.ndarray:
-    """Return the numbers (n,) in the last column of a CSV file, with or without a line of names.
-
-    Columns end at a semicolon or a tab if there is one, else at a comma. A comma that does not
-    separate columns is a decimal comma.
-    """
-    lines = [
-        line.strip() for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()
-    ]
-    separator = next((mark for mark in ";\t" if any(mark in line for line in lines)), ",")
-    rows = [[cell.strip() for cell in line.split(separator)] for line in lines]
-    if rows and not _is_number(rows[0][-1].replace(",", ".")):
-        names = rows.pop(0)
-    else:
-        names = None
-    if not rows:
-        raise ValueError(f"{path} must have numbers in its last column, got no rows")
-    if separator == "," and all(
-        re.fullmatch(r"[-+]?\d+,\d+", line) for line in lines[-len(rows) :]
-    ):
-        if names is None:
-            raise ValueError(
-                f"{path} must start with a line of names, or have decimal points instead of"
-                f" commas, got {lines[0]!r}, which may be one number or two columns"
-            )
-        if len(names) == 1:
-            rows = [[".".join(row)] for row in rows]
-    if len({len(row) for row in rows}) > 1:
-        raise ValueError(
-            f"{path} must have equally many columns in every row, got rows of other lengths"
-        )
-    cells = [row[-1].replace(",", ".") for row in rows]
-    wrong = next((k for k, cell in enumerate(cells) if not _is_number(cell)), None)
-    if wrong is not None:
-        raise ValueError(
-            f"{path} must have numbers in its last column, got {one_line(repr(rows[wrong][-1]))} in"
-            f" sample {wrong + 1}"
-        )
-    return np.array([float(cell) for cell in cells])
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
 
 
 def demand_weight(

@@ -225,8 +225,11 @@ def test_the_commands_design_and_step(tmp_path, capsys):
         warnings.simplefilter("error")
         wanted = robust.load(learning).update(np.zeros(300), np.sin(np.arange(300) * T))
     assert np.allclose(found[:, 1], wanted, rtol=1e-12)
-    e.write_text("one\ntwo\n")
-    with pytest.raises(ValueError, match="must have numbers in its last column"):
+    assert "u: column 'col1' of u.csv, which has no times\ne: column 'e' of e.csv\n300 samples" in (
+        capsys.readouterr().out
+    )
+    e.write_text("t [s],e\n" + "\n".join(f"{0.5 * T * k},{np.sin(k * T)}" for k in range(300)))
+    with pytest.raises(ValueError, match=r"e must be sampled every 0\.05 s like the controller"):
         cli.app(
             ["learn", "step", str(learning), str(u), str(e), "-o", str(following)],
             standalone_mode=False,
