@@ -25,7 +25,10 @@ def prove_schedule(
     ],
     controller: Annotated[
         list[Path],
-        typer.Option(help="Controller at each operating point in one realisation; or one for all."),
+        typer.Option(
+            help="Controller at each operating point, with states that mean the same; or one for"
+            " all, also a transfer function."
+        ),
     ],
     at: Annotated[str, typer.Option(help="Operating points, increasing: -0.2,0,0.2")],
     rate: Annotated[
@@ -62,6 +65,8 @@ def prove_schedule(
             "controller must have one computation delay at all operating points, got"
             f" {delays[0]:g} and {delays[-1]:g} s: give --delay"
         )
+    if len(loops) > 1:
+        from_options.require_own_states(controller)
     named: dict[str, Any] = {"at": points, "over": over, "unit": unit} | (
         {} if form is None else {"form": form}
     )

@@ -36,6 +36,22 @@ def load_matlab_system(path: Path) -> control.StateSpace:
     FileNotFoundError
         No such file.
     """
+    return _system_from_fields(_fields_of_controller(path), path.name)
+
+
+def is_state_space(path: Path) -> bool:
+    """Return whether the system in a MATLAB file has matrices, and so states of its own; a gain
+    has.
+    """
+    fields = _fields_of_controller(path)
+    return (
+        all(_is_numeric(fields.get(key)) for key in _STATE_SPACE)
+        or not load_matlab_system(path).nstates
+    )
+
+
+def _fields_of_controller(path: Path) -> dict[str, np.ndarray]:
+    """Return the fields of the only controller in a MATLAB file."""
     homes: dict[str, dict[str, np.ndarray]] = {}
     for name, array in read_mat(path).items():
         home, _, key = name.rpartition(".")
@@ -59,9 +75,7 @@ def load_matlab_system(path: Path) -> control.StateSpace:
             f" {_CURE}"
         )
     fields = found[named[0]]
-    return _system_from_fields(
-        {**fields, "ts": fields.get("ts", homes.get("", {}).get("ts", np.empty(0)))}, path.name
-    )
+    return {**fields, "ts": fields.get("ts", homes.get("", {}).get("ts", np.empty(0)))}
 
 
 def _is_numeric(array: np.ndarray | None) -> bool:

@@ -20,7 +20,7 @@ from nlfrf._base.types import Json, JsonObject
 from nlfrf._base.values import ArrayField, field_names
 from robust._base.types import Controller
 from robust.io.biquads import sections_by_name
-from robust.io.from_matlab import load_matlab_system
+from robust.io.from_matlab import is_state_space, load_matlab_system
 from robust.lti.realisation import multivariable, state_space
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.records import JointProbability, Origin, RecordSummary
@@ -281,6 +281,7 @@ def save_controller(
     K: Controller, path: PathLike, *, delay: float | None = None, unit: str = ""
 ) -> None:
     """Write a controller to a ``.json`` file, with its computation delay [s] and unit."""
+    realised = isinstance(K, control.TransferFunction)
     K = as_controller("K", K)
     require_kind("unit", unit, str)
     content: JsonObject = {
@@ -291,6 +292,7 @@ def save_controller(
         "K": encode_system(K),
     }
     content |= {name: _encode(rows) for name, rows in sections_by_name(K).items()}
+    content |= {"realised": True} if realised and K.nstates else {}
     if delay is not None:
         content["delay"] = require_nonnegative("delay", delay)
     write_json(content, path)
@@ -323,6 +325,15 @@ def load_controller_context(path: PathLike) -> tuple[float | None, str]:
     content = read_json(path, (CONTROLLER_SCHEMA,))[1]
     found = content.get("delay")
     return None if found is None else float(found), one_line(content["units"].get("G", ""))
+
+
+def has_own_states(path: PathLike) -> bool:
+    """Return whether a controller file has states of its own: it was not saved as a transfer
+    function.
+    """
+    if to_path(path).suffix.lower() == ".mat":
+        return is_state_space(to_path(path))
+    return not read_json(path, (CONTROLLER_SCHEMA,))[1].get("realised", False)
 
 
 def as_controller(name: str, K: Controller) -> control.StateSpace:

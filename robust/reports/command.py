@@ -28,7 +28,7 @@ from robust.analysis.performance import loop_gains
 from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
 from robust.io.certificates import certificate_path, save_certificate, verify_certificate
-from robust.io.models import load_bla, load_controller_context, load_model
+from robust.io.models import has_own_states, load_bla, load_controller_context, load_model
 from robust.io.models import load_controller as load_stored_controller
 from robust.io.pid import format_gains
 from robust.lti.sampling import discretize
@@ -299,6 +299,19 @@ def require_delay(delay: float, dt: float) -> float:
             f" {delay / 1e3:g}"
         )
     return delay
+
+
+def require_own_states(paths: Sequence[Path]) -> None:
+    """Refuse the controllers of a schedule if one was saved as a transfer function: the states of
+    different realisations do not mean the same. A PID in a TOML file has the states of its parts.
+    """
+    for path in paths:
+        if path.suffix.lower() != ".toml" and not has_own_states(path):
+            raise ValueError(
+                "controller must be matrices whose states mean the same at every operating point,"
+                f" got {path}, which was saved as a transfer function: give matrices to"
+                " control.ss, and save that"
+            )
 
 
 def load_single_model(path: Path) -> UncertaintyModel:

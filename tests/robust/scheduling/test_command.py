@@ -8,6 +8,7 @@ import control
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from scipy.io import savemat
 
 import nlfrf
 import robust
@@ -91,6 +92,26 @@ def test_controllers_with_different_delays_are_refused(prove):
     assert "one computation delay at all operating points, got 0 and 0.005 s" in " ".join(
         err.split()
     )
+
+
+@pytest.mark.parametrize("suffix", ["json", "mat"])
+def test_a_schedule_of_transfer_functions_is_refused_and_a_fixed_one_is_not(prove, suffix):
+    for name, gain in (("slow", 1.0), ("fast", 1.2)):
+        K = control.tf([400 * gain, -350 * gain], [1, -0.5], 5e-3)
+        if suffix == "json":
+            save(K, f"{name}.json")
+        else:
+            savemat(f"{name}.mat", {"num": K.num[0][0], "den": K.den[0][0], "Ts": 5e-3})
+    files = "bla0.npz bla1.npz --poles 2 --no-limit --at=0,0.2 --rate 0.1 --degree 1 --delay 0.005"
+    code, _, err = prove(f"{files} --controller slow.{suffix} --controller fast.{suffix}")
+    assert code == 2
+    assert (
+        "controller must be matrices whose states mean the same at every operating point, got"
+        f" slow.{suffix}, which was saved as a transfer function"
+    ) in " ".join(err.split())
+    code, out, err = prove(f"{files} --controller slow.{suffix}")
+    assert code == 0, err
+    assert "controller of order 1 at 200 Hz" in out
 
 
 def test_the_picture_has_a_line_for_each_point():

@@ -50,6 +50,24 @@ def test_two_matrices_with_the_golden_ratio(shrink, outcome):
     assert (proof.broken is not None) is (outcome == "violated")
 
 
+def test_any_realisation_of_one_fixed_controller_gives_the_same_answer():
+    """A constant change of the states of K changes x'P(p)x into another such V, at every rate.
+
+    So one transfer function as K for all operating points is sound, whichever way it is realised.
+    """
+    plant, K = between(4.0, 6.0, 0.2), control.tf([2.0, 1.0], [1.0, 3.0, 8.0])
+    turn = np.array([[1.0, 2.0], [-0.5, 3.0]])
+    own = control.ss(K)
+    turned = control.ss(
+        np.linalg.solve(turn, own.A @ turn), np.linalg.solve(turn, own.B), own.C @ turn, own.D
+    )
+    proofs = [prove_schedule(plant, one, rate=0.5) for one in (K, own, turned)]
+    assert {one.outcome for one in proofs} == {"holds"}
+    rates = [one.provable for one in proofs]
+    assert np.isfinite(rates).all()
+    assert max(rates) < 1.25 * min(rates)  # they are searched to 20 percent
+
+
 @pytest.mark.parametrize(("gain", "norm"), [("S", 1.0), ("GS", 0.5)])
 def test_gains_of_a_loop_that_does_not_move_are_its_norms(gain, norm):
     """G = 1/(s + 1) and K = 1: S = (s + 1)/(s + 2), G S = 1/(s + 2)."""
