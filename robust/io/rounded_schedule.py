@@ -7,7 +7,9 @@ not while theta moves. With F = A - I in the rows of slow states,
     s_j := s_j + (F_jk s_k + ... + B_j e)
 
 keeps the digits of poles near 1, as sections in powers of z - 1 do. The sum of a state that only
-integrates is compensated (Kahan 1965), as in `robust.io.rounded`.
+integrates is compensated (Kahan 1965), as in `robust.io.rounded`. A state only integrates if what
+other states and itself add to it cannot be seen in the target's arithmetic beside B_j e: a residue
+of 1e-15 in A, as from a change of states, does not count. It stays in the statement.
 """
 
 from __future__ import annotations
@@ -61,7 +63,10 @@ def round_schedule(K: LpvModel, *, dtype: str, limit: ArrayLike | None = None) -
         require_representable(part, kind)
     parts = {name: part.astype(kind).astype(float) for name, part in parts.items()}
     found = replace(K, **(parts | {"A": parts["A"] + unit}))
-    before = _statements(np.block([[parts["C"], parts["D"]], [parts["A"], parts["B"]]]), slow)
+    compensated = slow & _only_integrate(parts["A"], parts["B"], float(np.finfo(kind).eps) / 2)
+    before = _statements(
+        np.block([[parts["C"], parts["D"]], [parts["A"], parts["B"]]]), slow, compensated
+    )
     low, high = K.points[[0, -1]]
     errors = [largest_error(K.at(p), found.at(p)) for p in np.linspace(low, high, _N_COMPARED)]
     error, omega = max(errors)
@@ -103,7 +108,21 @@ def round_schedule(K: LpvModel, *, dtype: str, limit: ArrayLike | None = None) -
     )
 
 
-def _statements(M: np.ndarray, slow: np.ndarray) -> tuple[Statement | Polynomial, ...]:
+def _only_integrate(F: np.ndarray, B: np.ndarray, unit: float) -> np.ndarray:
+    """Return (n,) True for states to which no state adds more than the rounding unit of B e.
+
+    |F_jk| x_k and x_j are compared at the largest of theta in [-1, 1]. x_k is the first move of a
+    state after a sample of e, so the comparison does not change with the unit of a state.
+    """
+    added, moves = np.abs(F).sum(axis=0), np.abs(B).sum(axis=0)[:, 0]
+    for _ in range(len(added)):
+        moves = np.where(moves > 0, moves, added @ moves)
+    return np.asarray(np.all(added * moves <= unit * moves[:, None], axis=1))
+
+
+def _statements(
+    M: np.ndarray, slow: np.ndarray, compensated: np.ndarray
+) -> tuple[Statement | Polynomial, ...]:
     """Return the statements of [v; change or new value of each state] = M(theta) [states; e]."""
     n = len(slow)
     names = [*(f"s{j + 1}" for j in range(n)), "e"]
@@ -121,7 +140,7 @@ def _statements(M: np.ndarray, slow: np.ndarray) -> tuple[Statement | Polynomial
     last = []
     for j, terms in enumerate(sums[1:]):
         state, new = names[j], f"n{j + 1}"
-        if slow[j] and not M[:, j + 1, :n].any():
+        if compensated[j]:
             carry, change, added = f"{state}_carry", f"change{j + 1}", f"added{j + 1}"
             rows.append(Statement(change, (*terms, (1.0, carry))))
             rows.append(Statement(new, ((1.0, state), (1.0, change))))

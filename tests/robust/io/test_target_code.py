@@ -564,6 +564,44 @@ def test_the_integral_of_a_schedule_loses_nothing_that_is_small():
     assert u[-1, 0] == pytest.approx(8.0 + 0.1 * 2e-6 * 9_998, rel=1e-7)
 
 
+def turned(residue, scale):
+    """An integrator beside a lag with a notch-like state that e does not reach at once; `residue`
+    is what the states add to the integral, as after a change of states.
+    """
+    A = np.array([[1.0, residue, residue], [0.0, 0.6, 0.1], [0.0, 0.2, 0.5]])
+    T = np.diag([1.0, scale, scale])
+    parts = {"B": [[0.1], [0.3], [0.0]], "C": np.array([[1.0, 1e-9, 0.0]])}
+    return LpvModel.from_points(
+        [
+            control.ss(
+                T @ A @ np.linalg.inv(T),
+                T @ parts["B"],
+                (1 + p) * parts["C"] @ np.linalg.inv(T),
+                0,
+                DT,
+            )
+            for p in (0.0, 1e-9)
+        ],
+        at=[0, 1],
+    )
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e6, 1e-6])
+def test_a_residue_that_single_precision_cannot_see_leaves_an_integral_compensated(scale, tmp_path):
+    rounded = export_structured_text(
+        turned(1e-15, scale), tmp_path / "controller.st", dtype="float32"
+    )
+    e = np.full((10_000, 1), 2e-6, np.float32)
+    e[0] = 80.0
+    p = np.linspace(0, 1, 10_000)[:, None].astype(np.float32)
+    u = emulate(rounded, e, p=p)
+    assert u[-1, 0] == pytest.approx(8.0 + 0.1 * 2e-6 * 9_998, rel=2e-7)
+    text = (tmp_path / "controller.st").read_text()
+    assert np.array_equal(run_block(text, e[:300], "float32", p[:300]), u[:300])
+    for seen, dtype in ((1e-3, "float32"), (1e-15, "float64")):
+        assert "s1_carry" not in round_schedule(turned(seen, scale), dtype=dtype).states
+
+
 @pytest.mark.parametrize(
     ("K", "more", "message"),
     [
