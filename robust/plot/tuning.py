@@ -55,7 +55,7 @@ def plot_limits(design: Any, *, ax: Axes | None = None) -> Axes:
     for one in ordered:
         colour, style = colours[id(one.limit)], _PLANT_STYLES[one.plant % len(_PLANT_STYLES)]
         if len(design.plant.models) > 1:
-            of_plant = f", plant {one.plant}"
+            of_plant = f", {one.plant_name}"
         else:
             of_plant = ""
         label = f"{'hard' if one.hard else 'soft'} {one.limit}{of_plant}"

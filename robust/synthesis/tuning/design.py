@@ -60,6 +60,8 @@ class LimitValue:
     hard : bool
     plant : int
         Index of the plant, counted from 0.
+    plant_name : str
+        Name of the plant: its operating point, or its index.
     ratio : float
         Largest gain times weight, divided by the bound; the limit is met up to one.
     omega : float
@@ -78,7 +80,7 @@ class LimitValue:
 
     Examples
     --------
-    >>> found = LimitValue(limit=Limit("d", "y", 2.0), hard=True, plant=0, ratio=0.5, omega=3.0)
+    >>> found = LimitValue(limit=Limit("d", "y", 2.0), hard=True, plant=0, plant_name="plant 0", ratio=0.5, omega=3.0)
     >>> found.met, str(found)
     (True, 'hard  d -> y on plant 0: 0.5 of its bound at 0.4775 Hz, norm')
     """
@@ -86,6 +88,7 @@ class LimitValue:
     limit: Limit | FrictionLimit
     hard: bool
     plant: int
+    plant_name: str
     ratio: float
     omega: float
     n_lines: int = 0
@@ -106,7 +109,7 @@ class LimitValue:
         else:
             how = "norm"
         return (
-            f"{kind}  {self.limit} on plant {self.plant}: {self.ratio:.5g} of its bound at {where},"
+            f"{kind}  {self.limit} on {self.plant_name}: {self.ratio:.5g} of its bound at {where},"
             f" {how}"
         )
 
@@ -226,7 +229,7 @@ class TunedDesign:
         if missed:
             entries = "; ".join(
                 f"{one.limit} is missed by a factor {one.ratio:.4g} at {format_hertz(one.omega)} on"
-                f" plant {one.plant}"
+                f" {one.plant_name}"
                 for one in missed[:3]
             )
             return f"not met: {entries} ({self.ended.value})"

@@ -134,6 +134,19 @@ class Plants:
             return np.zeros(len(self.models))
         return to_theta(self.at, self.at)
 
+    def describe(self, index: int) -> str:
+        """Return the name of a plant in messages: its operating point, or its index.
+
+        >>> carts = [control.tf([k], [1, 1]) for k in (1.0, 2.0)]
+        >>> Plants(carts, inputs="u", outputs="y", at=[0, 0.3], over="position", unit="m").describe(1)
+        'plant at position = 0.3 m'
+        >>> Plants(carts, inputs="u", outputs="y").describe(1)
+        'plant 1'
+        """
+        if self.at is None or index >= len(self.at):  # behind them: the machines of friction limits
+            return f"plant {index}"
+        return f"plant at {self.over} = {self.at[index]:g} {self.unit}".rstrip()
+
     def check_channels(self, name: str, model: PlantModel) -> None:
         """Refuse a value that is not a plant, or one with other channels."""
         lines = lines_of(model)
@@ -182,6 +195,7 @@ class ModelledPlant:
     """A plant that is known at every frequency, in front of the blocks."""
 
     system: control.StateSpace  # system, hold and delay included
+    name: str = ""  # for messages
     theta: float = 0.0  # operating point
     lines: np.ndarray  # (.,) frequencies [rad/s] for the grid
     # True frequencies (W,) [rad/s] -> ports of the perturbation of the set
@@ -211,6 +225,8 @@ class MeasuredPlant:
         First measured line [rad/s].
     theta : float
         Operating point.
+    name : str
+        Name for messages.
     """
 
     omega: np.ndarray
@@ -221,6 +237,7 @@ class MeasuredPlant:
     first: float
     blocks: Blocks = ONE_DISC
     theta: float = 0.0
+    name: str = ""
 
     @property
     def on_lines(self) -> np.ndarray:
@@ -236,6 +253,7 @@ def see_plants(
         replace(
             _see_plant(f"models[{k}]", model, plants=plants, dt=dt, delay=delay, worst=worst),
             theta=theta,
+            name=plants.describe(k),
         )
         for k, (model, theta) in enumerate(zip(plants.models, plants.thetas, strict=True))
     ]
@@ -332,7 +350,7 @@ def _behind_hold_and_delay(
 
 
 def see_machine(
-    machine: FrictionPlant, plants: Plants, *, dt: float, delay: float
+    machine: FrictionPlant, plants: Plants, *, index: int, dt: float, delay: float
 ) -> ModelledPlant:
     """Return the machine of a friction limit behind hold and delay, from force to measured
     position.
@@ -349,7 +367,9 @@ def see_machine(
             " without dt"
         )
     G = control.StateSpace(machine.A, machine.B_force[:, None], machine.C_measured[None], 0)
-    return ModelledPlant(system=sampled(G, dt, delay) if dt else G, lines=np.zeros(0))
+    return ModelledPlant(
+        system=sampled(G, dt, delay) if dt else G, name=plants.describe(index), lines=np.zeros(0)
+    )
 
 
 def _refuse_plant_alone(name: str, model: object) -> NoReturn:

@@ -262,8 +262,8 @@ class TuningProblem:
                         s = worst
                     raise ValueError(
                         "system must have no unstable pole that is independent of all blocks,"
-                        f" got a pole at s = {complex(s):.4g} rad/s with plant {k}. Remove the"
-                        " integrator or weight, or connect it to a block"
+                        f" got a pole at s = {complex(s):.4g} rad/s with {scene.plant.name}. Remove"
+                        " the integrator or weight, or connect it to a block"
                     )
 
     def norms(self, x: np.ndarray) -> list[dict[int, tuple[float, float, bool]]]:

@@ -51,6 +51,7 @@ def make_design(
                     limit=limit,
                     hard=is_hard,
                     plant=k,
+                    plant_name=problem.scenes[k].plant.name,
                     ratio=look.ratio,
                     omega=omega,
                     n_lines=look.n_lines,
@@ -101,7 +102,7 @@ def _find_broken_sets(design: TunedDesign) -> tuple[str, ...]:
             ValueError
         ) as error:  # the nominal loop is not distinguishable from one on the boundary
             stable, why = False, str(error)
-        found += [] if stable else [f"plant {k}: {why}"]
+        found += [] if stable else [f"{design.plant.describe(k)}: {why}"]
     return tuple(found)
 
 

@@ -102,7 +102,7 @@ def make_loops(
         if not isinstance(limit, FrictionLimit):
             continue
         for machine in limit.machines:
-            seen = see_machine(machine, plants, dt=dt, delay=delay)
+            seen = see_machine(machine, plants, index=len(scenes), dt=dt, delay=delay)
             G = _with_perturbation(seen.system, plants, dt)
             into, _ = _perturbation_names(1, 1)
             joined = join_by_name(

@@ -255,7 +255,7 @@ def _require_paths(problem: TuningProblem, limits: Limits) -> None:
                 and not any(scene.band(channel) & scene.plant.on_lines)
             ):
                 raise ValueError(
-                    f"{limit_name(channel.index, limits)} must have lines of plant {scene.index}"
+                    f"{limit_name(channel.index, limits)} must have lines of {scene.plant.name}"
                     " in its band, got none from"
                     f" {' to '.join(f'{edge:g}' for edge in channel.limit.band or ())} rad/s"
                 )
@@ -324,14 +324,14 @@ def _starting_point(problem: TuningProblem, k: int, rng: np.random.Generator) ->
             if not clear:
                 raise ValueError(
                     "plant must have lines so close that the winding number of its loop can be"
-                    f" counted, got an FRF (plant {scene.index}) with lines that are too far"
+                    f" counted, got an FRF ({scene.plant.name}) with lines that are too far"
                     " apart for the start of the blocks. Measure with more lines around the"
                     " modes or at lower frequency, fit a model, or start with smaller gains"
                 )
             if not stable:
                 raise ValueError(
                     "blocks must start with gains that stabilise every plant that is an FRF,"
-                    f" got a start that does not stabilise plant {scene.index}. Design the start"
+                    f" got a start that does not stabilise {scene.plant.name}. Design the start"
                     " with design_frf, or start with smaller gains"
                 )
         return controller.start

@@ -167,6 +167,35 @@ def test_frfs_at_operating_points_are_scheduled():
     assert low / high == pytest.approx(4.0, rel=2e-3)
 
 
+def test_messages_name_the_operating_point():
+    omega = np.geomspace(0.05, 30, 80)
+    third = control.tf([4.0], [1, 3, 3, 1])  # stable with a gain below 2
+    frfs = [control.frd(G(1j * omega), omega) for G in (lag(1.0), third)]
+    known = {"at": [0.1, 0.3], "over": "position", "unit": "m", "inputs": "u", "outputs": "y"}
+    limits = {"hard": [robust.tuning.Limit("r", "y", 0.8)], "n_starts": 1}
+    with pytest.raises(ValueError, match=r"does not stabilise plant at position = 0\.3 m\. Design"):
+        robust.tune(
+            JOINED, robust.tuning.Plants(frfs, **known), {"K": pid(kp=10.0, ki=0.0)}, **limits
+        )
+    with pytest.raises(
+        ValueError, match=r"must have lines of plant at position = 0\.1 m in its band"
+    ):
+        robust.tune(
+            JOINED,
+            robust.tuning.Plants(frfs[:1] * 2, **known),
+            {"K": pid(kp=0.1, ki=0.0)},
+            hard=[robust.tuning.Limit("r", "y", 0.8, band=(100.0, 200.0))],
+            n_starts=1,
+        )
+    plants = robust.tuning.Plants([lag(1.0), lag(4.0)], **known)
+    missed = robust.tune(
+        JOINED, plants, {"K": pid(ki=0.0)}, hard=[robust.tuning.Limit("r", "y", 1e-3)], n_starts=1
+    )
+    for text in (str(missed), missed.reason):
+        assert "on plant at position = 0.3 m" in text
+        assert "plant 1" not in text
+
+
 @pytest.mark.attack(every=2)
 @pytest.mark.parametrize("seed", [10_002, 10_003])
 def test_a_random_structure_is_scheduled_as_it_was_tuned(seed, tmp_path):
