@@ -146,7 +146,7 @@ def round_controller(
 
     dtype : "float32" or "float64"; limit : a number, for -limit to limit, or (least, largest).
     """
-    K, bounds = multivariable("K", K), _limit_bounds(limit)
+    K, bounds = multivariable("K", K), _require_limit(limit)
     kind = np.dtype(require_choice("dtype", dtype, ("float32", "float64"))).type
     limited, unit = bool(np.isfinite(bounds).any()), float(np.finfo(kind).eps) / 2
     _require_one_sampled_loop(K)
@@ -238,8 +238,10 @@ def round_controller(
     )
 
 
-def _limit_bounds(limit: ArrayLike | None) -> np.ndarray:
-    """Return the least and largest output, infinite without a limit; refuse others."""
+def _require_limit(limit: ArrayLike | None) -> np.ndarray:
+    """Return the least and largest output, infinite without a limit; refuse others, and a range
+    without u = 0, at which K is at rest.
+    """
     if limit is None:
         return np.array([-np.inf, np.inf])
     if np.size(limit) == 1:
@@ -250,6 +252,11 @@ def _limit_bounds(limit: ArrayLike | None) -> np.ndarray:
         raise ValueError(
             "limit must be a positive number, or the least and the largest u, got"
             f" {short_form(limit)}"
+        )
+    if not bounds[0] <= 0 <= bounds[1]:
+        raise ValueError(
+            f"limit must include u = 0, which K gives at rest, got {bounds[0]:g} to {bounds[1]:g}:"
+            " subtract the output at the operating point, and add it behind K"
         )
     return bounds
 

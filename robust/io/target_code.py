@@ -54,9 +54,9 @@ def export_c(
     dtype : str
         Arithmetic of the target: "float32" or "float64".
     limit : float or (2,) sequence, optional
-        Largest |u|, or the smallest and the largest u, in the unit of u. The code then has
-        anti-windup by back-calculation, for an integrator or for a lag with most of the gain at
-        zero frequency. Not available for a scheduled controller.
+        Largest |u|, or the smallest and the largest u with zero between them, in the unit of u. The
+        code then has anti-windup by back-calculation, for an integrator or for a lag with most of
+        the gain at zero frequency. Not available for a scheduled controller.
     unit : str
         Unit of the plant, y over u, as in `UncertaintyModel.origin`; it is written in the comment.
 

@@ -417,6 +417,11 @@ def test_rounding_that_changes_much_is_warned_of():
         ),
         (
             robust.shaping.pid(1.0, dt=DT),
+            {"limit": (3, 5)},
+            "limit must include u = 0, which K gives at rest, got 3 to 5: subtract the output",
+        ),
+        (
+            robust.shaping.pid(1.0, dt=DT),
             {"limit": (1.0, 2.0, 3.0)},
             "limit must be a positive number, or the least and the largest u",
         ),
@@ -438,6 +443,11 @@ def test_refusals_in_one_line(K, more, message, tmp_path):
         export_c(K, tmp_path / "k.h", **more)
     assert "\n" not in str(refusal.value)
     assert not list(tmp_path.iterdir())
+
+
+def test_an_actuator_that_only_pushes_may_end_at_zero():
+    rounded = round_controller(robust.shaping.pid(1.0, 2.0, dt=DT), dtype="float32", limit=(0, 5))
+    assert rounded.limit.tolist() == [0, 5]
 
 
 def test_a_file_of_another_kind_is_refused(tmp_path):
