@@ -5,10 +5,12 @@ variance.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import control
 import numpy as np
 
+from nlfrf import Bla
 from nlfrf._base.arguments import (
     as_list,
     keep_warnings,
@@ -36,6 +38,9 @@ from robust.models.fit.measurement import (
 from robust.models.fit.nominal_fit import NominalFit
 from robust.models.fit.rational import Roots, map_to_model_plane, s_plane_points
 from robust.models.fit.search import FitSearch
+
+# relative difference of an FRF from response plus residual of its own fit
+_SAME_FRF = 1e-9
 
 
 @keep_warnings
@@ -123,11 +128,11 @@ def fit_nominal(
     >>> np.abs(fit.G.poles()).round(9).tolist()
     [50.0, 50.0]
     """
-    dt = require_nonnegative("dt", dt)
+    dt, std_given = require_nonnegative("dt", dt), std is not None
     if isinstance(bla, control.FrequencyResponseData) and (bla.ninputs, bla.noutputs) != (1, 1):
         bla, std = bla_with_deviation(bla, std), None
     if frms := matrices_given(bla):
-        return fit_matrix(
+        fit = fit_matrix(
             [bla_behind_hold(b, dt) for b in frms],
             n_poles,
             n_zeros=n_zeros,
@@ -137,8 +142,30 @@ def fit_nominal(
             rank=rank,
             omega_c=omega_c,
         )
-    search = start_search(bla, std, dt=dt, stable=stable, delay=delay, omega_c=omega_c)
-    return likeliest_fit(search, bla, n_poles, n_zeros)
+    else:
+        search = start_search(bla, std, dt=dt, stable=stable, delay=delay, omega_c=omega_c)
+        fit = likeliest_fit(search, bla, n_poles, n_zeros)
+    return replace(fit, std_given=std_given)
+
+
+def bla_of_fitted(frf: control.FrequencyResponseData, fit: NominalFit) -> Bla | None:
+    """Return the `Bla` of an FRF with the standard deviation that its fit was given.
+
+    None if the fit has no given one, or is of another FRF.
+    """
+    fitted = fit.response + fit.residual
+    G = np.asarray(frf.frdata, dtype=complex)
+    if fitted.ndim == 1:
+        G = G[0, 0]
+    same = (
+        fit.std_given
+        and np.array_equal(frf.omega, fit.omega)
+        and G.shape == fitted.shape
+        and np.allclose(G, fitted, rtol=_SAME_FRF, atol=_SAME_FRF * np.abs(G).max())
+    )
+    if same:
+        return bla_with_deviation(frf, fit.std)
+    return None
 
 
 @keep_warnings

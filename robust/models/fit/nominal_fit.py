@@ -33,6 +33,9 @@ class NominalFit:
         Measured FRF minus `response`.
     std : (F,) ndarray, or (n_y, n_u, F)
         Standard deviation of the measured FRF on each line; nan without variances.
+    std_given : bool
+        True if `std` was given for an FRF of another program. Then `uncertainty` takes this FRF with
+        the fit.
     cost : float
         Sum of |residual|^2 / std^2.
     expected_cost : float
@@ -96,6 +99,7 @@ class NominalFit:
     delays: np.ndarray | None = None
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
+    std_given: bool = False
     warnings: tuple[str, ...] = ()
 
     def __str__(self) -> str:

@@ -36,6 +36,7 @@ from robust.models.fit.measurement import (
     matrices_given,
     require_same_channels,
 )
+from robust.models.fit.nominal import bla_of_fitted
 from robust.models.fit.nominal_fit import (
     GivenNominal,
     NominalFit,
@@ -72,7 +73,7 @@ from robust.models.sets.records import Origin
 
 @keep_warnings
 def uncertainty(
-    bla: Bla | Sequence[Bla] | Sequence[AnySystem],
+    bla: Bla | Sequence[Bla] | control.FrequencyResponseData | Sequence[AnySystem],
     nominal: NominalFit | AnySystem | float | None = None,
     *,
     form: str | None = None,
@@ -103,10 +104,13 @@ def uncertainty(
 
     Parameters
     ----------
-    bla : nlfrf.Bla or list of them, or list of plants
+    bla : nlfrf.Bla or list of them, control.FrequencyResponseData, or list of plants
         The measurement, with one or several channels. A list of measurements at several levels or
         offsets or on several days gives one set, with the largest radius of all.
         `nlfrf.bla_from_frf` and `robust.io.bla_from_frd` make a Bla from an FRF of another program.
+        A FrequencyResponseData itself is taken with the fit that was made of it with `std`. The
+        radius then covers the misfit and what this deviation contains: another FRF measured in the
+        same way, without the errors that repeat in every average.
     nominal : NominalFit, control system or control.FrequencyResponseData
         Nominal model, continuous or discrete. With an FRF as nominal the set is known on its lines
         only. For several channels it may be left out: the default is the fit of `scan_orders`.
@@ -187,6 +191,8 @@ def uncertainty(
         )
     if weights != DIAGONAL or omega_B is not None:
         raise ValueError("weights and omega_B must be left out with a measured Bla")
+    if isinstance(bla, control.FrequencyResponseData) and isinstance(nominal, NominalFit):
+        bla = bla_of_fitted(bla, nominal) or bla
     recorded = _require_records(bla)
     single = recorded[0].is_single
     form = _checked_form(form, single)
@@ -421,16 +427,17 @@ def _given_scaling(*scaling: Weight | None) -> tuple[Weight | None, ...]:
     return ()
 
 
-def _require_records(bla: Bla | Sequence[Bla]) -> list[Bla]:
+def _require_records(bla: object) -> list[Bla]:
     """Return one Bla or several as a list, with the same channels and units."""
     given = as_list(bla)
     blas = [one for one in given if isinstance(one, Bla)]
     if not blas or len(blas) < len(given):
         raise ValueError(
             f"bla must be an nlfrf.Bla or a list of them, got {short_form(bla)}; for an FRF use"
-            " nlfrf.bla_from_frf first, for plants uncertainty_of_plants(plants, nominal), for a"
-            " radius of your own UncertaintyModel.from_radius(nominal, omega, radius), for weights"
-            " of your own UncertaintyModel(...)"
+            " nlfrf.bla_from_frf first, or give its std to fit_nominal, for plants"
+            " uncertainty_of_plants(plants, nominal), for a radius of your own"
+            " UncertaintyModel.from_radius(nominal, omega, radius), for weights of your own"
+            " UncertaintyModel(...)"
         )
     matrices_given(blas)  # in the same units, and of the same channels
     return blas

@@ -38,6 +38,36 @@ def test_the_std_of_an_frf_reaches_the_set():
     )
 
 
+@pytest.mark.parametrize("several", [False, True])
+def test_an_frf_is_taken_with_the_fit_that_got_its_std(several):
+    G, std = measured(1)
+    if several:
+        blocks = np.array([[1.0, 0.5], [0.5, 1.0]])[:, :, None]
+        G, std = blocks * G, np.broadcast_to(std, (2, 2, F.size))
+    frf = control.FrequencyResponseData(G, OMEGA)
+    known = {"n_poles": 4} if several else {"n_poles": 2, "n_zeros": 0}
+    fit = robust.fit_nominal(frf, std=std, **known)
+    found = robust.uncertainty(frf, fit)
+    wanted = robust.uncertainty(robust.io.bla_from_frd(frf, std=std), fit)
+    assert found.radius == pytest.approx(wanted.radius, rel=1e-6)
+    assert (found.confidence, found.origin.source) == (0.95, wanted.origin.source)
+
+
+def test_an_frf_is_not_taken_with_a_deviation_that_is_not_its_own():
+    """A BLA has the variance of another realisation, too, which its `std` alone does not have."""
+    (G, std), (again, _) = measured(1), measured(2)
+    frf = control.FrequencyResponseData(G, OMEGA)
+    fit = robust.fit_nominal(frf, n_poles=2, n_zeros=0, std=std)
+    of_bla = robust.fit_nominal(nlfrf.bla_from_frf(F, G, std=std), n_poles=2, n_zeros=0)
+    for other, of in (
+        (control.FrequencyResponseData(again, OMEGA), fit),
+        (control.FrequencyResponseData(G[:-1], OMEGA[:-1]), fit),
+        (frf, of_bla),
+    ):
+        with pytest.raises(ValueError, match="or give its std to fit_nominal"):
+            robust.uncertainty(other, of)
+
+
 def test_an_frf_without_a_deviation_claims_no_confidence():
     G, _ = measured(1)
     frf = control.FrequencyResponseData(G, OMEGA)
