@@ -78,9 +78,9 @@ def uncertainty(
     *,
     form: str | None = None,
     order: int | None = None,
-    confidence: float = 0.95,
+    confidence: float | None = None,
     simultaneous: bool = False,
-    even: bool = True,
+    even: bool | None = None,
     systematic: float | None = None,
     below: str | float = "flat",
     above: str | float = 20.0,
@@ -124,13 +124,15 @@ def uncertainty(
         Order of each weight. By default it is raised, up to 12, as long as one more state lowers
         the mean of |weight|/radius by 0.1 dB.
     confidence : float
-        Probability on each line, or on all lines together if `simultaneous` is True.
+        Probability on each line, or on all lines together if `simultaneous` is True; 0.95 by
+        default.
     simultaneous : bool
         True: the confidence holds for all lines together, and the radius is larger by a factor of
         1.8 to 2.1 (see the guide on bounds). False: it holds on each line; the field `joint` is the
         probability for a whole FRF.
     even : bool
-        Add the variance of the even distortion: signals in closed loop are not odd multisines.
+        Add the variance of the even distortion (the default): signals in closed loop are not odd
+        multisines.
     systematic : float, optional
         Systematic part of the radius (difference between the BLA and the FRF of the machine without
         its nonlinearity), in decibels above the odd distortion level: 8 for a static cubic, more
@@ -173,11 +175,16 @@ def uncertainty(
     ('multiplicative', 'statistical', True)
     """
     if isinstance(bla, list | tuple) and bla and all(map(is_plant, bla)):
-        if simultaneous or systematic is not None or W1 is not None or W2 is not None:
-            raise ValueError(
-                "simultaneous, systematic, W1 and W2 must be left out with plants: they belong to a"
-                " measured Bla"
-            )
+        _require_none_of_records(
+            {
+                "confidence": confidence,
+                "simultaneous": simultaneous or None,
+                "even": even,
+                "systematic": systematic,
+                "W1": W1,
+                "W2": W2,
+            }
+        )
         return uncertainty_of_plants(
             bla,
             nominal,
@@ -209,9 +216,9 @@ def uncertainty(
             below=checked_slope("below", below), above=checked_slope("above", above)
         ),
         spec=RadiusSpec(
-            p=require_probability("confidence", confidence),
+            p=require_probability("confidence", 0.95 if confidence is None else confidence),
             simultaneous=bool(simultaneous),
-            even=even,
+            even=even is None or even,
             systematic=None if systematic is None else require_real("systematic", systematic),
         ),
         perturbation=perturbation,
@@ -425,6 +432,16 @@ def _given_scaling(*scaling: Weight | None) -> tuple[Weight | None, ...]:
     if any(W is not None for W in scaling):
         return scaling
     return ()
+
+
+def _require_none_of_records(given: Mapping[str, object]) -> None:
+    """Refuse options of a measurement beside plants, which have no statistics."""
+    for name, option in given.items():
+        if option is not None:
+            raise ValueError(
+                f"{name} must be left out with plants: it belongs to a measured Bla, got"
+                f" {short_form(option)}"
+            )
 
 
 def _require_records(bla: object) -> list[Bla]:

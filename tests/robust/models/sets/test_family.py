@@ -327,7 +327,16 @@ def test_a_list_of_plants_may_be_given_to_uncertainty():
     by_list = robust.uncertainty(family(3), G, form="output", weights="full", order=1)
     direct = robust.uncertainty_of_plants(family(3), G, form="output", weights="full", order=1)
     assert np.array_equal(by_list.radius, direct.radius)
-    with pytest.raises(ValueError, match="must be left out with plants"):
-        robust.uncertainty(family(3), G, simultaneous=True)
+    for name, option in {
+        "confidence": 0.95,
+        "simultaneous": True,
+        "even": False,
+        "systematic": 8.0,
+        "W1": 2.0,
+    }.items():
+        with pytest.raises(
+            ValueError, match=f"^{name} must be left out with plants: it belongs to"
+        ):
+            robust.uncertainty(family(3), G, **{name: option})
     with pytest.raises(ValueError, match="bla must be an nlfrf"):
         robust.uncertainty([*family(3), 1.0], G)
