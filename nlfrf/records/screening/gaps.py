@@ -65,7 +65,7 @@ def find_slips(y: np.ndarray, last: int) -> np.ndarray:
         found[j] = _slip_length(y[j], y[j + 1], difference=up_to, noise=noise, last=last)
     if not found[-2]:
         backwards = difference[-1][-1] - difference[-1][::-1]
-        found[-1] = -_slip_length(
+        found[-1] = _slip_length(
             y[-1, ::-1], y[-2, ::-1], difference=backwards, noise=noise, last=last
         )
     return _drop_contradicted_slips(y, found, last)
@@ -173,7 +173,7 @@ def find_corrupted_periods(
                 y[j + 1, ::-1], y[j, ::-1], difference=backwards, noise=noise, last=last
             )
             if found:
-                corrupted[j + 1], total[j + 1] = True, -shift
+                corrupted[j + 1], total[j + 1] = True, shift
     if len(y) == 2:
         return corrupted | mismatched[1], total
     corrupted |= mismatched[1:] & mismatched[:-1]

@@ -143,6 +143,21 @@ def test_short_and_silent_periods_have_no_gap(n, n_periods, size):
         assert not find_corrupted_periods(signal, max(1, n // 4), gaps)[0].any()
 
 
+@pytest.mark.parametrize("period", range(4))
+@pytest.mark.parametrize(("lost", "repeated"), [(3, 0), (0, 2), (3, 1), (1, 3)])
+def test_lost_samples_are_negative_in_every_period(period, lost, repeated):
+    """In the last one, too, which is compared with the period before."""
+    n = 400
+    y = np.random.default_rng(1).standard_normal((1, n)).repeat(6, axis=0).ravel()
+    a, b = period * n + 130, period * n + 280
+    stored = np.concatenate([y[:a], y[a + lost : b], np.repeat(y[b], repeated), y[b:]])
+    periods = stored[: 4 * n].reshape(4, n)
+    wanted = np.zeros(4)
+    wanted[period] = repeated - lost
+    gaps = find_slips(periods, n // 2)
+    assert np.array_equal(find_corrupted_periods(periods, n // 2, gaps)[1], wanted)
+
+
 @pytest.mark.parametrize("seed", range(40))
 def test_spikes_and_coloured_noise_and_drifts_are_no_gaps(seed):
     rng = np.random.default_rng(seed)
