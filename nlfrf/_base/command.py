@@ -306,6 +306,14 @@ Json = Annotated[
         ),
     ),
 ]
+Resample = Annotated[
+    bool,
+    typer.Option(
+        "--resample",
+        help="Find the start of each period where the input repeats, and interpolate between"
+        " samples.",
+    ),
+]
 Version = Annotated[
     bool,
     typer.Option(

@@ -653,8 +653,8 @@ def _describe_roughness_choice(grid: LineGrid, n_detection: int) -> str:
     kind, n_odd = grid.kind, grid.odd.size
     if kind == "odd-odd":
         reason = (
-            "the odd detection lines of an odd-odd grid show too little distortion, around a"
-            " resonance without a limit"
+            "the odd detection lines of an odd-odd grid have less distortion than the excited lines,"
+            " at a resonance by any factor"
         )
     elif n_odd == 0:
         reason = f"the {kind} grid of this record has no odd detection lines"

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 
 import nlfrf
-from nlfrf._base.command import Decimal, Json, finish_command, printer, require_left_out
+from nlfrf._base.command import Decimal, Json, Resample, finish_command, printer, require_left_out
 from nlfrf._base.files import MULTIRECORD_KINDS, require_writable, stated_kind
 from nlfrf._base.values import wrap_lines
 from nlfrf.cli.options import Out
@@ -57,13 +57,6 @@ _Period = Annotated[
     int | None, typer.Option(help="Samples in one period; default: found in the input.")
 ]
 _Discard = Annotated[int, typer.Option(help="Periods to leave out at the start.")]
-_Resample = Annotated[
-    bool,
-    typer.Option(
-        "--resample",
-        help="Cut the periods where the input itself repeats, and interpolate between samples.",
-    ),
-]
 _Starts = Annotated[
     list[float] | None,
     typer.Option(help="Start of the part to use [s after the first row]; may be repeated."),
@@ -94,7 +87,7 @@ def identify(
     fs: _SamplingFrequency = None,
     period: _Period = None,
     discard: _Discard = 0,
-    resample: _Resample = False,
+    resample: Resample = False,
     start: _Starts = None,
     stop: _Stops = None,
     transient: Annotated[

@@ -17,7 +17,4 @@ Period = Annotated[
     int | None, typer.Option(help="Samples in one period; default: found in the input.")
 ]
 Discard = Annotated[int, typer.Option(help="Periods to leave out at the start.")]
-Resample = Annotated[
-    bool, typer.Option("--resample", help="Cut the periods where they begin in the input.")
-]
 PlayedDesign = Annotated[Path | None, typer.Option(help="The excitation, from 'nlfrf design'.")]

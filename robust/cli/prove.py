@@ -8,14 +8,13 @@ from typing import Annotated
 import lazy_loader
 import typer
 
-from nlfrf._base.command import Json, finish_command, printer, spinner
+from nlfrf._base.command import Json, Resample, finish_command, printer, spinner
 from nlfrf._base.files import command_signature, require_writable, write_text
 from robust._base.options import (
     Discard,
     Period,
     PlayedDesign,
     Reference,
-    Resample,
     SamplingFrequency,
 )
 from robust._base.states import FrictionVerdict

@@ -11,8 +11,7 @@ import typer
 
 import nlfrf
 import robust
-from nlfrf._base.command import finish_command, spinner
-from robust._base.options import Resample
+from nlfrf._base.command import Resample, finish_command, spinner
 from robust._base.states import FrictionVerdict
 from robust.cli.options import (
     Bandwidth,

@@ -15,6 +15,7 @@ from nlfrf._base.command import (
     Commands,
     Decimal,
     Json,
+    Resample,
     finish_command,
     printer,
     progress_display,
@@ -22,7 +23,7 @@ from nlfrf._base.command import (
     spinner,
 )
 from nlfrf._base.files import command_signature, write_text
-from robust._base.options import Discard, Period, Reference, Resample, SamplingFrequency
+from robust._base.options import Discard, Period, Reference, SamplingFrequency
 
 #: Imported when a command uses them, so that help and refusals of the command line are fast.
 axis_file, design, findings, gains_file, judge, levels, page, play, read = (

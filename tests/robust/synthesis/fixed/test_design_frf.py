@@ -440,7 +440,7 @@ def test_pid_for_the_measured_motor_bench(measured):
     assert report.verdict == "statistically robust"
     for part in (
         "95 % bound may hold half the time",
-        "detection lines of an odd-odd grid show too little",
+        "detection lines of an odd-odd grid have less distortion",
         "a pole where nothing was",
     ):
         assert sum(part in text for text in report.warnings) == 1
