@@ -6,7 +6,7 @@ import ast
 import re
 from functools import cache
 
-from tests.support.sources import PACKAGES, module_of, modules, parsed
+from tests.support.sources import PACKAGES, ROOT, module_of, modules, parsed
 
 CLIENTS = ("tests", "benchmarks", "examples", "docs")
 
@@ -179,3 +179,25 @@ def test_a_name_with_underscore_is_used_in_its_module_alone():
         for path in users
     ]
     assert not taken, "a name with an underscore is its module's own: " + ", ".join(taken)
+
+
+def test_every_public_name_stands_where_a_user_meets_it():
+    """In an example, on a how-to page or in the README: a name that no user needs is not public."""
+    read = [
+        *(ROOT / "examples").rglob("*.py"),
+        *(ROOT / "examples").rglob("*.ipynb"),
+        *(ROOT / "docs" / "howto").glob("*.md"),
+        ROOT / "README.md",
+    ]
+    words = set(re.findall(r"\w+", " ".join(path.read_text(encoding="utf-8") for path in read)))
+    stubs = {path: tree for package in PACKAGES for path, tree in parsed(package, "*.pyi").items()}
+    unmet = {
+        f"{path.parent.relative_to(ROOT)}: {alias.asname or alias.name}"
+        for path, tree in stubs.items()
+        for node in tree.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+        if (alias.asname or alias.name) not in words
+    }
+    assert stubs
+    assert not unmet, "in no example, how-to page or README: " + ", ".join(sorted(unmet))
