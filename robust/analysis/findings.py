@@ -352,6 +352,8 @@ class Given:
         Performance weight.
     delay : float
         Computation delay [s] in addition to the delay of the model.
+    dt : float
+        Sampling time of the controller [s]; 0 in continuous time.
     band : (2,) ndarray or None
         First and last measured frequency [rad/s]; outside, the radius is an assumption.
     unit : str
@@ -366,6 +368,7 @@ class Given:
     perturbation: str = ""
     demand: SystemField = None
     delay: float = 0.0
+    dt: float = 0.0
     band: np.ndarray | None = None
     unit: str = ""
 

@@ -73,6 +73,7 @@ class LoopOnLines:
             perturbation=self.plant.perturbation,
             demand=self.w_P,
             delay=self.delay,
+            dt=self.dt,
             band=self.omega[[0, -1]],
             unit=self.plant.unit,
         )
@@ -140,7 +141,8 @@ class MatrixLoopOnLines:
     @property
     def given(self) -> Given:
         """Input of the check: demand, delay and band."""
-        return Given(demand=self.w_P, delay=self.delay, band=np.asarray(self.G.omega)[[0, -1]])
+        band = np.asarray(self.G.omega)[[0, -1]]
+        return Given(demand=self.w_P, delay=self.delay, dt=timebase(self.K), band=band)
 
     @property
     def channels(self) -> LoopMargins:

@@ -96,6 +96,7 @@ class Loop:
             perturbation=self.model.perturbation,
             demand=self.w_P,
             delay=float(self.delay),
+            dt=self.dt,
             band=self.model.omega[[0, -1]],
             unit=self.model.origin.unit,
         )

@@ -15,7 +15,7 @@ from robust.analysis.disk import LoopMargins, disk_margins
 from robust.analysis.findings import Given
 from robust.analysis.sampled_set import SampledSet, set_on_controller_time_base
 from robust.lti.grids import Peak, peak_of, structure_grid
-from robust.lti.lti import response_by_channel
+from robust.lti.lti import response_by_channel, timebase
 from robust.models.sets.interconnection import UncertainSystem
 from robust.models.sets.model import UncertaintyModel
 from robust.mu.gain import gain_bound
@@ -44,7 +44,10 @@ class LoopOfChannels:
     def given(self) -> Given:
         """Input of the check: class, demand, delay, band and unit."""
         band, perturbation = self.model.omega[[0, -1]], self.model.perturbation
-        return Given(perturbation=perturbation, demand=self.w_P, delay=float(self.delay), band=band)
+        dt = timebase(self.K) or timebase(self.model.nominal)  # a gain has none of its own
+        return Given(
+            perturbation=perturbation, demand=self.w_P, delay=float(self.delay), dt=dt, band=band
+        )
 
     @cached_property
     def systems(self) -> dict[str, UncertainSystem]:

@@ -68,8 +68,8 @@ class RobustnessReport(Findings):
         For a continuous plant with a sampled controller: contributions to the largest rs, from its
         own frequency and from the aliases of this frequency.
     given : Given
-        Input of the check: class of perturbations and form of the set, demand, delay, measured band
-        and unit.
+        Input of the check: class of perturbations of the set, demand, delay, sampling time,
+        measured band and unit.
     channels : LoopMargins or None
         For several channels: disk margins of the nominal loop, one channel at a time and all at
         once.
@@ -235,7 +235,9 @@ class RobustnessReport(Findings):
 
     @property
     def findings(self) -> list[Fact]:
-        """Reason, margins over the set, what was proved and not proved, and the next step."""
+        """What the verdict rests on: reason, margins over the set, what was proved and not proved,
+        and the next step. They are in `summary` and in the whole text.
+        """
         margins, facts = self.margins, [Fact("because", self.reason)]
         if self.nominally_stable:
             facts += [
@@ -276,7 +278,9 @@ class RobustnessReport(Findings):
 
     @property
     def details(self) -> list[Fact]:
-        """The certificates, the margins of the nominal loop, and the loop in one line."""
+        """Numbers beside the verdict: certificates, margins of the nominal loop, the loop in one
+        line. They are in the whole text only.
+        """
         return [
             *(Fact("certificate", describe_certificate(one)) for one in self.proofs.certificates),
             disk_margin_fact(self.margins),

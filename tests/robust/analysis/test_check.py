@@ -221,6 +221,19 @@ def test_sampled_controller_sees_hold_and_delay():
     assert check(simple(), 60.0).verdict == "robust"
 
 
+def test_every_report_has_the_sampling_time_of_its_loop():
+    """For one channel and for several, for a set and for an FRF."""
+    T, omega, lag = 0.05, np.geomspace(0.1, 10, 20), control.ss([[0.5]], [[1.0]], [[0.5]], 0, 0.05)
+    one, small = simple(), control.ss([], [], [], 0.1)
+    two = control.append(one.nominal, one.nominal)
+    sides = {"left": (small, small), "right": (small, small)}
+    matrix = UncertaintyModel(two, form="input", omega=omega, **sides)
+    models = {one: 1, control.frd(one.nominal, omega): 1, matrix: 2, control.frd(two, omega): 2}
+    for model, n in models.items():
+        for K, dt in ((control.append(*[lag] * n), T), (control.ss([], [], [], np.eye(n), 0), 0)):
+            assert check(model, K, certify=False).given.dt == dt
+
+
 def test_advice_names_the_part_that_limits():
     f = np.arange(1, 60, 2) * 0.05
 
