@@ -15,8 +15,8 @@ from robust.friction.loop import FrictionLoop, loop_frequencies, mobility
 from robust.friction.proof.certify import certified_verdict, settled_by_bound
 from robust.friction.proof.multipliers import filter_rates, hermitian_product
 from robust.friction.proof.protocol import (
+    CertifiedClass,
     FrictionCertificate,
-    FrictionClass,
     FrictionProof,
     ProofTask,
     require_stiction,
@@ -31,7 +31,7 @@ _N_POINTS = 300  # of the frequencies of the cone program
 
 
 @value(kw_only=False)
-class Bristle(FrictionClass):
+class Bristle(CertifiedClass):
     """Class of friction laws with bristles that bend and creep, such as LuGre and Leuven.
 
     The friction force is f = F + microdamping z', with the bristle deflection z. F is a hysteresis
@@ -78,7 +78,6 @@ class Bristle(FrictionClass):
 
     excluded: ClassVar[str] = "rigid stiction, another damping of the bristles, "
     stuck_element: ClassVar[str] = "a bristle"
-    takes_actuator: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         super().__post_init__()

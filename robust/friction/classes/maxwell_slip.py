@@ -28,8 +28,8 @@ from robust.friction.proof.dissipation import ROUNDED_UP, maxwell_slip_dissipati
 from robust.friction.proof.multipliers import filter_rates, weighed_port
 from robust.friction.proof.ports import coupling_of_rests, weights_of_ports
 from robust.friction.proof.protocol import (
+    CertifiedClass,
     FrictionCertificate,
-    FrictionClass,
     FrictionProof,
     ProofTask,
     require_stiction,
@@ -44,7 +44,7 @@ _SETTLING_ROUNDED_UP = 1 + 1e-9
 
 
 @value(kw_only=False)
-class MaxwellSlip(FrictionClass):
+class MaxwellSlip(CertifiedClass):
     """Class of all friction laws made of elements, each a spring in series with a slider.
 
     The friction force is the sum of the forces f_i of any number of elements. Element i is a spring
@@ -94,7 +94,6 @@ class MaxwellSlip(FrictionClass):
         "a law that creeps below break-away (LuGre, Dahl, Leuven), rigid stiction, "
     )
     joins_ports: ClassVar[bool] = True
-    takes_actuator: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         super().__post_init__()

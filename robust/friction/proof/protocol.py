@@ -1,5 +1,5 @@
-"""The interface of a class of friction (`FrictionClass`), and the result of a proof
-(`FrictionProof`).
+"""The interface of a class of friction (`FrictionClass`, and `CertifiedClass` for a proof by a
+storage function), and the result of a proof (`FrictionProof`).
 
 The fields of a class are its limits, and its methods decide whether a loop is proved. A new class
 is one more module of `robust.friction.classes`.
@@ -76,7 +76,21 @@ class FrictionCertificate(NamedTuple):
 class FrictionClass(ABC):
     """A class of friction laws: all laws within its limits.
 
-    Here friction is the friction force without its viscous part.
+    Here friction is the friction force without its viscous part. A class has its limits as fields,
+    `excluded`, `description` and `decide`. The rest has defaults; override what does not hold for
+    the class:
+
+    - `largest_force`: the given Fs. A class with a limit of its own returns that limit. A class with
+      a viscous part returns nan, because its force grows with the velocity. Then `error_bound`,
+      `kick_sure` and `settling_error` of a proof are nan, too.
+    - `error_bound`: that of any friction force up to Fs. A class whose force exceeds Fs, as with the
+      damping of bristles, returns a larger bound, or nan.
+    - `stuck`: no spring is tried. A class with laws that stick returns the stiffest spring: if the
+      loop with it is unstable, the class is refuted.
+    - `describe_proved`: rest from every state. A class that proves less says so.
+    - `stuck_element`, `joins_ports`: words of a counterexample, and friction at one port alone.
+
+    A class that is proved by a storage function derives from `CertifiedClass`.
 
     Fields
     ------
@@ -92,8 +106,6 @@ class FrictionClass(ABC):
     stuck_element: ClassVar[str] = "a spring"
     #: True if the class may act at several ports at once.
     joins_ports: ClassVar[bool] = False
-    #: True if there is a proof with an actuator that saturates.
-    takes_actuator: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         mechanical_units(self.position_unit)
@@ -117,22 +129,6 @@ class FrictionClass(ABC):
         others : the classes at the other friction ports.
         """
 
-    def certify(
-        self, loop: FrictionLoop, reference: float, others: Sequence[Self] = ()
-    ) -> FrictionCertificate:
-        """Prove that the storage function of the loop decreases. reference : rate [rad/s]; others :
-        classes at the other ports.
-        """
-        raise NotImplementedError
-
-    def region(self, task: ProofTask, known: Actuator, left: float) -> FrictionCertificate:
-        """Prove rest with an actuator that saturates. left : its limit minus the force that holds
-        the friction [N].
-        """
-        return FrictionCertificate(
-            "not tried for this class; up to this kick the actuator does not saturate."
-        )
-
     def stuck(self) -> tuple[float, float]:
         """Return stiffness [N/m] and damping [Ns/m] of the stiffest element that never slips; zero
         if none is tried.
@@ -154,6 +150,31 @@ class FrictionClass(ABC):
     def describe_proved(self, proof: FrictionProof) -> str:
         """Return what is proved, in words."""
         return "Comes to rest from every state"
+
+
+@value(kw_only=False)
+class CertifiedClass(FrictionClass):
+    """A class of friction that is proved by a storage function.
+
+    The level sets of this function also show up to which initial velocity an actuator does not
+    saturate.
+    """
+
+    @abstractmethod
+    def certify(
+        self, loop: FrictionLoop, reference: float, others: Sequence[Self] = ()
+    ) -> FrictionCertificate:
+        """Prove that the storage function of the loop decreases. reference : rate [rad/s]; others :
+        classes at the other ports.
+        """
+
+    def region(self, task: ProofTask, known: Actuator, left: float) -> FrictionCertificate:
+        """Prove rest with an actuator that saturates. left : its limit minus the force that holds
+        the friction [N].
+        """
+        return FrictionCertificate(
+            "not tried for this class; up to this kick the actuator does not saturate."
+        )
 
 
 def require_stiction(stiction: float) -> float:

@@ -58,8 +58,9 @@ def prove_friction(
         Controller, u = K (r - y); sampled, or continuous and proper. Poles and zeros are not
         cancelled.
     friction : FrictionClass or sequence of FrictionClass
-        Class of friction: `MaxwellSlip`, `Bristle`, `Bounded` or `Passive`. For a machine with
-        several friction ports, such as motor and load, one `MaxwellSlip` for each port.
+        Class of friction, from `robust.friction`; the page "Prove rest with a class of friction" has
+        a table of them. For a machine with several friction ports, such as motor and load, one class
+        for each port, all of a kind that may act at several ports, such as `MaxwellSlip`.
     delay : float
         Delay [s] from the sampling instant to the change of the force. It may be a fraction of a
         sample, or several samples.
@@ -68,11 +69,11 @@ def prove_friction(
         bound on the final distance from rest, and for one port `kick_sure`, an initial velocity
         from which the loop diverges.
     saturation : float, optional
-        Largest force of the actuator [N], for one port with `MaxwellSlip` or `Bristle`. It must
-        exceed Fs, which must be given. With `MaxwellSlip` the proof then holds for the loop with a
-        saturated actuator, from every state or up to an initial velocity. With `Bristle` the result
-        contains only the velocity up to which the actuator does not saturate. The proof is for K
-        without anti-windup.
+        Largest force of the actuator [N], for one port and a class that is proved by a storage
+        function. It must exceed Fs, which must be given. With `MaxwellSlip` the proof then holds for
+        the loop with a saturated actuator, from every state or up to an initial velocity. With
+        another class the result contains only the velocity up to which the actuator does not
+        saturate. The proof is for K without anti-windup.
 
     Returns
     -------
@@ -161,7 +162,8 @@ def _friction_of_ports(
             )
         if len(given) > 1 and not (one.joins_ports and type(one) is type(given[0])):
             raise ValueError(
-                f"friction must be MaxwellSlip at each of several ports, got {one.description}"
+                "friction must be of one kind, such as MaxwellSlip at each of several ports, got"
+                f" {one.description}"
             )
         if one.position_unit != machine.position_unit:
             raise ValueError(

@@ -26,6 +26,7 @@ from robust.friction.proof.multipliers import (
     weighed_port,
 )
 from robust.friction.proof.protocol import (
+    CertifiedClass,
     FrictionCertificate,
     FrictionClass,
     FrictionProof,
@@ -353,7 +354,7 @@ def limits_of_force(
 ) -> Actuator:
     """Return the actuator of a claim; raise for a class or a force without a proof."""
     require_one_port(machine)
-    if not friction.takes_actuator:
+    if not isinstance(friction, CertifiedClass):
         raise ValueError(
             f"saturation must be left out for {friction.description}, because no proof with"
             " saturation exists for it, got one"
@@ -380,6 +381,7 @@ def limits_of_force(
 def with_actuator(plain: FrictionProof, task: ProofTask, known: Actuator) -> FrictionProof:
     """Return the proof with the actuator, made from the proof without it."""
     machine, (friction,) = task.machine, plain.friction
+    assert isinstance(friction, CertifiedClass)  # `limits_of_force` refuses another
 
     def nothing(verdict: FrictionVerdict, reason: str) -> FrictionProof:
         return replace(

@@ -3,12 +3,14 @@ judge by mistake.
 """
 
 from dataclasses import replace
+from typing import ClassVar
 
 import control
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from nlfrf._base.values import value
 from nlfrf.rig import Drive
 from robust import friction_plant, prove_friction, sampled
 from robust.friction import Bounded, MaxwellSlip
@@ -20,6 +22,7 @@ from robust.friction.proof.multipliers import (
     maxwell_slip_multipliers,
     multiplier_terms,
 )
+from robust.friction.proof.protocol import FrictionClass
 from robust.friction.proof.storage import (
     SLACKS,
     build_storage,
@@ -398,3 +401,30 @@ def test_real_poles_lose_their_damping_too():
     assert np.abs(np.linalg.eigvals(slow.A)) == pytest.approx([100.0, 100.0])
     assert np.abs(np.linalg.eigvals(slow.A).real).max() < 1e-6
     assert 1 / (slow.velocity @ slow.B_port) == pytest.approx(2.0)
+
+
+@value(kw_only=False)
+class Damped(FrictionClass):
+    """Sliders with a viscous part, whose force has no limit: proved as sliders."""
+
+    K0: float
+    description: ClassVar[str] = "sliders with a viscous part"
+    excluded: ClassVar[str] = "rigid stiction, "
+
+    def largest_force(self, Fs):
+        return np.nan
+
+    def decide(self, undecided, task, others=()):
+        return MaxwellSlip(self.K0).decide(undecided, task, others)
+
+
+def test_a_class_with_a_viscous_part_bounds_nothing_and_takes_no_actuator():
+    """As the docstring of `FrictionClass` says."""
+    K = control.ss([[0.0]], [[1.0]], [[-60e3]], [[80e3]], 1e-3)
+    bounded = prove_friction(RIG, K, MaxwellSlip(64e3), Fs=1.0)
+    viscous = prove_friction(RIG, K, Damped(64e3), Fs=1.0)
+    assert viscous.verdict == bounded.verdict == "proved"
+    assert np.isfinite(bounded.error_bound)
+    assert np.isnan([viscous.error_bound, viscous.settling_error, viscous.kick_sure]).all()
+    with pytest.raises(ValueError, match="saturation must be left out for sliders with a viscous"):
+        prove_friction(RIG, K, Damped(64e3), Fs=1.0, saturation=20.0)
