@@ -10,7 +10,8 @@ import numpy as np
 from nlfrf._base.numbers import all_finite
 from nlfrf._base.units import unit_factor
 from nlfrf._base.values import value
-from nlfrf.io.channels import Channels, read_channels
+from nlfrf.io.channels import Channels
+from nlfrf.io.measurement_files import read_channels
 from nlfrf.io.readers.clock import UNIT_SUFFIX, is_rising, is_time_name, sampling_frequency
 from nlfrf.io.rows import find_rows_off
 from nlfrf.io.uneven_clock import UnevenClock
