@@ -137,7 +137,7 @@ def count_nan_fields(tree: ast.Module) -> int:
     return sum(
         isinstance(field, ast.AnnAssign)
         and field.value is not None
-        and ast.unparse(field.value).endswith("nan")
+        and "nan" in ast.unparse(field.value)
         for kind in ast.walk(tree)
         if isinstance(kind, ast.ClassDef)
         for field in kind.body
