@@ -9,12 +9,13 @@ Validation is in ``__post_init__``, which runs after the arrays are frozen.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from enum import Enum
-from functools import wraps
+from functools import singledispatch, wraps
 from pathlib import Path
 from textwrap import wrap
+from types import NoneType
 from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform, overload
 
 import numpy as np
@@ -53,41 +54,59 @@ def _repr_line(thing: DataclassInstance) -> str:
     return f"{type(thing).__name__}({described})"
 
 
+@singledispatch
 def _short_repr(thing: object) -> str:
     """Return a few characters for any object."""
-    if isinstance(thing, np.ndarray):
-        if thing.ndim <= 1 and thing.size <= _FEW and thing.dtype.kind in "fiub":
-            return np.array2string(thing, separator=", ", precision=5, max_line_width=10**6)
-        if thing.ndim != 1:
-            return f"array{thing.shape}"
-        return f"array({thing.size})"
-    if is_dataclass(thing) and not isinstance(thing, type):
+    if is_dataclass(type(thing)):
         return f"{type(thing).__name__}(...)"
     if hasattr(thing, "nstates") and hasattr(thing, "dt"):
-        if isinstance(thing.dt, float) and thing.dt:
-            clock = f", dt={thing.dt:g}"
-        else:
-            clock = ""
-        return f"{type(thing).__name__}({thing.nstates} states{clock})"
-    if isinstance(thing, np.generic):
-        thing = thing.item()
-    if isinstance(thing, list | tuple) and len(thing) > _FEW:
-        return f"{len(thing)} of {_short_repr(thing[0])}"
-    if isinstance(thing, list | tuple):
-        inner = ", ".join(map(_short_repr, thing))
-        if isinstance(thing, list):
-            return f"[{inner}]"
-        return f"({inner}{',' * (len(thing) == 1)})"
-    if isinstance(thing, dict):
-        return (
-            "{"
-            + ", ".join(f"{key}: {_short_repr(held)}" for key, held in list(thing.items())[:_FEW])
-            + "}"
-        )
+        return _short_system(thing)
     described = " ".join(repr(thing).split())
     if len(described) <= 60:
         return described
     return described[:57] + "..."
+
+
+def _short_system(system: Any) -> str:
+    if isinstance(system.dt, float) and system.dt:
+        clock = f", dt={system.dt:g}"
+    else:
+        clock = ""
+    return f"{type(system).__name__}({system.nstates} states{clock})"
+
+
+@_short_repr.register(np.ndarray)
+def _short_array(thing: np.ndarray) -> str:
+    if thing.ndim <= 1 and thing.size <= _FEW and thing.dtype.kind in "fiub":
+        return np.array2string(thing, separator=", ", precision=5, max_line_width=10**6)
+    if thing.ndim != 1:
+        return f"array{thing.shape}"
+    return f"array({thing.size})"
+
+
+@_short_repr.register(np.generic)
+def _short_scalar(thing: np.generic) -> str:
+    return _short_repr(thing.item())
+
+
+@_short_repr.register(list)
+def _short_list(thing: list[object]) -> str:
+    if len(thing) > _FEW:
+        return f"{len(thing)} of {_short_repr(thing[0])}"
+    return f"[{', '.join(map(_short_repr, thing))}]"
+
+
+@_short_repr.register(tuple)
+def _short_tuple(thing: tuple[object, ...]) -> str:
+    if len(thing) > _FEW:
+        return f"{len(thing)} of {_short_repr(thing[0])}"
+    return f"({', '.join(map(_short_repr, thing))}{',' * (len(thing) == 1)})"
+
+
+@_short_repr.register(dict)
+def _short_dict(thing: dict[object, object]) -> str:
+    shown = [f"{key}: {_short_repr(held)}" for key, held in list(thing.items())[:_FEW]]
+    return "{" + ", ".join(shown) + "}"
 
 
 SCREEN_WIDTH = 100  # columns of everything that is printed
@@ -229,54 +248,80 @@ def to_json(thing: object, most: float = np.inf) -> str:
     return json.dumps(to_plain(thing, most), ensure_ascii=False)
 
 
+@singledispatch
 def to_plain(thing: object, most: float = np.inf) -> Json:
     """Return a value in terms of JSON: dictionaries, lists, texts, numbers; systems as matrices,
     others as text.
+
+    >>> to_plain((np.float64(2), None, Path("a")))
+    [2.0, None, 'a']
     """
-    if isinstance(thing, Enum | np.generic):
-        return to_plain(thing.value if isinstance(thing, Enum) else thing.item(), most)
-    if thing is None or isinstance(thing, str | bool | int | float | complex):
-        return _plain_scalar(thing)
-    if isinstance(thing, np.ndarray) and thing.size > most:
-        return {"shape": list(thing.shape)}
-    if isinstance(thing, np.ndarray):
-        if thing.ndim:
-            return [to_plain(one, most) for one in thing]
-        return to_plain(thing.item(), most)
-    if isinstance(thing, list | tuple) and not hasattr(thing, "_fields"):
-        return [to_plain(one, most) for one in thing]
-    if (named := _named_parts(thing)) is not None:
-        return {name: to_plain(held, most) for name, held in named.items()}
-    if isinstance(thing, Path):
-        return str(thing)
+    if is_dataclass(thing):
+        fields_of_value = {name: getattr(thing, name) for name in field_names(thing)}
+        return to_plain(fields_of_value | _simple_properties(thing), most)
+    names = getattr(thing, "_fields", ("A", "B", "C", "D", "dt"))
+    if all(hasattr(thing, name) for name in names):
+        return {name: to_plain(getattr(thing, name), most) for name in names}
     return " ".join(str(thing).split())
 
 
-def _named_parts(thing: object) -> dict[str, object] | None:
-    """Return entries, fields with simple properties, or matrices by name; None without named
-    parts.
-    """
-    if isinstance(thing, Mapping):
-        return {str(key): held for key, held in thing.items()}
-    if is_dataclass(thing):
-        return {name: getattr(thing, name) for name in field_names(thing)} | _simple_properties(
-            thing
-        )
-    names = getattr(thing, "_fields", ("A", "B", "C", "D", "dt"))
-    if all(hasattr(thing, name) for name in names):
-        return {name: getattr(thing, name) for name in names}
-    return None
-
-
-def _plain_scalar(thing: str | complex | None) -> Json:
-    """Return a text, a truth value or a number for JSON: complex ones as [re, im], nonfinite ones
-    as null.
-    """
-    if isinstance(thing, complex):
-        return [_plain_scalar(thing.real), _plain_scalar(thing.imag)]
-    if isinstance(thing, float) and not np.isfinite(thing):
-        return None
+@to_plain.register(NoneType)
+@to_plain.register(bool)
+def _plain_truth(thing: bool | None, most: float = np.inf) -> Json:
     return thing
+
+
+@to_plain.register(str)
+@to_plain.register(Path)
+def _plain_text(thing: str | Path, most: float = np.inf) -> Json:
+    return str(thing)
+
+
+@to_plain.register(int)
+def _plain_int(thing: int, most: float = np.inf) -> Json:
+    return int(thing)
+
+
+@to_plain.register(float)
+def _plain_float(thing: float, most: float = np.inf) -> Json:
+    return thing if np.isfinite(thing) else None
+
+
+@to_plain.register(complex)
+def _plain_complex(thing: complex, most: float = np.inf) -> Json:
+    return [to_plain(thing.real), to_plain(thing.imag)]
+
+
+@to_plain.register(Enum)
+def _plain_enum(thing: Enum, most: float = np.inf) -> Json:
+    return to_plain(thing.value, most)
+
+
+@to_plain.register(np.generic)
+def _plain_scalar(thing: np.generic, most: float = np.inf) -> Json:
+    return to_plain(thing.item(), most)
+
+
+@to_plain.register(np.ndarray)
+def _plain_array(thing: np.ndarray, most: float = np.inf) -> Json:
+    if thing.size > most:
+        return {"shape": list(thing.shape)}
+    if thing.ndim:
+        return [to_plain(one, most) for one in thing]
+    return to_plain(thing.item(), most)
+
+
+@to_plain.register(list)
+@to_plain.register(tuple)
+def _plain_list(thing: Sequence[object], most: float = np.inf) -> Json:
+    if hasattr(thing, "_fields"):  # a named tuple
+        return to_plain(dict(zip(thing._fields, thing, strict=True)), most)
+    return [to_plain(one, most) for one in thing]
+
+
+@to_plain.register(Mapping)
+def _plain_mapping(thing: Mapping[object, object], most: float = np.inf) -> Json:
+    return {str(key): to_plain(held, most) for key, held in thing.items()}
 
 
 def _simple_properties(thing: object) -> dict[str, object]:
