@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from nlfrf._base.values import value
 from robust.proofs.exact.folded_sets import FoldedClaim, decide_folded
-from robust.proofs.exact.interval_kyp import IntervalClaim, decide_level
+from robust.proofs.exact.interval_kyp import IntervalClaim
 from robust.proofs.exact.polynomials import Decision
 from robust.proofs.exact.scaled_kyp import LEVEL, STABLE, ScaledClaim
 from robust.proofs.exact.verification import Verification, summarise_claims
@@ -36,6 +36,6 @@ def verify_channels(given: ChannelsClaim) -> Verification:
         if isinstance(claim, FoldedClaim):
             decided |= decide_folded(claim)
         else:
-            found = decide_level(claim)
+            found = claim.decide()
             decided |= {"nominal stability": found[STABLE], subject: found[LEVEL]}
     return summarise_claims(decided)

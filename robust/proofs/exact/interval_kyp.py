@@ -37,7 +37,6 @@ from robust.proofs.exact.scaled_kyp import (
     STABLE,
     Block,
     ScaledClaim,
-    decide_scaled,
     place_scalings,
     require_blocks,
 )
@@ -184,37 +183,38 @@ class IntervalClaim:
             ends = 2 / self.system.dt * np.arctan(ends)
         return np.column_stack([ends[:-1], ends[1:]])
 
+    def decide(self) -> dict[str, Decision]:
+        """Decide stability, and the level on every interval.
+
+        1/(s + 1) has mu of one at zero frequency; P = 1 proves that it is not larger elsewhere, with
+        any small Q.
+
+        >>> def matrix(x): return ComplexMatrix.of(np.array([[x]]))
+        >>> lag = Matrices(A=-np.ones((1, 1)), B=np.ones((1, 1)), C=np.ones((1, 1)), D=np.zeros((1, 1)))
+        >>> one = IntervalProof(P=matrix(1.0), Q=matrix(1e-9), scalings=(matrix(1.0),), skews=(matrix(0.0),))
+        >>> known = dict(system=lag, blocks=((1, 1, "full"),), stability=np.ones((1, 1)), T=np.ones((1, 1)))
+        >>> known |= dict(cuts=np.array([0.5]), pieces=(one, one))
+        >>> [IntervalClaim(level=x, **known).decide()[LEVEL].holds for x in (0.99, 1.01)]
+        [False, True]
+        """
+        loop = ExactLoop.of(self)
+        stable = loop.is_stable(self.stability)
+        found = {
+            STABLE: proved() if stable else undecided("the matrix for stability does not pass")
+        }
+        ends = pairwise([0.0, *self.cuts.tolist(), None])
+        for piece, (low, high), (start, end) in zip(self.pieces, ends, self.intervals, strict=True):
+            if not loop.holds(piece, low or 0.0, high):
+                return found | {
+                    LEVEL: undecided(
+                        f"the inequality does not pass from {start:.6g} to {end:.6g} rad/s"
+                    )
+                }
+        return found | {LEVEL: proved()}
+
 
 def _is_increasing(cuts: np.ndarray) -> bool:
     return bool(np.isfinite(cuts).all() and np.all(np.diff(cuts) > 0) and np.all(cuts > 0))
-
-
-def _decide_intervals(claim: IntervalClaim) -> dict[str, Decision]:
-    """Decide stability, and the level on every interval.
-
-    1/(s + 1) has mu of one at zero frequency; P = 1 proves that it is not larger elsewhere, with
-    any small Q.
-
-    >>> def matrix(x): return ComplexMatrix.of(np.array([[x]]))
-    >>> lag = Matrices(A=-np.ones((1, 1)), B=np.ones((1, 1)), C=np.ones((1, 1)), D=np.zeros((1, 1)))
-    >>> one = IntervalProof(P=matrix(1.0), Q=matrix(1e-9), scalings=(matrix(1.0),), skews=(matrix(0.0),))
-    >>> known = dict(system=lag, blocks=((1, 1, "full"),), stability=np.ones((1, 1)), T=np.ones((1, 1)))
-    >>> known |= dict(cuts=np.array([0.5]), pieces=(one, one))
-    >>> [_decide_intervals(IntervalClaim(level=x, **known))[LEVEL].holds for x in (0.99, 1.01)]
-    [False, True]
-    """
-    loop = ExactLoop.of(claim)
-    stable = loop.is_stable(claim.stability)
-    found = {STABLE: proved() if stable else undecided("the matrix for stability does not pass")}
-    ends = pairwise([0.0, *claim.cuts.tolist(), None])
-    for piece, (low, high), (start, end) in zip(claim.pieces, ends, claim.intervals, strict=True):
-        if not loop.holds(piece, low or 0.0, high):
-            return found | {
-                LEVEL: undecided(
-                    f"the inequality does not pass from {start:.6g} to {end:.6g} rad/s"
-                )
-            }
-    return found | {LEVEL: proved()}
 
 
 @value(copy=False)
@@ -301,16 +301,9 @@ def _has_structure(piece: IntervalProof, blocks: tuple[Block, ...]) -> bool:
     )
 
 
-def decide_level(claim: ScaledClaim | IntervalClaim) -> dict[str, Decision]:
-    """Decide stability and level of a claim of either kind."""
-    if isinstance(claim, IntervalClaim):
-        return _decide_intervals(claim)
-    return decide_scaled(claim)
-
-
 def verify_level(claim: ScaledClaim | IntervalClaim, *, time_cap: float = 60.0) -> Verification:
     """Prove the claim again over the rationals; it takes milliseconds an interval, and `time_cap`
     has no effect.
     """
     del time_cap
-    return summarise_claims(decide_level(claim))
+    return summarise_claims(claim.decide())

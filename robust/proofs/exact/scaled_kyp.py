@@ -94,47 +94,57 @@ class ScaledClaim:
         P = self.T.T @ self.P @ self.T
         return np.asarray((P + P.T) / 2)
 
+    def decide(self) -> dict[str, Decision]:
+        """Decide stability and level.
 
-def decide_scaled(claim: ScaledClaim) -> dict[str, Decision]:
-    """Decide stability and level.
-
-    >>> one = np.ones((1, 1))
-    >>> lag = Matrices(A=-one, B=one, C=one, D=0 * one)                   # 1/(s + 1): mu of one block is one
-    >>> known = dict(system=lag, blocks=((1, 1, "full"),), P=one, T=one, scalings=(one,), skews=(0 * one,))
-    >>> def at(level): return ScaledClaim(level=level, **known)
-    >>> [decide_scaled(at(x))["structured singular value"].holds for x in (1.0, np.nextafter(1, 2))]
-    [False, True]
-    """
-    refused = {
-        name: undecided(f"{part} does not pass")
-        for name, part in ((STABLE, "P"), (LEVEL, "the inequality"))
-    }
-    A, B, C, D, P, T = (
-        to_rational_matrix(M)
-        for M in (*(getattr(claim.system, name) for name in "ABCD"), claim.P, claim.T)
-    )
-    if not all(
-        _is_structured(*each)
-        for each in zip(claim.blocks, claim.scalings, claim.skews, strict=True)
-    ):
-        return refused | {LEVEL: undecided("the scaling does not commute with the perturbation")}
-    P = T.transpose() * P * T
-    P = (P + P.transpose()) / fmpq(2)
-    if claim.system.dt:
-        top, side, corner = A.transpose() * P * A - P, A.transpose() * P * B, B.transpose() * P * B
-    else:
-        top, side, corner = A.transpose() * P + P * A, P * B, B.transpose() * B * fmpq(0)
-    if claim.system.order and not (positive_definite(P) and positive_definite(-top)):
-        return refused
-    X_L, X_R, G = map(to_rational_matrix, place_scalings(claim.blocks, claim.scalings, claim.skews))
-    top += C.transpose() * X_L * C
-    side += C.transpose() * (X_L * D - G.transpose())
-    across = G * D
-    corner += (
-        D.transpose() * X_L * D - across - across.transpose() - X_R * to_rational(claim.level) ** 2
-    )
-    M = stack([[top, side], [side.transpose(), corner]])
-    return {STABLE: proved(), LEVEL: proved() if positive_definite(-M) else refused[LEVEL]}
+        >>> one = np.ones((1, 1))
+        >>> lag = Matrices(A=-one, B=one, C=one, D=0 * one)                   # 1/(s + 1): mu of one block is one
+        >>> known = dict(system=lag, blocks=((1, 1, "full"),), P=one, T=one, scalings=(one,), skews=(0 * one,))
+        >>> def at(level): return ScaledClaim(level=level, **known)
+        >>> [at(x).decide()["structured singular value"].holds for x in (1.0, np.nextafter(1, 2))]
+        [False, True]
+        """
+        refused = {
+            name: undecided(f"{part} does not pass")
+            for name, part in ((STABLE, "P"), (LEVEL, "the inequality"))
+        }
+        A, B, C, D, P, T = (
+            to_rational_matrix(M)
+            for M in (*(getattr(self.system, name) for name in "ABCD"), self.P, self.T)
+        )
+        if not all(
+            _is_structured(*each)
+            for each in zip(self.blocks, self.scalings, self.skews, strict=True)
+        ):
+            return refused | {
+                LEVEL: undecided("the scaling does not commute with the perturbation")
+            }
+        P = T.transpose() * P * T
+        P = (P + P.transpose()) / fmpq(2)
+        if self.system.dt:
+            top, side, corner = (
+                A.transpose() * P * A - P,
+                A.transpose() * P * B,
+                B.transpose() * P * B,
+            )
+        else:
+            top, side, corner = A.transpose() * P + P * A, P * B, B.transpose() * B * fmpq(0)
+        if self.system.order and not (positive_definite(P) and positive_definite(-top)):
+            return refused
+        X_L, X_R, G = map(
+            to_rational_matrix, place_scalings(self.blocks, self.scalings, self.skews)
+        )
+        top += C.transpose() * X_L * C
+        side += C.transpose() * (X_L * D - G.transpose())
+        across = G * D
+        corner += (
+            D.transpose() * X_L * D
+            - across
+            - across.transpose()
+            - X_R * to_rational(self.level) ** 2
+        )
+        M = stack([[top, side], [side.transpose(), corner]])
+        return {STABLE: proved(), LEVEL: proved() if positive_definite(-M) else refused[LEVEL]}
 
 
 STABLE, LEVEL = "stability", "structured singular value"

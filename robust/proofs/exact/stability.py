@@ -176,7 +176,7 @@ def claim_on_axis(claim: LoopClaim) -> Axis:
     """Put the parts of a claim on one axis, by the rules of `LoopClaim`; a part that violates them
     is refused.
     """
-    G, K, dt, delay = loop_on_axis(claim.plant, claim.controller, claim.delay)
+    G, K, dt, delay = loop_on_axis(claim.plant, claim.controller, to_rational(claim.delay))
     w, w_timed = _weight_quotient("weight", claim.weight, dt)
     if claim.performance is None:
         P, P_timed = None, False
@@ -206,17 +206,11 @@ def _shaping_product(claim: LoopClaim, dt: fmpq) -> Quotient:
 
 
 def loop_on_axis(
-    plant: Matrices, K: Matrices, seconds: fmpq | float
+    plant: Matrices, K: Matrices, delay: fmpq
 ) -> tuple[Quotient, Quotient, fmpq, fmpq]:
     """Return plant and controller on one axis, the sampling time, and the delay [s] that is not in
     the plant.
-
-    `seconds` is a double or a rational.
     """
-    if isinstance(seconds, float):
-        delay = to_rational(seconds)
-    else:
-        delay = seconds
     dt = to_rational(plant.dt or K.dt)
     if plant.dt:
         if K.order and not _is_same_sampling_time(K.dt, plant.dt):
@@ -226,7 +220,7 @@ def loop_on_axis(
         samples = delay / dt
         whole = int((samples + to_rational(0.5)).floor())
         if abs(samples - whole) > to_rational(_WHOLE_SAMPLES_DISCRETE):
-            raise ValueError(f"delay must be whole samples of {plant.dt} s, got {seconds} s")
+            raise ValueError(f"delay must be whole samples of {plant.dt} s, got {float(delay)} s")
         G = bilinear_image(delay_by_samples(transfer_quotient(plant), whole))
         delay = to_rational(0.0)
     elif dt:
@@ -392,7 +386,7 @@ def decide_loop_stability(plant: Matrices, controller: Matrices, *, delay: float
     found = undecided("not examined", needs_digits=True)
     for bits in _POLE_BITS:
         with ctx.workprec(bits):
-            G, K, _, rest = loop_on_axis(plant, controller, delay)
+            G, K, _, rest = loop_on_axis(plant, controller, to_rational(delay))
             found = decide_quotient_stability(G, K, rest)
         if not found.needs_digits:
             break

@@ -22,7 +22,7 @@ from robust.lti.norms import continuous_image, stabilising_riccati, well_conditi
 from robust.proofs.exact import claim as exact
 from robust.proofs.exact.claim import to_matrices
 from robust.proofs.exact.interval_kyp import verify_level
-from robust.proofs.exact.scaled_kyp import LEVEL, ScaledClaim, decide_scaled
+from robust.proofs.exact.scaled_kyp import LEVEL, ScaledClaim
 from robust.proofs.search.certificate import SCALED_KYP, Certificate, failed_certificate
 from robust.proofs.search.intervals import SLACK
 from robust.proofs.search.programs import SCS_STEPS, SOLVERS, solve_program
@@ -77,7 +77,7 @@ def certify_scaled(
     for scaling in search.scalings(solver):
         for P in search.storages(scaling):
             claim = search.claim(matrices, level, scaling, P)
-            if all(found.holds for found in decide_scaled(claim).values()):
+            if all(found.holds for found in claim.decide().values()):
                 return Certificate(
                     subject=subject,
                     outcome=Outcome.HOLDS,

@@ -15,7 +15,7 @@ from robust.lti.norms import hinf_norm
 from robust.lti.realisation import from_roots, order_roots
 from robust.models.fit.rational import map_to_model_plane
 from robust.proofs.exact.claim import to_matrices
-from robust.proofs.exact.scaled_kyp import ScaledClaim, decide_scaled
+from robust.proofs.exact.scaled_kyp import ScaledClaim
 from robust.proofs.search.intervals import magnitude_of
 
 
@@ -124,7 +124,7 @@ def test_the_judge_knows_a_wrong_matrix():
             scalings=(one,),
             skews=(0 * one,),
         )
-        return all(found.holds for found in decide_scaled(claim).values())
+        return all(found.holds for found in claim.decide().values())
 
     low, high = 4 - np.sqrt(12), 4 + np.sqrt(12)
     for P in (low * 1.001, high * 0.999, 4.0):
