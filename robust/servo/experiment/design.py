@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nlfrf import Bla, Multisine, Record
+from nlfrf import Multisine
 from nlfrf._base.arguments import (
     data_warning,
     require_choice,
@@ -20,13 +20,17 @@ from nlfrf._base.arguments import (
 )
 from nlfrf._base.drive_entries import PORTS
 from nlfrf._base.units import POSITIONS
-from nlfrf.rig import ServoAxis, run
-from nlfrf.signals import AssumedDrive, AxisExperiment, AxisLimits
-from robust.servo.experiment.loop import closed_loop_poles, crossover_frequency, drive_loop
+from nlfrf.rig import ServoAxis
+from nlfrf.signals import AxisExperiment, AxisLimits
+from robust.servo.experiment.loop import (
+    DriveSource,
+    RecordSource,
+    Source,
+    as_source,
+    closed_loop_poles,
+    crossover_frequency,
+)
 
-#: A drive with a rough machine; a drive with a measured FRF that replaces that of its machine; or a
-#: record.
-Source = ServoAxis | Record | tuple[ServoAxis, Bla]
 #: Largest error of a double pole at one by rounding: the square root of the rounding of its
 #: numbers.
 _ROUNDING_OF_POLES = 1e-6
@@ -126,11 +130,12 @@ def design_experiment(
         directions = np.tile([1.0, -1.0], strokes)
     else:
         directions = np.ones(1)
-    wanted = _wanted_force(source, ms)
+    drive = as_source(source)
+    wanted = _wanted_force(drive, ms)
     if isinstance(source, ServoAxis):
         _warn_of_loop(source, wanted)
     segments = _Segments(base_velocity * directions, np.ones(directions.size), n_periods, n_discard)
-    return _experiment_within(source, wanted, segments=segments, port=port, rms=rms, limits=limits)
+    return _experiment_within(drive, wanted, segments=segments, port=port, rms=rms, limits=limits)
 
 
 def design_ramp(
@@ -195,13 +200,14 @@ def design_ramp(
     n_levels = require_integer("n_levels", n_levels, least=4)
     if not require_positive("span", span) > 1:
         raise ValueError(f"span must be above 1, got {span:g}")
-    wanted = _wanted_force(source, ms)
+    drive = as_source(source)
+    wanted = _wanted_force(drive, ms)
     if wanted.n_realizations != 1:
         raise ValueError(f"ms must have one realisation, got {wanted.n_realizations}")
     segments = _Segments(
         np.zeros(n_levels), np.geomspace(1 / span, 1.0, n_levels), n_periods, n_discard
     )
-    return _experiment_within(source, wanted, segments=segments, port=port, rms=rms, limits=limits)
+    return _experiment_within(drive, wanted, segments=segments, port=port, rms=rms, limits=limits)
 
 
 class _Segments(NamedTuple):
@@ -215,14 +221,12 @@ class _Segments(NamedTuple):
     n_discard: int
 
 
-def _wanted_force(source: Source, ms: Multisine) -> Multisine:
+def _wanted_force(source: DriveSource | RecordSource, ms: Multisine) -> Multisine:
     """Return the wanted multisine of the force, with an rms of one."""
-    origin = source[0] if isinstance(source, tuple) else source
-    require_kind("source", origin, ServoAxis, Record)
     require_kind("ms", ms, Multisine)
     if not ms.is_single:
         raise ValueError(f"ms must have one input, got {ms.n_inputs}")
-    fs = origin.drive.fs if isinstance(origin, ServoAxis) else origin.fs
+    fs = source.fs
     if abs(ms.fs / fs - 1) > 1e-9:
         raise ValueError(f"ms must be sampled as the source is, at {fs:g} Hz, got {ms.fs:g} Hz")
     return replace(ms, amplitude=ms.amplitude / ms.rms, hold="zoh")
@@ -262,7 +266,7 @@ def _warn_of_loop(axis: ServoAxis, wanted: Multisine) -> None:
 
 
 def _experiment_within(
-    source: Source,
+    source: DriveSource | RecordSource,
     wanted: Multisine,
     *,
     segments: _Segments,
@@ -273,23 +277,12 @@ def _experiment_within(
     """Return the experiment at its level, or at the largest level within the limits; refuse a level
     beyond them.
     """
-    if isinstance(source, tuple):
-        source, plant = source
-    else:
-        source, plant = source, None
-    if plant is not None:
-        require_kind("plant", plant, Bla)
     if limits is not None:
         require_kind("limits", limits, AxisLimits)
-    force_response, position_response = drive_loop(
-        source, require_choice("port", port, PORTS), f=wanted.f, plant=plant
+    force_response, position_response = source.responses(
+        require_choice("port", port, PORTS), wanted.f
     )
-    if isinstance(source, ServoAxis):
-        position, force = source.units
-        assumed = _assumed_drive(source)
-    else:
-        position, force = source.y_unit, source.u_unit
-        assumed = None
+    position, force = source.units
     position = POSITIONS.get(position, (position,))[0]
     draft = AxisExperiment(
         ms=replace(wanted, amplitude=wanted.amplitude / np.abs(force_response)),
@@ -303,36 +296,12 @@ def _experiment_within(
         position_unit=position or "m",
         force_unit=force or "N",
         base_force=0.0,
-        assumed_drive=assumed,
+        assumed_drive=source.assumed_drive,
     )
     # the force of the base motion is simulated with the set points of the draft
-    draft = replace(draft, base_force=_base_force(source, draft))
+    draft = replace(draft, base_force=source.base_force(draft))
     level = _level_within(draft, limits=AxisLimits() if limits is None else limits, rms=rms)
     return replace(draft, ms=replace(draft.ms, amplitude=level * draft.ms.amplitude))
-
-
-def _assumed_drive(axis: ServoAxis) -> AssumedDrive:
-    drive = axis.drive
-    return AssumedDrive(
-        kv=drive.kv,
-        kp=drive.gain,
-        tn=drive.tn,
-        velocity_feedforward=drive.velocity_feedforward,
-        lag=drive.lag,
-        delay=drive.delay,
-        force_constant=axis.force_constant,
-    )
-
-
-def _base_force(source: ServoAxis | Record, experiment: AxisExperiment) -> float:
-    """Return the peak force of the base motion: simulated, or the mean of a record in motion."""
-    if isinstance(source, Record):
-        return float(np.abs(source.u.mean(axis=-1)).max())
-    if not np.any(experiment.velocities):
-        return 0.0
-    # both directions, and one reversal
-    n = min(2 * experiment.block + experiment.ms.n_samples, experiment.n_rows)
-    return float(np.abs(run(source, experiment.base[:n]).force_set).max())
 
 
 def _level_within(draft: AxisExperiment, *, limits: AxisLimits, rms: float | None) -> float:

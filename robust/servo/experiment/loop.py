@@ -9,47 +9,130 @@ force set point to position, with hold, delay and lag.
 
 from __future__ import annotations
 
+from typing import Any, TypeAlias
+
 import numpy as np
 
 from nlfrf import Bla, Record
-from nlfrf._base.arguments import short_form
+from nlfrf._base.arguments import as_list, require_kind
 from nlfrf._base.numbers import rfft_at
 from nlfrf._base.units import POSITIONS
-from nlfrf.rig import ServoAxis
+from nlfrf._base.values import value
+from nlfrf.rig import ServoAxis, run
+from nlfrf.signals import AssumedDrive, AxisExperiment
 
 
-def drive_loop(
-    source: ServoAxis | Record, port: str, *, f: np.ndarray, plant: Bla | None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return two (F,) complex responses to a unit at the port, on the lines f [Hz]: force set point
-    and position.
+@value(kw_only=False, copy=False)
+class DriveSource:
+    """A running drive known by its gains, with a rough machine or a measured plant."""
 
-    They are computed for a drive with a rough plant, or read from a record. A known unit of
-    position becomes m or rad.
-    """
-    if isinstance(source, ServoAxis):
-        if plant is None:
-            G = plant_frf(source, f)
+    axis: ServoAxis
+    plant: Bla | None = None  # FRF from force set point to position, instead of the rough machine
+
+    @property
+    def fs(self) -> float:
+        """Sampling frequency [Hz]."""
+        return self.axis.drive.fs
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """Units of position and force."""
+        return self.axis.units
+
+    def responses(self, port: str, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return two (F,) complex responses to a unit at the port, on the lines f [Hz]: force set
+        point and position.
+        """
+        if self.plant is None:
+            G = plant_frf(self.axis, f)
         else:
-            G = _interpolate_frf(plant.f, np.asarray(plant.G), f=f, what="plant")
-        force = port_frf(source, G, port=port, f=f)
+            G = _interpolate_frf(self.plant.f, np.asarray(self.plant.G), f=f, what="plant")
+        force = port_frf(self.axis, G, port=port, f=f)
         return force, G * force
-    if not isinstance(source, Record):
-        raise ValueError(
-            f"source must be a ServoAxis or a Record with its reference, got {short_form(source)}"
+
+    @property
+    def assumed_drive(self) -> AssumedDrive:
+        """Gains of the drive, for the experiment."""
+        drive = self.axis.drive
+        return AssumedDrive(
+            kv=drive.kv,
+            kp=drive.gain,
+            tn=drive.tn,
+            velocity_feedforward=drive.velocity_feedforward,
+            lag=drive.lag,
+            delay=drive.delay,
+            force_constant=self.axis.force_constant,
         )
-    if plant is not None:
+
+    def base_force(self, experiment: AxisExperiment) -> float:
+        """Return the peak of the force in the base motion, by simulation."""
+        if not np.any(experiment.velocities):
+            return 0.0
+        # both directions, and one reversal
+        n = min(2 * experiment.block + experiment.ms.n_samples, experiment.n_rows)
+        return float(np.abs(run(self.axis, experiment.base[:n]).force_set).max())
+
+
+@value(kw_only=False, copy=False)
+class RecordSource:
+    """A running drive known by a record of its loop, with the reference at the port."""
+
+    record: Record
+
+    @property
+    def fs(self) -> float:
+        """Sampling frequency [Hz]."""
+        return self.record.fs
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """Units of position and force, empty if unknown."""
+        return self.record.y_unit, self.record.u_unit
+
+    def responses(self, port: str, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the responses of `DriveSource`, read from the record; its port is the one played.
+
+        A known unit of position becomes m or rad.
+        """
+        record = self.record
+        U, Y, R = record_spectra(record)
+        f_record = record.lines.excited * record.f0
+        Y = Y * POSITIONS.get(record.y_unit, ("", 1.0))[1]  # the reference is in m or rad
+        force, position = (
+            _interpolate_frf(f_record, np.mean(one / R, axis=0), f=f, what="the record")
+            for one in (U.mean(axis=1), Y.mean(axis=1))
+        )
+        return force, position
+
+    @property
+    def assumed_drive(self) -> AssumedDrive | None:
+        """None: a record does not contain the gains."""
+        return None
+
+    def base_force(self, experiment: AxisExperiment) -> float:
+        """Return the mean force of the record, that of its base motion."""
+        return float(np.abs(self.record.u.mean(axis=-1)).max())
+
+
+#: A drive with a rough machine; a drive with a measured FRF that replaces that of its machine; or a
+#: record.
+Source: TypeAlias = ServoAxis | Record | tuple[ServoAxis, Bla]
+
+
+def as_source(source: Source) -> DriveSource | RecordSource:
+    """Return what is known of a drive, from each form in which it is given."""
+    parts: list[Any] = as_list(source)
+    origin, *plants = parts
+    require_kind("source", origin, ServoAxis, Record)
+    if isinstance(origin, ServoAxis):
+        for plant in plants:
+            require_kind("plant", plant, Bla)
+        return DriveSource(origin, *plants)
+    if plants:
         raise ValueError(
             "plant must be left out with a record, which contains the measured loop, got both"
         )
-    U, Y, R = record_spectra(source)
-    f_record = source.lines.excited * source.f0
-    Y = Y * POSITIONS.get(source.y_unit, ("", 1.0))[1]  # the reference of a record is in m or rad
-    force, position = (
-        _interpolate_frf(f_record, np.mean(one / R, axis=0), f=f, what="the record")
-        for one in (U.mean(axis=1), Y.mean(axis=1))
-    )
-    return force, position
+    return RecordSource(origin)
 
 
 def record_spectra(record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
