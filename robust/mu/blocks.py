@@ -6,11 +6,11 @@ output is `cols` inputs of N.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import short_form
+from nlfrf._base.arguments import as_list, short_form
 from nlfrf._base.values import value
 from robust._base.types import Blocks
 
@@ -49,7 +49,7 @@ class BlockStructure:
 
 def block_structure(name: str, blocks: Blocks) -> BlockStructure:
     """Return the blocks, checked, with the bases of their scalings."""
-    if not isinstance(blocks, Sequence) or isinstance(blocks, str) or not len(blocks):
+    if not isinstance(blocks, list | tuple) or not blocks:
         raise ValueError(
             f"{name} must be a list of (rows, cols), (n, n, 'repeated') or (n, n, 'real')"
         )
@@ -84,11 +84,10 @@ def block_structure(name: str, blocks: Blocks) -> BlockStructure:
 
 def _check_block(name: str, block: object) -> tuple[int, int, str]:
     """Return rows, columns and kind of one block, or refuse it."""
-    if isinstance(block, (tuple, list)) and len(block) in (2, 3):
-        parts = block
-    else:
-        parts = ()
-    if not parts or not all(isinstance(n, (int, np.integer)) and n >= 1 for n in parts[:2]):
+    parts: list[Any] = as_list(block)
+    if len(parts) not in (2, 3) or not all(
+        isinstance(n, (int, np.integer)) and n >= 1 for n in parts[:2]
+    ):
         raise ValueError(
             f"{name} must be (rows, cols) with whole numbers of at least 1, got {short_form(block)}"
         )

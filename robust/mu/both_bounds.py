@@ -150,18 +150,15 @@ def bounds(
     >>> print(bounds(N, [(1, 1, "real")]))
     mu between 1.2 and 1.204 at every frequency, largest at 1 rad/s
     """
-    omega_given = omega is not None
-    omega, M = _sampled_response(N, omega)
+    omega, M, system = _sampled_response(N, omega)
     s = structure_for("blocks", blocks, M.shape[:2])
     found = lower(M, blocks, n_starts=_N_STARTS, rng=rng)
     assert found.delta is not None  # of a lower bound
     above = np.maximum(upper(M, blocks).value, found.value)  # if they meet, rounding may cross them
     on_lines = StructuredBounds(omega=omega, lower=found.value, upper=above, delta=found.delta)
-    if omega_given or omega is None or isinstance(N, control.FrequencyResponseData):
+    if system is None:
         return on_lines
-    return _at_every_frequency(
-        on_lines, multivariable("N", N), blocks, growing=np.ones(len(s.kinds), bool)
-    )
+    return _at_every_frequency(on_lines, system, blocks, growing=np.ones(len(s.kinds), bool))
 
 
 def worst_gain(
@@ -207,8 +204,7 @@ def worst_gain(
     >>> found.lower.round(4).item(), found.upper.round(4).item(), found.delta.real.round(4).item()
     (0.6667, 0.6667, -1.0)
     """
-    omega_given = omega is not None
-    omega, M = _sampled_response(N, omega)
+    omega, M, system = _sampled_response(N, omega)
     bound = gain_bound(M, blocks)
     reached, delta = search_worst_case(
         response_matrices("N", M), blocks, upper=bound, rng=random_generator("rng", rng)
@@ -220,10 +216,10 @@ def worst_gain(
         delta=np.moveaxis(delta, 0, 2),
         quantity="worst gain",
     )
-    if omega_given or omega is None or isinstance(N, control.FrequencyResponseData):
+    if system is None:
         return on_lines
     whole, growing = with_performance_block(blocks, M.shape[:2])
-    return _at_every_frequency(on_lines, multivariable("N", N), whole, growing=growing)
+    return _at_every_frequency(on_lines, system, whole, growing=growing)
 
 
 def _at_every_frequency(
@@ -290,8 +286,10 @@ def _exact_certificates(
 
 def _sampled_response(
     N: AnySystem | np.ndarray, omega: ArrayLike | None
-) -> tuple[np.ndarray | None, np.ndarray]:
-    """Return frequencies, and the response (n_out, n_in, W) at them."""
+) -> tuple[np.ndarray | None, np.ndarray, control.StateSpace | None]:
+    """Return frequencies, the response (n_out, n_in, W) at them, and the system to bound at every
+    frequency: None if frequencies were given, and for an FRF, an array or a constant.
+    """
     if omega is not None:
         omega = np.atleast_1d(np.asarray(omega, dtype=float))
         if omega.ndim != 1 or not np.isfinite(omega).all():
@@ -309,18 +307,15 @@ def _sampled_response(
                 f"omega must hold frequencies of N, which has {own.size} from {own.min():.4g} to"
                 f" {own.max():.4g} rad/s"
             )
-        return own[where], np.asarray(N.frdata)[:, :, where]
+        return own[where], np.asarray(N.frdata)[:, :, where], None
     if isinstance(N, control.lti.LTI):
         system = multivariable("N", N)
+        if omega is not None:
+            return omega, response_by_channel(system, omega), None
         if not system.nstates:
-            if omega is None:
-                return None, system.D[:, :, None]
-            return omega, response_by_channel(system, omega)
-        if omega is None:
-            at = structure_grid(system)[1:]
-        else:
-            at = omega
-        return at, response_by_channel(system, at)
+            return None, system.D[:, :, None], None
+        omega = structure_grid(system)[1:]
+        return omega, response_by_channel(system, omega), system
     M = np.asarray(N)
     if M.ndim == 2:
         M = M[:, :, None]
@@ -329,4 +324,4 @@ def _sampled_response(
             f"omega must have one frequency for each matrix of N, got {omega.size} for shape"
             f" {M.shape}"
         )
-    return omega, np.moveaxis(response_matrices("N", M), 0, 2)
+    return omega, np.moveaxis(response_matrices("N", M), 0, 2), None
