@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import numbers
+from functools import singledispatch
+from typing import cast
 
 import control
 import numpy as np
@@ -10,7 +12,7 @@ from scipy.linalg import matrix_balance
 from scipy.signal import lfilter
 
 from nlfrf._base.arguments import short_form
-from robust._base.types import AnySystem, Weight
+from robust._base.types import AnySystem, LinearSystem, Weight
 from robust.lti.connections import block_diagonal, in_series
 from robust.lti.lti import (
     Matrices,
@@ -30,22 +32,8 @@ from robust.lti.minimal import EntryModes, sum_modes
 
 def multivariable(name: str, system: object) -> control.StateSpace:
     """Return the system as a state space with any number of inputs and outputs, or refuse it."""
-    if isinstance(system, (numbers.Real, list, tuple, np.ndarray)) and not isinstance(system, bool):
-        system = control.StateSpace([], [], [], _gain_matrix(name, system), None)
-    if isinstance(system, control.TransferFunction) and (system.ninputs, system.noutputs) == (1, 1):
-        real = state_space(name, system)
-        system = control.StateSpace(
-            real.A,
-            real.B,
-            real.C,
-            real.D,
-            real.dt,
-            inputs=system.input_labels,
-            outputs=system.output_labels,
-        )
-    if isinstance(system, control.TransferFunction):
-        system = _realise_transfer_matrix(name, system)
-    if not isinstance(system, control.StateSpace):
+    found = _realise(system, name)
+    if found is None:
         # a model or a fit, where a plant is needed
         parts = [
             part
@@ -57,7 +45,41 @@ def multivariable(name: str, system: object) -> control.StateSpace:
         else:
             cure = ""
         raise ValueError(f"{name} must be a control.StateSpace, got {short_form(system)}.{cure}")
-    return _require_complete(name, system)
+    if found is not system and hasattr(system, "input_labels"):
+        given = cast("LinearSystem", system)
+        found = with_names(found, given.input_labels, given.output_labels)
+    return _require_complete(name, found)
+
+
+@singledispatch
+def _realise(system: object, name: str) -> control.StateSpace | None:
+    """Return a state space of a system, a number or a matrix; None for anything else."""
+    return None
+
+
+@_realise.register(control.StateSpace)
+def _keep_state_space(system: control.StateSpace, name: str) -> control.StateSpace:
+    return system
+
+
+@_realise.register(control.TransferFunction)
+def _realise_transfer_function(system: control.TransferFunction, name: str) -> control.StateSpace:
+    if (system.ninputs, system.noutputs) != (1, 1):
+        return _realise_transfer_matrix(name, system)
+    return from_polynomials(name, system.num[0][0], den=system.den[0][0], dt=system.dt)
+
+
+@_realise.register(numbers.Real)
+@_realise.register(np.ndarray)
+@_realise.register(list)
+@_realise.register(tuple)
+def _realise_gain(system: object, name: str) -> control.StateSpace:
+    return control.StateSpace([], [], [], _gain_matrix(name, system), None)
+
+
+@_realise.register(bool)  # no number, although Python counts it as one
+def _refuse_truth(system: bool, name: str) -> None:
+    return None
 
 
 #: Poles closer than this, relative to their size, are summed together: poles of multiplicity 4
@@ -161,28 +183,20 @@ def state_space(name: str, system: object) -> control.StateSpace:
     Transfer functions are realised without cancellation, so that the stability check finds a mode
     that is hidden in G K. A number becomes a constant gain.
     """
-    if isinstance(system, (numbers.Real, np.ndarray)) and not isinstance(system, bool):
-        gain = np.asarray(system, dtype=float)
-        if gain.size != 1:
-            raise ValueError(f"{name} must have one input and one output, got {short_form(system)}")
-        system = control.StateSpace([], [], [], gain.reshape(1, 1), None)
-    if isinstance(system, control.TransferFunction):
-        if (system.ninputs, system.noutputs) != (1, 1):
-            raise ValueError(
-                f"{name} must have one input and one output, got {system.ninputs} and"
-                f" {system.noutputs}"
-            )
-        system = from_polynomials(name, system.num[0][0], den=system.den[0][0], dt=system.dt)
-    if not isinstance(system, control.StateSpace):
+    channels = getattr(system, "ninputs", 1), getattr(system, "noutputs", 1)
+    found = _realise(system, name) if channels == (1, 1) else None
+    if found is not None:
+        channels = found.ninputs, found.noutputs
+    if channels != (1, 1):
+        raise ValueError(
+            f"{name} must have one input and one output, got {channels[0]} and {channels[1]}"
+        )
+    if found is None:
         raise ValueError(
             f"{name} must be a control.StateSpace, a TransferFunction or a number, got"
             f" {short_form(system)}" + _controller_hint(system)
         )
-    if (system.ninputs, system.noutputs) != (1, 1):
-        raise ValueError(
-            f"{name} must have one input and one output, got {system.ninputs} and {system.noutputs}"
-        )
-    return _require_complete(name, system)
+    return _require_complete(name, found)
 
 
 def _controller_hint(thing: object) -> str:
@@ -428,12 +442,23 @@ def frequency_response(
     A system without a dt takes that clock. The response is (W,), or (n_y, n_u, W) for a shape with
     several channels.
     """
-    if not isinstance(plant, control.FrequencyResponseData):
-        if shape == (1, 1):
-            plant = state_space(name, plant)
-        else:
-            plant = multivariable(name, plant)
     dt = common_sampling_time(*other)
+    if isinstance(plant, control.FrequencyResponseData):
+        _require_fitting(name, plant, dt=dt, shape=shape)
+        omega, G = np.asarray(plant.omega, dtype=float), np.asarray(plant.frdata, dtype=complex)
+    else:
+        system = state_space(name, plant) if shape == (1, 1) else multivariable(name, plant)
+        _require_fitting(name, system, dt=dt, shape=shape)
+        if system.dt is None and dt:
+            system = control.StateSpace(system.A, system.B, system.C, system.D, dt)
+        G = response_by_channel(system, omega)
+    return omega, G[0, 0] if shape == (1, 1) else G
+
+
+def _require_fitting(
+    name: str, plant: AnySystem, *, dt: float | None, shape: tuple[int, int]
+) -> None:
+    """Refuse a plant with another sampling time than the nominal, or with other channels."""
     require_sampling_time(name, plant, reference="the nominal", wanted=dt)
     if (plant.noutputs, plant.ninputs) != shape:
         if shape == (1, 1):
@@ -441,13 +466,6 @@ def frequency_response(
         else:
             wanted = f"{shape[1]} inputs and {shape[0]} outputs"
         raise ValueError(f"{name} must have {wanted}, got {plant.ninputs} and {plant.noutputs}")
-    if isinstance(plant, control.FrequencyResponseData):
-        omega, G = np.asarray(plant.omega, dtype=float), np.asarray(plant.frdata, dtype=complex)
-    else:
-        if plant.dt is None and dt:
-            plant = control.StateSpace(plant.A, plant.B, plant.C, plant.D, dt)
-        G = response_by_channel(plant, omega)
-    return omega, G[0, 0] if shape == (1, 1) else G
 
 
 def order_roots(roots: np.ndarray, tolerance: float = 1e-14) -> np.ndarray:
