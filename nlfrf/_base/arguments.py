@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import replace
 from functools import wraps
-from typing import TYPE_CHECKING, ParamSpec, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, TypeGuard, TypeVar, cast
 
 import numpy as np
 
@@ -251,6 +251,15 @@ def as_list(given: Thing | Sequence[Thing]) -> list[Thing]:
     return [cast("Thing", given)]
 
 
+def as_names(given: object) -> tuple[str, ...]:
+    """Return an argument that is one text or several as a tuple.
+
+    >>> as_names("force"), as_names(["force", "torque"])
+    (('force',), ('force', 'torque'))
+    """
+    return tuple(cast("list[str]", as_list(given)))
+
+
 def add_warnings(made: Kept, texts: Iterable[str]) -> Kept:
     """Return a value with these warnings added, each once; the value itself if it has them all."""
     warned = tuple(dict.fromkeys((*texts, *made.warnings)))
@@ -273,6 +282,24 @@ def require_kind(name: str, thing: object, *kinds: type) -> None:
         )
 
 
+def require_list(name: str, given: object, kind: type[Thing]) -> list[Thing]:
+    """Return several values of one kind as a list; refuse an empty one, or other contents.
+
+    >>> require_list("gains", (1.0, 2.0), float)
+    [1.0, 2.0]
+    >>> require_list("gains", 1.0, float)
+    Traceback (most recent call last):
+        ...
+    ValueError: gains must be a list of at least one float, got 1.0
+    """
+    found = list(given) if isinstance(given, Iterable) else []
+    if not found or not all(isinstance(one, kind) for one in found):
+        raise ValueError(
+            f"{name} must be a list of at least one {kind.__name__}, got {short_form(given)}"
+        )
+    return found
+
+
 def require_known(where: str, given: Iterable[str], known: Sequence[str]) -> None:
     """Refuse an unknown entry of a file, with the nearest known one.
 
@@ -292,6 +319,31 @@ def require_known(where: str, given: Iterable[str], known: Sequence[str]) -> Non
                 f" {name!r}{f', did you mean {near[0]}?' if near else '.'} Known:"
                 f" {', '.join(sorted(known))}"
             )
+
+
+class _OfChannels(Protocol):
+    """A value with inputs and outputs."""
+
+    @property
+    def is_single(self) -> bool:
+        """True for one input and one output."""
+
+    @property
+    def n_inputs(self) -> int:
+        """Number of inputs."""
+
+    @property
+    def n_outputs(self) -> int:
+        """Number of outputs."""
+
+
+def require_one_channel(name: str, thing: _OfChannels, cure: str = "") -> None:
+    """Refuse a value with several inputs or outputs."""
+    if not thing.is_single:
+        raise ValueError(
+            f"{name} must have one input and one output, got {thing.n_inputs} and"
+            f" {thing.n_outputs}{cure}"
+        )
 
 
 class MissingArgumentError(ValueError):
@@ -318,9 +370,14 @@ def require_nonnegative(name: str, number: object) -> float:
     return found
 
 
+def is_real(thing: object) -> TypeGuard[float]:
+    """Return whether a thing is a real number, of Python or numpy; a truth value is none."""
+    return isinstance(thing, numbers.Real) and type(thing) is not bool
+
+
 def require_real(name: str, number: object) -> float:
     """Return the number as a float; refuse it unless it is one finite real number."""
-    if isinstance(number, (bool, np.bool_)) or not isinstance(number, numbers.Real):
+    if not is_real(number):
         raise ValueError(f"{name} must be a real number, got {short_form(number)}")
     if not np.isfinite(float(number)):
         raise ValueError(f"{name} must be finite, got {float(number)}")
@@ -331,7 +388,7 @@ def require_integer(name: str, number: object, *, least: int) -> int:
     """Return the number as an int; refuse it unless it is a whole number of at least `least`."""
     if type(number) is int and number >= least:
         return number
-    if isinstance(number, numbers.Real) and not isinstance(number, (bool, np.bool_)):
+    if is_real(number):
         number_f = float(number)
         if number_f.is_integer() and number_f >= least:
             return int(number_f)
@@ -369,8 +426,7 @@ def require_choice(name: str, choice: object, choices: tuple[str, ...]) -> str:
 
 def require_real_array(name: str, array: object, *, ndim: int) -> np.ndarray:
     """Return the array as float64; refuse it unless it has `ndim` axes and finite real numbers."""
-    if isinstance(array, np.ma.MaskedArray):
-        _require_unmasked(name, array)
+    _require_unmasked(name, array)
     array = np.asarray(array)
     if array.dtype.kind not in "fiub":
         raise ValueError(f"{name} must hold real numbers, got dtype {array.dtype}")
@@ -387,20 +443,20 @@ def require_real_array(name: str, array: object, *, ndim: int) -> np.ndarray:
     return array
 
 
-def _require_unmasked(name: str, array: np.ma.MaskedArray) -> None:
+def _require_unmasked(name: str, array: Any) -> None:
     """Refuse masked samples: the numbers under the mask would be used."""
-    mask = np.ma.getmaskarray(array)
+    mask = np.ma.getmask(array)
     if mask.any():
         first = tuple(int(i) for i in np.argwhere(mask)[0])
         raise ValueError(
             f"{name} must have no masked numbers, got {int(mask.sum())}, the first at "
-            f"{first[0] if array.ndim == 1 else first}; cut them out or fill them"
+            f"{first[0] if mask.ndim == 1 else first}; cut them out or fill them"
         )
 
 
 def channel_names(name: str, given: object, count: int) -> tuple[str, ...]:
     """Return names of channels, none if none are given; a text suffices for one channel."""
-    names = (given,) if isinstance(given, str) or not isinstance(given, Sequence) else tuple(given)
+    names = as_names(given)
     if names and (
         not all(isinstance(one, str) for one in names)
         or len(set(names)) != count

@@ -27,21 +27,26 @@ _HEADROOM = 6.0  # [dB] least free space above and below the curves of a picture
 _MAX_GROWTH = 1.25  # growth of the width of axes by a layout
 
 
+def _listed_axes(ax: AxesLike | None) -> list[Axes]:
+    """Return one Axes, or those of any array of them, as a list."""
+    return list(np.asarray(ax, dtype=object).ravel())
+
+
 def _single_axes(ax: AxesLike | None, n_axes: int = 1) -> Axes | None:
     """Return one Axes from a result of `plt.subplots`; refuse an array of several, as the picture
     draws on one.
     """
-    if not isinstance(ax, (np.ndarray, list, tuple)):
-        return ax
-    given = np.asarray(ax, dtype=object).ravel()
-    if given.size == 1:
+    if ax is None:
+        return None
+    given = _listed_axes(ax)
+    if len(given) == 1:
         return given[0]
     if n_axes > 1:
         also = f", or {n_axes} of them"
     else:
         also = ""
     raise ValueError(
-        f"ax must be one Axes{also}, got an array of {given.size}; give one of them, such as"
+        f"ax must be one Axes{also}, got an array of {len(given)}; give one of them, such as"
         " ax.flat[0]"
     )
 
@@ -60,9 +65,8 @@ def bode_axes(ax: AxesLike | None) -> tuple[Axes, Axes]:
     """Return axes for magnitude and phase: the two given ones, or two in the place of one, or in a
     new figure.
     """
-    if isinstance(ax, (np.ndarray, list, tuple)) and np.size(np.asarray(ax, dtype=object)) == 2:
-        top, bottom = np.asarray(ax, dtype=object).ravel()
-        return top, bottom
+    if len(given := _listed_axes(ax)) == 2:
+        return given[0], given[1]
     whole = _single_axes(ax, 2)
     if whole is None:
         from matplotlib import pyplot as plt

@@ -415,10 +415,10 @@ _CHUNK_ROWS = 1 << 14  # rows of a table that are formatted at a time
 VERSION = 1  # version of the schemas of records and results
 
 
-def to_path(path: object) -> Path:
-    """Return the path as a `Path`; refuse other types."""
+def to_path(path: object, name: str = "path") -> Path:
+    """Return the path as a `Path`; refuse other types by the name of the parameter."""
     if not isinstance(path, str | os.PathLike):
-        raise ValueError(f"path must be a text or a pathlib.Path, got {short_form(path)}")
+        raise ValueError(f"{name} must be a text or a pathlib.Path, got {short_form(path)}")
     return Path(path)
 
 

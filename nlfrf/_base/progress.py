@@ -7,6 +7,8 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
+from nlfrf._base.arguments import require_kind
+
 if TYPE_CHECKING:
     from IPython.display import DisplayHandle
     from rich.console import Console
@@ -44,8 +46,7 @@ def progress_bar(label: str = "") -> _ProgressBar:
     >>> for done in range(1, 4):
     ...     show(done, 3)
     """
-    if not isinstance(label, str):
-        raise ValueError(f"label must be a text, got {label!r}")
+    require_kind("label", label, str)
     return _ProgressBar(label)
 
 

@@ -8,7 +8,7 @@ import re
 
 import numpy as np
 
-from nlfrf._base.arguments import short_form
+from nlfrf._base.arguments import is_real, short_form
 
 #: Unit of a position -> base unit and factor to it.
 POSITIONS = {
@@ -113,7 +113,7 @@ def parse_quantity(name: str, kind: str, written: object) -> float:
     """
     units = _QUANTITIES[kind]
     listed = " or ".join(f'"1 {unit}"' for unit in units if unit)
-    if "" in units and isinstance(written, int | float) and not isinstance(written, bool):
+    if "" in units and is_real(written):
         return float(written)
     try:
         number, unit = split_quantity(written)

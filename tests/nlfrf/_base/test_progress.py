@@ -69,7 +69,7 @@ def test_nothing_is_written_to_a_file(monkeypatch):
     show(1, 2)
     show.timed(3, 1.0, 2.0)
     assert written.getvalue() == ""
-    with pytest.raises(ValueError, match="label must be a text, got 3"):
+    with pytest.raises(ValueError, match="label must be of type str, got 3"):
         nlfrf.progress_bar(3)
 
 
