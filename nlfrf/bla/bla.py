@@ -15,10 +15,13 @@ from typing import Any
 import numpy as np
 
 from nlfrf._base.arguments import (
+    as_list,
+    as_names,
     format_count,
     ratio_unit,
     require_choice,
     require_integer,
+    require_one_channel,
     require_probability,
     require_real,
 )
@@ -245,22 +248,21 @@ class Bla(Channels):
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        if self.G.ndim == 3:
-            n_y, n_u = self.G.shape[:-1]
-        else:
-            n_y, n_u = 1, 1
-        F, held = self.f.size, self.__dict__
-        if self.G.ndim == 3 and n_y == n_u == 1:
-            held["G"] = self.G[0, 0]
-            held["levels"] = (
-                self.levels if isinstance(self.levels, DistortionLevels) else self.levels[0]
-            )
+        channels = self.G.shape[:-1] if self.G.ndim == 3 else ()
+        n_y, n_u = channels or (1, 1)
+        F, held, levels = self.f.size, self.__dict__, as_list(self.levels)
+        if len(levels) != n_y:
+            raise ValueError(f"levels must be one per output, {n_y} of them, got {len(levels)}")
+        if channels == (1, 1):
+            held["G"], channels = self.G[0, 0], ()
+        if not channels:
+            held["levels"] = levels[0]
         if self.coherence is None:
             held["coherence"] = freeze_array(np.full(F, np.nan))
         self._name_channels(
             (n_u, n_y), (self.inputs, self.outputs), (self.input_units, self.output_units)
         )
-        shapes: dict[str, tuple[int, ...]] = {"G": (F,) if self.is_single else (n_y, n_u, F)}
+        shapes: dict[str, tuple[int, ...]] = {"G": (*channels, F)}
         shapes |= (
             dict.fromkeys(_PER_LINE, (F,))
             | dict.fromkeys(_COVARIANCES, (n_y, n_y, F))
@@ -273,15 +275,6 @@ class Bla(Channels):
                     f"{name} must be numbers of shape {shape}, for {n_y} outputs, {n_u} inputs and"
                     f" {F} lines, got shape {array.shape}"
                 )
-        if not self.is_single and len(self.levels) != n_y:
-            raise ValueError(
-                f"levels must be one per output, {n_y} of them, got {len(self.levels)}"
-            )
-
-    @property
-    def is_single(self) -> bool:
-        """True if the plant has one input and one output; arrays then have no axes of channels."""
-        return bool(self.G.ndim == 1)
 
     @property
     def matrix(self) -> np.ndarray:
@@ -334,7 +327,7 @@ class Bla(Channels):
         outputs (n_y, n_y, F).
         """
         every = np.einsum("jjk->jk", cov).real[:, None] * np.einsum("iik->ik", self.cov.gamma).real
-        return np.asarray(every[0, 0] if self.is_single else every)
+        return np.asarray(every.reshape(self.G.shape))
 
     @property
     def omega(self) -> np.ndarray:
@@ -470,7 +463,7 @@ class Bla(Channels):
         """
         noise = diagonal(np.nan_to_num(self.cov.noise))
         if not noise.any():
-            return np.ones_like(noise[0] if self.is_single else noise)
+            return self._by_output(np.ones_like(noise))
         total = diagonal(self.cov.total if self.experiment.n_realizations == 1 else self.cov.bound)
         dof_noise = self.experiment.n_experiments * max(self.experiment.n_periods - 1, 1)
         weight = 1 / np.maximum(total + noise, TINY)
@@ -479,10 +472,11 @@ class Bla(Channels):
         smoothed = 1 - smoothed * (1 - np.sqrt(1 / self.dof + 1 / (n * dof_noise)) / 3)
         by_line = noise / np.maximum(total, TINY)
         by_line = 1 - by_line - 2 * np.sqrt(1 / self.dof + by_line**2 / dof_noise)
-        share = np.clip(np.maximum(smoothed, by_line), 0.0, 1.0)
-        if self.is_single:
-            return share[0]
-        return share
+        return self._by_output(np.clip(np.maximum(smoothed, by_line), 0.0, 1.0))
+
+    def _by_output(self, rows: np.ndarray) -> np.ndarray:
+        """Return rows (n_y, F) with the axes of G except that of the inputs."""
+        return rows.reshape(*self.G.shape[:-2], self.f.size)
 
     def systematic(self, decibels: float = 8.0) -> np.ndarray:
         """Estimate the order of magnitude of |G_BLA - G_0|, G_0 being the FRF without the
@@ -547,7 +541,7 @@ class Bla(Channels):
                     for name in ("f_excited", "excited", "noise_excited")
                 },
             )
-            for one in ((self.levels,) if self.is_single else self.levels)
+            for one in as_list(self.levels)
         ]
         lines = replace(self.lines, excited=self.lines.excited[some])
         kept = {name: getattr(self, name)[..., some] for name in ("G", *_PER_LINE)}
@@ -555,7 +549,7 @@ class Bla(Channels):
             self,
             lines=lines,
             cov=cov,
-            levels=levels[0] if self.is_single else tuple(levels),
+            levels=tuple(levels),
             **kept,
         )
 
@@ -596,11 +590,7 @@ class Bla(Channels):
                 f' {", ".join(self.output_units)}: output_unit="m" if it makes metres of an'
                 " acceleration, output_unit=bla.output_units for a ratio"
             )
-        units = self.output_units if output_unit is None else output_unit
-        if isinstance(units, str):
-            units = (units,)
-        else:
-            units = tuple(units)
+        units = self.output_units if output_unit is None else as_names(output_unit)
         return replace(
             self,
             G=self.G * factor,
@@ -631,11 +621,7 @@ class Bla(Channels):
         ----------
         Pintelon & Schoukens, 2nd ed., 7.2.2 (local polynomials).
         """
-        if not self.is_single:
-            raise ValueError(
-                f"bla must have one input and one output, got {self.G.shape}; take entry(output,"
-                " input)"
-            )
+        require_one_channel("bla", self, "; take entry(output, input)")
         if self.f.size < MIN_FIT_LINES or np.isfinite(self.coherence).any():
             return np.full(self.f.size, np.nan)
         return fit_locally(

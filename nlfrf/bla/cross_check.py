@@ -11,7 +11,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf._base.arguments import ratio_unit, require_choice, require_integer, require_kind
+from nlfrf._base.arguments import (
+    ratio_unit,
+    require_choice,
+    require_integer,
+    require_kind,
+    require_one_channel,
+)
 from nlfrf._base.numbers import (
     BLOCK_ENTRIES,
     EPS,
@@ -182,12 +188,11 @@ def second_opinion(
     True
     """
     require_kind("record", record, Record)
-    if not record.is_single:
-        raise ValueError(
-            f"record must have one input and one output, got {record.n_inputs} and"
-            f" {record.n_outputs}: for several channels identify weighs detection lines and"
-            " roughness itself"
-        )
+    require_one_channel(
+        "record",
+        record,
+        ": for several channels identify weighs detection lines and roughness itself",
+    )
     require_choice("transient", transient, TREATMENTS)
     n_detection = require_integer("n_detection", n_detection, least=3)
     grid = record.lines

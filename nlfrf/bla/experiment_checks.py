@@ -126,7 +126,7 @@ def _correct_for_crest(
     joined.
     """
     corrections, any_low, lines = [], False, excited.lines
-    names = ("u",) if record.is_single else record.inputs
+    names = record.inputs
     for u, U, known, name in zip(played, excited.U, before.excitation, names, strict=True):
         size, own = before.amplitude if before.R is None else rms(known), slice(None)
         if len(names) > 1:  # the experiments in which this input was played

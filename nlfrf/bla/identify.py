@@ -15,6 +15,7 @@ from typing import overload
 import numpy as np
 
 from nlfrf._base.arguments import (
+    as_list,
     data_warning,
     keep_warnings,
     require_choice,
@@ -143,14 +144,15 @@ def identify(
         return _identify_record(
             record, None, transient=transient, level_from=level_from, n_detection=n_detection
         )
-    if not isinstance(record, Sequence) or not all(isinstance(one, Record) for one in record):
+    records: list[Record] = as_list(record)
+    if not all(isinstance(one, Record) for one in records):
         raise ValueError(
             f"record must be a Record or a list of them, got {short_form(record)}; see"
             " record_from_samples"
         )
     known: list[tuple[Record, np.ndarray]] = []
     blas = []
-    for one in record:
+    for one in records:
         U = next((U for other, U in known if other.u is one.u and other.lines is one.lines), None)
         if U is None:
             U = channel_dft(one.u, index_lines(one.lines, n_detection).lines)
@@ -191,9 +193,8 @@ def _identify_record(
             " only"
         )
     smooth, fit = smooth_frm(frm, excited, source == "roughness")
-    names = ("y",) if record.is_single else record.outputs
     mispaired = record.n_inputs == 1 and check_outputs_follow_input(
-        frm, excited, fit=fit, outputs=names
+        frm, excited, fit=fit, outputs=record.outputs
     )
     residual = nonlinear_residual(spectra, excited, measured=frm.G, smooth=smooth)
     # with optimised phases more of the distortion is one gain on all lines, which is not rough
@@ -208,9 +209,12 @@ def _identify_record(
         n_independent=count_independent_experiments(excited),
     )
     if source == "detection" and not mispaired:
-        distortion = _add_outlier_power(
-            record, excited, frm=frm, fit=fit, residual=residual, distortion=distortion
-        )
+        if record.is_single:
+            distortion = _examine_entry(record, excited, frm=frm, fit=fit, distortion=distortion)
+        else:
+            distortion = _examine_matrix(
+                record, excited, frm=frm, fit=fit, residual=residual, distortion=distortion
+            )
     if not record.is_single:
         warn_of_noisy_experiment(excited, distortion.cov)
     if between is not None:
@@ -230,7 +234,25 @@ def _identify_record(
     )
 
 
-def _add_outlier_power(
+def _examine_entry(
+    record: Record,
+    excited: Spectra,
+    *,
+    frm: FrmEstimate,
+    fit: LocalFit | None,
+    distortion: DistortionVariance,
+) -> DistortionVariance:
+    """Warn of a rough FRF, and raise the distortion variance on its outlier lines."""
+    if fit is None or excited.is_zippered:
+        return distortion
+    labels = ["G"]
+    _warn_of_rough_outputs(
+        labels, frm=frm, fit=fit, distortion=distortion, share=MAX_ROUGHNESS_OVER_GAIN
+    )
+    return _add_outlier_power(record, excited, labels, frm=frm, fit=fit, distortion=distortion)
+
+
+def _examine_matrix(
     record: Record,
     excited: Spectra,
     *,
@@ -239,45 +261,69 @@ def _add_outlier_power(
     residual: NonlinearResidual,
     distortion: DistortionVariance,
 ) -> DistortionVariance:
-    """Raise the distortion variance on outlier lines of one set to their squared deviation.
-
-    Warns of a channel that differs in one experiment; if there is none, warns of a rough FRF.
+    """Warn of a channel that differs in one experiment, else of a rough FRF; raise the distortion
+    variance on outlier lines if there is neither.
     """
-    R, F, zippered = len(frm.G_each), excited.lines.size, excited.is_zippered
-    if not record.is_single:
-        if F <= 2 * WINDOW_LINES:  # on fewer lines a bend looks like any fault
-            return distortion
-        # share of a line in its own fit
-        if fit is None:
-            own = 1.0
-        else:
-            own = 1 - float(np.mean(fit.dof)) / WINDOW_LINES
-        # zippered: a difference between experiments does not jump
-        if zippered:
-            left = 1.0
-        else:
-            left = 1 - own * record.n_inputs / excited.U.shape[1]
-        if left > 0 and warn_of_mismatch(
-            record, excited, residual=residual, level=distortion.detected, retained=left
-        ):
-            return distortion
+    zippered = excited.is_zippered
+    if excited.lines.size <= 2 * WINDOW_LINES:  # on fewer lines a bend looks like any fault
+        return distortion
+    # share of a line in its own fit
+    if fit is None:
+        own = 1.0
+    else:
+        own = 1 - float(np.mean(fit.dof)) / WINDOW_LINES
+    # zippered: a difference between experiments does not jump
+    if zippered:
+        left = 1.0
+    else:
+        left = 1 - own * record.n_inputs / excited.U.shape[1]
+    if left > 0 and warn_of_mismatch(
+        record, excited, residual=residual, level=distortion.detected, retained=left
+    ):
+        return distortion
     if fit is None or zippered:
         return distortion
-    gamma, outlier_power = frm.gamma_of_set, np.zeros((record.n_outputs, F))
+    labels = [f"G of {name}" for name in record.outputs]
+    if _warn_of_rough_outputs(
+        labels, frm=frm, fit=fit, distortion=distortion, share=MAX_MATRIX_ROUGHNESS_OVER_GAIN
+    ):
+        return distortion
+    return _add_outlier_power(record, excited, labels, frm=frm, fit=fit, distortion=distortion)
+
+
+def _warn_of_rough_outputs(
+    labels: list[str],
+    *,
+    frm: FrmEstimate,
+    fit: LocalFit,
+    distortion: DistortionVariance,
+    share: float,
+) -> bool:
+    """Warn of the first output whose FRF is rough, and return whether there is one."""
+    R, gamma = len(frm.G_each), frm.gamma_of_set
     rough = np.add.reduce(fit.variance / gamma, axis=(0, 2)) / (R * len(gamma))  # (n_y, F)
     size = np.add.reduce(squared_modulus(frm.G) / gamma, axis=1) / len(gamma)
-    labels = ("G",) if record.is_single else [f"G of {name}" for name in record.outputs]
-    share = MAX_ROUGHNESS_OVER_GAIN if record.is_single else MAX_MATRIX_ROUGHNESS_OVER_GAIN
-    for j, what in enumerate(labels):
-        if (
-            warn_of_rough_frf(
-                rough[j] / R, distortion.detected[j] / R, size=size[j], what=what, share=share
-            )
-            and not record.is_single
-        ):
-            return distortion
-    if R > 1:
+    return any(
+        warn_of_rough_frf(
+            rough[j] / R, distortion.detected[j] / R, size=size[j], what=what, share=share
+        )
+        for j, what in enumerate(labels)
+    )
+
+
+def _add_outlier_power(
+    record: Record,
+    excited: Spectra,
+    labels: list[str],
+    *,
+    frm: FrmEstimate,
+    fit: LocalFit,
+    distortion: DistortionVariance,
+) -> DistortionVariance:
+    """Raise the distortion variance on outlier lines of a single set to their squared deviation."""
+    if len(frm.G_each) > 1:
         return distortion
+    outlier_power = np.zeros((record.n_outputs, excited.lines.size))
     for j, what in enumerate(labels):
         level = distortion.detected[j] + OUTPUT_ROUNDING**2 * power(excited.Y[j]).max()
         f = record.lines.excited * record.f0
@@ -287,7 +333,7 @@ def _add_outlier_power(
             level=level,
             index=excited.index,
             f=f,
-            gamma=gamma,
+            gamma=frm.gamma_of_set,
             what=what,
         )
     return distortion.with_minimum(outlier_power)

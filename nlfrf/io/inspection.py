@@ -33,7 +33,6 @@ from nlfrf.io.uneven_clock import UnevenClock
 from nlfrf.records.record import Record
 from nlfrf.records.screened import ScreenedStreams, screen_streams
 from nlfrf.signals.axis_experiment import AxisExperiment
-from nlfrf.signals.multisine import Multisine
 
 # largest share of the steps of a counter that differ from the others, at its wraps
 _MAX_UNEVEN_STEPS = 0.01
@@ -422,7 +421,7 @@ def _own_contents(file: Channels) -> _FileContents:
         y="",
         period=0.0,
         lines=(
-            str(content) if isinstance(content, Bla | AxisExperiment) else _describe_extent(content)
+            str(content) if isinstance(content, Bla | AxisExperiment) else content.describe_extent()
         ),
         schema=file.text("schema"),
     )
@@ -441,20 +440,9 @@ def _record_signals(record: Record) -> list[tuple[str, str, np.ndarray]]:
         for names, units, signals in sides
         if signals is not None
         for name, unit, one in zip(
-            names, units, signals[None] if record.is_single else signals, strict=True
+            names, units, signals.reshape(len(names), *signals.shape[-3:]), strict=True
         )
     ]
-
-
-def _describe_extent(content: Record | Multisine) -> str:
-    runs = format_count(content.n_experiments, "realisation" if content.is_single else "experiment")
-    if isinstance(content, Record):
-        periods = f"{format_count(content.n_periods, 'period')} x "
-    else:
-        periods = ""
-    f = content.lines.excited * content.f0
-    band = f"{format_count(f.size, 'line')} from {f[0]:.4g} to {f[-1]:.4g} Hz"
-    return f"{runs} x {periods}{content.n_samples} samples, {band}, hold {content.hold}"
 
 
 def _is_varying(stream: np.ndarray) -> bool:

@@ -89,9 +89,8 @@ def _record_to_arrays(record: Record) -> dict[str, np.ndarray]:
 def _record_to_columns(record: Record) -> tuple[np.ndarray, list[str]]:
     """Return the samples of a single experiment as columns, time [s] in front, and their names."""
     if record.n_experiments != 1:
-        what = "realisation" if record.is_single else "experiment"
         raise ValueError(
-            f"record must hold one {what} for a .csv file, got {record.n_experiments}; use .npz"
+            f"record must hold one experiment for a .csv file, got {record.n_experiments}; use .npz"
         )
     signals = {"u": record.u, "y": record.y} | ({} if record.r is None else {"r": record.r})
     samples = {

@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nlfrf._base.arguments import format_count, require_kind, short_form
+from nlfrf._base.arguments import (
+    as_list,
+    format_count,
+    require_kind,
+    require_list,
+    require_one_channel,
+    short_form,
+)
 from nlfrf._base.axes import (
     axes_or_new,
     bode_axes,
@@ -184,11 +191,10 @@ def plot_blas(
     ax : matplotlib Axes, optional
         Axes in whose place the two axes are drawn; by default a new figure.
     """
-    if not isinstance(blas, list | tuple) or not blas:
-        raise ValueError(f"blas must be a list of at least one Bla, got {short_form(blas)}")
+    blas, labels = require_list("blas", blas, Bla), as_list(labels)
     for bla in blas:
         _require_single(bla)
-    if not isinstance(labels, list | tuple) or len(labels) != len(blas):
+    if len(labels) != len(blas):
         raise ValueError(
             f"labels must be a list of {len(blas)}, one per Bla, got {short_form(labels)}"
         )
@@ -335,8 +341,4 @@ def _describe_measurement(bla: Bla) -> str:
 def _require_single(bla: Bla) -> None:
     """Refuse anything but a `Bla` with one input and one output."""
     require_kind("bla", bla, Bla)
-    if not bla.is_single:
-        raise ValueError(
-            f"bla must have one input and one output, got {bla.n_outputs} x {bla.n_inputs}: use"
-            " plot_frm, plot_frm_bounds, or bla.entry(output, input)"
-        )
+    require_one_channel("bla", bla, ": use plot_frm, plot_frm_bounds, or bla.entry(output, input)")

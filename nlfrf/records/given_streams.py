@@ -22,12 +22,16 @@ Samples: TypeAlias = "np.ndarray | Sequence[np.ndarray]"
 Streams = dict[str, list[np.ndarray]]
 
 
+def list_runs(signal: Samples) -> list[Samples]:
+    """Return the arrays of several experiments, or the array of one, as a list."""
+    if isinstance(signal, list | tuple) and np.ndim(signal[0] if signal else 0):
+        return list(signal)
+    return [signal]
+
+
 def _to_streams(name: str, signal: Samples) -> list[np.ndarray]:
     """Return one-dimensional streams, one per realisation."""
-    if isinstance(signal, list | tuple) and signal and np.ndim(signal[0]) > 0:
-        many = list(signal)
-    else:
-        many = [signal]
+    many = list_runs(signal)
     if many[0] is signal and np.ndim(signal) != 1:
         shape = np.shape(signal)
         raise ValueError(

@@ -10,19 +10,21 @@ import numpy as np
 
 from nlfrf._base.arguments import (
     HOLDS,
+    as_names,
     channel_names,
     format_count,
     keep_warnings,
     one_line,
     require_choice,
     require_kind,
+    require_list,
     require_positive,
     require_real_array,
     short_form,
 )
 from nlfrf._base.numbers import is_constant
 from nlfrf._base.values import ArrayField, value
-from nlfrf.signals.lines import LineGrid
+from nlfrf.signals.lines import LineGrid, describe_band
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -73,6 +75,11 @@ class Channels:
     def n_outputs(self) -> int:
         """Number of outputs n_y."""
         return len(self.outputs)
+
+    @property
+    def is_single(self) -> bool:
+        """True for one input and one output, whose arrays have no axes of channels."""
+        return self.n_inputs == self.n_outputs == 1
 
     @property
     def u_name(self) -> str:
@@ -226,13 +233,6 @@ class Record(Channels):
                 require_varying(name, signal, channels)
 
     @property
-    def is_single(self) -> bool:
-        """True if the record has one input and one output, so that its arrays have no axis of
-        channels.
-        """
-        return bool(self.u.ndim == 3)
-
-    @property
     def n_realizations(self) -> int:
         """Number of realisations M (draws of the random phases). For several inputs n_u experiments
         are one realisation.
@@ -243,6 +243,16 @@ class Record(Channels):
     def n_experiments(self) -> int:
         """Number of experiments M."""
         return self.u.shape[-3]
+
+    def describe_runs(self) -> str:
+        """Return the number of experiments as text; for one input and one output they are realisations."""
+        return format_count(self.n_experiments, "realisation" if self.is_single else "experiment")
+
+    def describe_extent(self) -> str:
+        """Return experiments, periods, samples, lines and hold on one line."""
+        periods = format_count(self.n_periods, "period")
+        band = describe_band(self.lines.excited * self.f0)
+        return f"{self.describe_runs()} x {periods} x {self.n_samples} samples, {band}, hold {self.hold}"
 
     @property
     def n_periods(self) -> int:
@@ -260,11 +270,10 @@ class Record(Channels):
         return self.fs / self.n_samples
 
     def __str__(self) -> str:
-        runs = format_count(self.n_experiments, "realisation" if self.is_single else "experiment")
         f = self.lines.excited[[0, -1]] * self.f0
         rows = [
             (
-                f"record of {runs} x {format_count(self.n_periods, 'period')} x {self.n_samples}"
+                f"record of {self.describe_runs()} x {format_count(self.n_periods, 'period')} x {self.n_samples}"
                 f" samples at {self.fs:g} Hz ({self.n_samples / self.fs:g} s a period), hold"
                 f" {self.hold}"
             ),
@@ -321,7 +330,7 @@ def _given_name(names: tuple[str, ...], letter: str) -> str:
 
 def _channel_units(name: str, given: str | Sequence[str], n: int) -> tuple[str, ...]:
     """Return the unit of each channel, empty if unknown."""
-    units = (given,) if isinstance(given, str) else tuple(given)
+    units = as_names(given)
     if units and (len(units) != n or not all(isinstance(one, str) for one in units)):
         raise ValueError(f"{name} must be {n} texts, one per channel, got {given!r}")
     return units or ("",) * n
@@ -382,13 +391,7 @@ def join_records(records: Sequence[Record]) -> Record:
     >>> join_records(runs).n_realizations
     2
     """
-    if (
-        not isinstance(records, Sequence)
-        or not records
-        or not all(isinstance(one, Record) for one in records)
-    ):
-        raise ValueError(f"records must be a list of one or more Record, got {short_form(records)}")
-    first, *others = records
+    first, *others = require_list("records", records, Record)
     same = (
         "n_samples",
         "fs",

@@ -9,7 +9,7 @@ import numpy as np
 from nlfrf._base.arguments import channel_names, keep_warnings, require_kind, require_real_array
 from nlfrf._base.numbers import squared_modulus
 from nlfrf.records.excited_lines import detect_lines
-from nlfrf.records.given_streams import Samples, Streams
+from nlfrf.records.given_streams import Samples, Streams, list_runs
 from nlfrf.records.periods import Cutting, records_from_streams
 from nlfrf.records.record import Record
 from nlfrf.records.reference import design_period, fill_reference
@@ -131,12 +131,8 @@ def record_from_samples(
 
 
 def _has_channels(signal: Samples) -> bool:
-    """Return whether streams have an axis of channels; the first entry of a list decides."""
-    if isinstance(signal, list | tuple) and signal:
-        first = signal[0]
-    else:
-        first = signal
-    return np.ndim(first) == 2
+    """Return whether streams have an axis of channels; the first one decides."""
+    return np.ndim(list_runs(signal)[0]) == 2
 
 
 def _record_of_channels(
@@ -234,10 +230,7 @@ def _sum_with_all_lines(channels: np.ndarray) -> np.ndarray:
 
 def _split_experiments(name: str, signal: Samples) -> list[np.ndarray]:
     """Return the streams (n_channels, n) of each experiment."""
-    if isinstance(signal, list | tuple) and np.ndim(signal[0] if len(signal) else 0):
-        many = list(signal)
-    else:
-        many = [signal]
+    many = list_runs(signal)
     arrays = [
         require_real_array(
             f"{name}[{m}]" if len(many) > 1 else name, one, ndim=2 if np.ndim(one) != 1 else 1

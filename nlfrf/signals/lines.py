@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from nlfrf._base.arguments import format_count
 from nlfrf._base.values import ArrayField, value
 
 if TYPE_CHECKING:
@@ -91,6 +92,15 @@ class LineGrid:
     def kind(self) -> str:
         """Kind of the grid: "special-odd", "random-odd", "odd-odd", "odd", "full" or "custom"."""
         return recognise_kind(self.excited)
+
+
+def describe_band(f: np.ndarray) -> str:
+    """Return number and range of frequencies (F,) [Hz] as text.
+
+    >>> describe_band(np.array([1.0, 3.0]))
+    '2 lines from 1 to 3 Hz'
+    """
+    return f"{format_count(f.size, 'line')} from {f[0]:.4g} to {f[-1]:.4g} Hz"
 
 
 def detection_lines(excited: np.ndarray) -> np.ndarray:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias, cast
 
 import numpy as np
 
 from nlfrf._base.arguments import (
     HOLDS,
+    format_count,
     random_generator,
     require_choice,
     require_integer,
@@ -18,7 +20,7 @@ from nlfrf._base.arguments import (
     short_form,
 )
 from nlfrf._base.values import ArrayField, value
-from nlfrf.signals.lines import KINDS, LineGrid, grid_lines
+from nlfrf.signals.lines import KINDS, LineGrid, describe_band, grid_lines
 from nlfrf.signals.orthogonal import DESIGNS, assign_lines, check_mixing, draw_phases
 
 if TYPE_CHECKING:
@@ -132,9 +134,7 @@ class Multisine:
     @property
     def n_inputs(self) -> int:
         """Number of inputs n_u."""
-        if self.is_single:
-            return 1
-        return self.phase.shape[0]
+        return math.prod(self.phase.shape[:-2])  # one if there is no axis of inputs
 
     @property
     def n_experiments(self) -> int:
@@ -143,6 +143,11 @@ class Multisine:
         "zippered".
         """
         return self.phase.shape[-2]
+
+    def describe_extent(self) -> str:
+        """Return experiments, samples, lines and hold on one line."""
+        runs = format_count(self.n_experiments, "realisation" if self.is_single else "experiment")
+        return f"{runs} x {self.n_samples} samples, {describe_band(self.f)}, hold {self.hold}"
 
     @property
     def n_realizations(self) -> int:
@@ -206,10 +211,10 @@ class Multisine:
 def require_one_input(ms: object) -> Multisine:
     """Return a multisine for one input; refuse anything else."""
     require_kind("ms", ms, Multisine)
-    assert isinstance(ms, Multisine)
-    if not ms.is_single:
-        raise ValueError(f"ms must be of one input, got one of {ms.n_inputs}")
-    return ms
+    found = cast("Multisine", ms)
+    if not found.is_single:
+        raise ValueError(f"ms must be of one input, got one of {found.n_inputs}")
+    return found
 
 
 def multisine(
