@@ -24,7 +24,7 @@ from nlfrf._base.files import to_path
 from nlfrf._base.numbers import rfft_at, squared_modulus
 from nlfrf._base.units import OUTPUTS, POSITIONS
 from nlfrf.io.channels import Channels
-from nlfrf.io.designs import load_experiment
+from nlfrf.io.designs import given_or_read, load_experiment
 from nlfrf.io.measurement_files import read_channels, to_paths
 from nlfrf.io.rows import find_lost_rows
 from nlfrf.records.record import Record, SignalLabels
@@ -176,8 +176,7 @@ def load_trace(
     (('N',), (1, 2, 4000))
     >>> folder.cleanup()
     """
-    if isinstance(experiment, str | os.PathLike):
-        experiment = load_experiment(experiment)
+    experiment = given_or_read(experiment, load_experiment)
     require_kind("experiment", experiment, AxisExperiment)
     start = require_real("start", start)
     runs = [_read_run(read_channels(to_path(one)), u, y=y, fs=fs) for one in to_paths(path)]

@@ -6,6 +6,7 @@ import os
 import struct
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -231,6 +232,18 @@ def _played_names(ms: Multisine) -> list[str]:
     return [
         f"u{i + 1} experiment {m + 1}" for m in range(ms.n_experiments) for i in range(ms.n_inputs)
     ]
+
+
+Given = TypeVar("Given")
+
+
+def given_or_read(
+    given: Given | str | os.PathLike[str], read: Callable[[str | os.PathLike[str]], Given]
+) -> Given:
+    """Return a design that is given itself, or in a file."""
+    if isinstance(given, str | os.PathLike):
+        return read(given)
+    return given
 
 
 def load_design(path: str | os.PathLike[str]) -> Multisine:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import TypedDict, Unpack, overload
+from typing import Any, TypedDict, Unpack, overload
 
 import numpy as np
 
-from nlfrf._base.arguments import data_warning, keep_warnings, short_form
+from nlfrf._base.arguments import as_list, data_warning, keep_warnings, short_form
 from nlfrf._base.files import FILE_KINDS, RECORD_SCHEMAS, describe_wrong_file
 from nlfrf.io.channels import Channels
-from nlfrf.io.designs import load_design
+from nlfrf.io.designs import given_or_read, load_design
 from nlfrf.io.measurement_files import read_channels, to_paths
 from nlfrf.io.rows import Seconds, align_rows, arrange_rows
 from nlfrf.io.stored_records import (
@@ -180,8 +180,8 @@ def load_record(
     >>> folder.cleanup()
     """
     files = list(map(_read_measurement, to_paths(path)))
-    if isinstance(design, str | os.PathLike):
-        design = load_design(design)
+    if design is not None:
+        design = given_or_read(design, load_design)
     options = Cutting(n_samples, lines, n_discard, resample, design, hold)
     _require_whole_records(files, start, stop)
     if not isinstance(u, str) and not isinstance(y, str) and all(map(_holds_several, files)):
@@ -192,17 +192,13 @@ def load_record(
             )
         return stored_multirecord(files, u, y=y, fs=fs, options=options)
     u, y = "u" if u is None else u, "y" if y is None else y
+    one_output = isinstance(y, str)
     files, options = arrange_rows(files, (u, y, r), options=options, fs=fs, windows=(start, stop))
-    if isinstance(u, list | tuple) and not (len(u) == 1 and isinstance(y, str)):
-        y, r = ([one] if isinstance(one, str) else one for one in (y, () if r is None else r))
-        return _load_channels(files, u=u, y=y, r=r, fs=fs, options=options)
-    records = _load_outputs(
-        files,
-        *_checked_names(u[0] if isinstance(u, list | tuple) else u, y, r),
-        fs=fs,
-        options=options,
-    )
-    if isinstance(y, str):
+    if isinstance(u, list | tuple) and not (len(u) == 1 and one_output):
+        names = {"u": list(u), "y": as_list(y), "r": [] if r is None else as_list(r)}
+        return _load_channels(files, names, fs=fs, options=options)
+    records = _load_outputs(files, *_checked_names(as_list(u)[0], y, r), fs=fs, options=options)
+    if one_output:
         return records[0]
     return records
 
@@ -248,8 +244,8 @@ def _checked_names(u: object, y: object, r: object) -> tuple[dict[str, str], lis
     for parameter, name in (("u", u), ("r", "" if r is None else r)):
         if not isinstance(name, str):
             raise ValueError(f"{parameter} must name one channel, got {short_form(name)}")
-    outputs = [y] if isinstance(y, str) else y
-    if not isinstance(outputs, list | tuple) or not all(isinstance(name, str) for name in outputs):
+    outputs: list[Any] = as_list(y)
+    if not all(isinstance(name, str) for name in outputs):
         raise ValueError(f"y must name an output, or be a list of names, got {short_form(y)}")
     if not outputs:
         raise ValueError("y must name at least one output, got none")
@@ -297,25 +293,24 @@ def _measured_records(
 
 def _load_channels(
     files: list[Channels],
+    names: Mapping[str, list[str]],
     *,
-    u: Sequence[str],
-    y: Sequence[str],
-    r: Sequence[str],
     fs: float | None,
     options: Cutting,
 ) -> Record:
     """Return the record with several inputs or outputs in measurement files, one file per
     experiment.
     """
-    if isinstance(y, str) or isinstance(r, str) or not (u and y):
+    u, y, r = (names[parameter] for parameter in "uyr")
+    if not (u and y):
         raise ValueError(
             f"u, y and r must be lists of names, at least one input and one output, got {u!r},"
             f" {y!r}, {r!r}"
         )
     signals = {
-        parameter: [_stack_channels(parameter, names, file) for file in files]
-        for parameter, names in (("u", u), ("y", y), ("r", r))
-        if names
+        parameter: [_stack_channels(parameter, some, file) for file in files]
+        for parameter, some in names.items()
+        if some
     }
     fs, cut = align_rows(files, (*u, *y, *r), sorted(signals.items()), fs=fs, options=options)
     return record_from_samples(
