@@ -9,11 +9,12 @@ r --->(+)-->[ kv ]-->(+)-->[ kp (1 + 1/(tn s)) ]-->[filters]-->[limit]--- i* -->
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from nlfrf._base.arguments import (
+    as_list,
     ratio_unit,
     require_choice,
     require_integer,
@@ -308,8 +309,9 @@ class Drive:
 
 def _filter_slots(given: object) -> tuple[_FilterSlot | np.ndarray, ...]:
     """Return filters as a tuple of elements or of sections; refuse anything else."""
-    if isinstance(given, tuple | list) and all(hasattr(one, "section") for one in given):
-        return tuple(given)
+    slots: list[Any] = as_list(given)
+    if all(hasattr(one, "section") for one in slots):
+        return tuple(slots)
     sections = require_real_array("filters", given, ndim=2)
     if sections.shape[1:] != (6,) or not np.allclose(sections[:, 3], 1):
         raise ValueError(

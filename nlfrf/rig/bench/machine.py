@@ -6,10 +6,11 @@ M q'' + C q' + K q + cubic springs + friction(q') = actuators @ force,    y = se
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import channel_names, require_real_array
+from nlfrf._base.arguments import as_list, channel_names, require_real_array
 from nlfrf._base.values import freeze_array
 from nlfrf.rig.kernels import data as packing
 from nlfrf.rig.laws.laws import Friction, pack_law
@@ -86,21 +87,18 @@ def check_single_axis(given: dict[str, object]) -> dict[str, tuple[str, ...]]:
 
 def _check_laws(friction: object, n: int) -> tuple[Friction | None, ...]:
     """Check that there is a law or None for each axis."""
-    if not isinstance(friction, (list, tuple)) or len(friction) != n:
-        if isinstance(friction, (list, tuple)):
-            got = f"{len(friction)}"
-        else:
-            got = type(friction).__name__
+    laws: list[Any] = as_list(friction)
+    if len(laws) != n:
         raise ValueError(
-            f"friction must be a list with a law or None for each of the {n} axes, got {got}"
+            f"friction must be a list with a law or None for each of the {n} axes, got {len(laws)}"
         )
-    for i, law in enumerate(friction):
+    for i, law in enumerate(laws):
         if law is not None and pack_law(law)[0].form == packing.OWN:
             raise ValueError(
                 f"friction[{i}] must be one of the laws of nlfrf.friction for several axes, got"
                 " OwnFriction"
             )
-    return tuple(friction)
+    return tuple(laws)
 
 
 def _require_square(name: str, matrix: object, n: int) -> np.ndarray:

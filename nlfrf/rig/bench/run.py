@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import singledispatch
+from typing import NamedTuple, cast
 
 from numpy.typing import ArrayLike
 
@@ -108,73 +110,111 @@ def run(
     >>> bool(abs(run(servo_axis("belt"), np.full(4000, 1e-3)).position[-1] - 1e-3) < 2e-5)
     True
     """
-    given = {"controller": controller, "fs": fs, "hold": hold, "initial": initial}
-    given |= {"disturbance": disturbance, "noise": noise}
     if oversampling is None:
         steps = 1 if controller is None else 4
     else:
         steps = oversampling
-    begin = (0.0, 0.0) if initial is None else initial
-    if isinstance(machine, ServoAxis):
-        _require_unused("a servo axis", given, ("controller", "fs", "hold", "disturbance"))
-        ports, closed = _ports_of(signal)
-        return run_axis(
-            machine, ports, closed=closed, noise=noise, initial=begin, oversampling=steps
-        )
-    if isinstance(signal, Mapping):
-        raise ValueError(
-            f"signal must be an array if machine is no servo axis, got {short_form(signal)}"
-        )
-    if controller is not None:
-        _require_unused("a rig with a controller", given, ("fs", "hold"))
-        signals = {"disturbance": disturbance, "noise": noise}
-        return _run_loop(machine, controller, signal, signals=signals, initial=begin, steps=steps)
-    if fs is None:
-        raise ValueError("fs must be given, the sampling frequency of the signal [Hz], got none")
-    if isinstance(machine, Rig):
-        _require_unused("a rig without a controller", given, ("initial", "disturbance", "noise"))
-        return run_rig(machine, signal, fs=fs, oversampling=steps, hold=hold or "linear")
-    _require_unused("a friction law", given, ("hold", "initial", "disturbance", "noise"))
-    return run_law(machine, signal, fs=fs, oversampling=steps)
+    return _run_machine(
+        machine,
+        _Task(
+            signal=signal,
+            controller=controller,
+            fs=fs,
+            disturbance=disturbance,
+            noise=noise,
+            initial=initial,
+            steps=steps,
+            hold=hold,
+        ),
+    )
 
 
-def _ports_of(
-    signal: ArrayLike | Mapping[str, ArrayLike | None],
-) -> tuple[dict[str, ArrayLike | None], bool]:
-    """Return the set points of a drive by their names, and whether its loops are closed."""
-    if isinstance(signal, Mapping):
-        ports = dict(signal)
+class _Task(NamedTuple):
+    """The arguments of `run` for any machine."""
+
+    signal: ArrayLike | Mapping[str, ArrayLike | None]
+    controller: object
+    fs: float | None
+    disturbance: ArrayLike | None
+    noise: ArrayLike | None
+    initial: ArrayLike | None
+    steps: int
+    hold: str | None
+
+    @property
+    def begin(self) -> ArrayLike:
+        """Initial position and velocity."""
+        return (0.0, 0.0) if self.initial is None else self.initial
+
+    def require_samples(self) -> ArrayLike:
+        """Return the signal; refuse named set points."""
+        if isinstance(self.signal, Mapping):
+            raise ValueError(
+                "signal must be an array if machine is no servo axis, got"
+                f" {short_form(self.signal)}"
+            )
+        return self.signal
+
+    def require_fs(self) -> float:
+        """Return the sampling frequency, which no controller and no drive states."""
+        if self.fs is None:
+            raise ValueError(
+                "fs must be given, the sampling frequency of the signal [Hz], got none"
+            )
+        return self.fs
+
+    def require_unused(self, machine: str, names: tuple[str, ...]) -> None:
+        """Refuse arguments that would have no effect."""
+        for name in names:
+            if getattr(self, name) is not None:
+                raise ValueError(
+                    f"{name} must be left out for {machine}, got {short_form(getattr(self, name))}"
+                )
+
+
+@singledispatch
+def _run_machine(machine: Rig | ServoAxis | Friction, task: _Task) -> Trajectory:
+    """Run a friction law; other machines are registered below."""
+    signal = task.require_samples()
+    if task.controller is not None:
+        task.require_unused("a rig with a controller", ("fs", "hold"))
+        require_kind("machine", machine, Rig)
+    fs = task.require_fs()
+    task.require_unused("a friction law", ("hold", "initial", "disturbance", "noise"))
+    return run_law(cast("Friction", machine), signal, fs=fs, oversampling=task.steps)
+
+
+@_run_machine.register(Rig)
+def _run_rig(machine: Rig, task: _Task) -> Trajectory:
+    signal = task.require_samples()
+    if task.controller is not None:
+        task.require_unused("a rig with a controller", ("fs", "hold"))
+        law = as_controller(task.controller)
+        finest = steps_per_sample(machine, law.fs, task.steps)
+        loop = run_axes_loop if machine.several else run_one_loop
+        signals = {"disturbance": task.disturbance, "noise": task.noise}
+        return loop(machine, law, signal, signals=signals, initial=task.begin, steps=finest)
+    fs = task.require_fs()
+    task.require_unused("a rig without a controller", ("initial", "disturbance", "noise"))
+    return run_rig(machine, signal, fs=fs, oversampling=task.steps, hold=task.hold or "linear")
+
+
+@_run_machine.register(ServoAxis)
+def _run_servo_axis(machine: ServoAxis, task: _Task) -> Trajectory:
+    task.require_unused("a servo axis", ("controller", "fs", "hold", "disturbance"))
+    if isinstance(task.signal, Mapping):
+        ports = dict(task.signal)
     else:
-        ports = {"position": signal}
+        ports = {"position": task.signal}
     closed = "torque" not in ports
     require_known("signal", ports, (*PORTS, "torque") if closed else ("torque",))
     if not closed:
         ports = {"force": ports["torque"]}
-    return ports, closed
-
-
-def _run_loop(
-    machine: Rig | Friction,
-    controller: object,
-    signal: ArrayLike,
-    *,
-    signals: dict[str, ArrayLike | None],
-    initial: ArrayLike,
-    steps: int,
-) -> Trajectory:
-    """Run a rig with its controller, in as many steps as the machine needs."""
-    require_kind("machine", machine, Rig)
-    assert isinstance(machine, Rig)
-    law = as_controller(controller)
-    finest = steps_per_sample(machine, law.fs, steps)
-    loop = run_axes_loop if machine.several else run_one_loop
-    return loop(machine, law, signal, signals=signals, initial=initial, steps=finest)
-
-
-def _require_unused(machine: str, given: Mapping[str, object], names: tuple[str, ...]) -> None:
-    """Refuse arguments that would have no effect."""
-    for name in names:
-        if given[name] is not None:
-            raise ValueError(
-                f"{name} must be left out for {machine}, got {short_form(given[name])}"
-            )
+    return run_axis(
+        machine,
+        ports,
+        closed=closed,
+        noise=task.noise,
+        initial=task.begin,
+        oversampling=task.steps,
+    )

@@ -24,9 +24,8 @@ from nlfrf._base.arguments import (
     require_choice,
     require_integer,
     require_kind,
-    short_form,
 )
-from nlfrf._base.files import Role, write_arrays
+from nlfrf._base.files import Role, to_path, write_arrays
 from nlfrf._base.values import value
 from nlfrf.records.record import Record
 from nlfrf.rig.bench.rig import (
@@ -158,9 +157,7 @@ def run_each(
 
 def _open_folder(resume: str | os.PathLike[str]) -> Path:
     """Return the folder as a path, created if it does not exist."""
-    if not isinstance(resume, str | os.PathLike):
-        raise ValueError(f"resume must be a folder, got {short_form(resume)}")
-    folder = Path(resume)
+    folder = to_path(resume, "resume")
     if folder.exists() and not folder.is_dir():
         raise ValueError(f"resume must be a folder, got the file {folder}")
     folder.mkdir(parents=True, exist_ok=True)
@@ -210,9 +207,12 @@ def _hash_value(digest: Hash, value: object) -> None:
         case np.ndarray():
             digest.update(f"{value.dtype.str}{value.shape}".encode())
             digest.update(np.ascontiguousarray(value).tobytes())
-        case tuple() | list() | dict():
-            for one in value.items() if isinstance(value, dict) else value:
+        case tuple() | list():
+            for one in value:
                 _hash_value(digest, one)
+        case dict():
+            for item in value.items():
+                _hash_value(digest, item)
         case str() | int() | float() | None:
             digest.update(repr(value).encode())
         case numbers.Real():  # of numpy, or a fraction
@@ -402,14 +402,10 @@ def _try_experiment(experiment: _Experiment) -> Arrays | None:
 
 
 def _sensor_positions(experiment: _Experiment, x: np.ndarray) -> np.ndarray:
-    """Return the (N,) position of a single axis or sensor, or (n_y, N), from the positions of the
-    axes.
-    """
+    """Return the (N,) position of a single axis, or (n_y, N), from the positions of the axes."""
     if not experiment.rig.several:
         return x.copy()
     y: np.ndarray = experiment.rig.sensors @ x.T
-    if experiment.ms.is_single and len(y) == 1:
-        return y[0]
     return y
 
 

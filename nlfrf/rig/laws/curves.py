@@ -9,6 +9,9 @@ import numpy as np
 
 from nlfrf._base.arguments import require_positive, require_real_array
 from nlfrf._base.values import ArrayField, freeze_array, value
+from nlfrf.rig.kernels import data as kernel_data
+
+NO_GRID = np.zeros((3, 1))  # of a curve that is given by its two parameters alone
 
 
 @value(kw_only=False)
@@ -23,6 +26,11 @@ class _YieldingCurve:
     def __post_init__(self) -> None:
         require_positive("K0", self.K0)
         require_positive("Fy", self.Fy)
+
+    @property
+    def grid(self) -> kernel_data.Grid:
+        """Points or elements for compiled code: none."""
+        return NO_GRID
 
 
 @value(kw_only=False)
@@ -54,6 +62,11 @@ class Linear:
 
     def __post_init__(self) -> None:
         require_positive("K0", self.K0)
+
+    @property
+    def grid(self) -> kernel_data.Grid:
+        """Points or elements for compiled code: none."""
+        return NO_GRID
 
 
 @value(kw_only=False)
@@ -248,6 +261,12 @@ class Table:
         """Largest force [N]."""
         return float(self.F[-1])
 
+    @property
+    def grid(self) -> kernel_data.Grid:
+        """(3, n + 1) points for compiled code: displacement, force, slope behind it."""
+        z, force = np.append(0.0, self.z), np.append(0.0, self.F)
+        return np.stack([z, force, np.append(np.diff(force) / np.diff(z), 0.0)])
+
 
 @value(kw_only=False)
 class MaxwellSlip:
@@ -305,6 +324,11 @@ class MaxwellSlip:
     def Fy(self) -> float:
         """Largest force [N]."""
         return float(self.strength.sum())
+
+    @property
+    def grid(self) -> kernel_data.Grid:
+        """(3, E) elements for compiled code: stiffness, strength, zeros."""
+        return np.stack([self.stiffness, self.strength, np.zeros(self.stiffness.size)])
 
 
 Curve = Linear | Tanh | Exponential | Parabola | ElasticPlastic | Table | MaxwellSlip

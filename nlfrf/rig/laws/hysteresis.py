@@ -29,7 +29,6 @@ from nlfrf.rig.laws.curves import (
     Tanh,
 )
 
-NO_GRID = np.zeros((3, 1))
 _CURVE_CODES: dict[type, int] = {
     Linear: kernel_data.SPRING,
     Tanh: kernel_data.TANH,
@@ -102,10 +101,5 @@ def pack_curve(curve: Curve) -> tuple[kernel_data.Curve, kernel_data.Grid]:
             f"curve must be one of {', '.join(kind.__name__ for kind in _CURVE_CODES)}, got"
             f" {curve!r}"
         )
-    grid = NO_GRID
-    if isinstance(curve, Table):
-        z, force = np.append(0.0, curve.z), np.append(0.0, curve.F)
-        grid = np.stack([z, force, np.append(np.diff(force) / np.diff(z), 0.0)])
-    if isinstance(curve, MaxwellSlip):
-        grid = np.stack([curve.stiffness, curve.strength, np.zeros(curve.stiffness.size)])
-    return kernel_data.Curve(_CURVE_CODES[type(curve)], float(curve.K0), float(curve.Fy)), grid
+    numbers = kernel_data.Curve(_CURVE_CODES[type(curve)], float(curve.K0), float(curve.Fy))
+    return numbers, curve.grid

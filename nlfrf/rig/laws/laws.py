@@ -23,8 +23,8 @@ from nlfrf._base.arguments import (
 )
 from nlfrf._base.values import ArrayField, value
 from nlfrf.rig.kernels import data as kernel_data
-from nlfrf.rig.laws.curves import Curve, Linear, MaxwellSlip, Tanh
-from nlfrf.rig.laws.hysteresis import NO_GRID, pack_curve
+from nlfrf.rig.laws.curves import NO_GRID, Curve, Linear, MaxwellSlip, Tanh
+from nlfrf.rig.laws.hysteresis import pack_curve
 
 
 @value

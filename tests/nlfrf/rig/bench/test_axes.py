@@ -320,7 +320,7 @@ OWN = nlfrf.friction.OwnFriction(
         ),
         (
             {"friction": LUGRE},
-            "friction must be a list with a law or None for each of the 2 axes, got LuGre",
+            "friction must be a list with a law or None for each of the 2 axes, got 1",
         ),
         ({"friction": [None, 3.0]}, r"friction must be one of the laws of nlfrf.friction, got 3.0"),
         (
