@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from nlfrf import Record
-from nlfrf._base.arguments import require_kind, short_form
+from nlfrf._base.arguments import require_kind, require_list
 from nlfrf._base.numbers import clipped_share, smallest_step, squared_modulus
 from nlfrf._base.values import value
 from nlfrf.io import in_design_units
@@ -203,15 +203,7 @@ def find_levels(records: Sequence[Record], experiment: AxisExperiment) -> AxisLe
             "experiment must be a ramp of levels, got one with the parts"
             f" {', '.join(experiment.labels)}"
         )
-    if (
-        not isinstance(records, Sequence)
-        or not records
-        or not all(isinstance(one, Record) for one in records)
-    ):
-        raise ValueError(
-            f"records must be those of a ramp, as load_trace reads them, got {short_form(records)}"
-        )
-    records = [in_design_units(one, experiment) for one in records]
+    records = [in_design_units(one, experiment) for one in require_list("records", records, Record)]
     read = [_read_level(one) for one in records]
     stiffness = np.array([one.stiffness for one in read])
     position = np.array([one.position for one in read])

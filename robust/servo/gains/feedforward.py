@@ -14,6 +14,7 @@ not stable.
 
 from __future__ import annotations
 
+from functools import singledispatch
 from itertools import product
 from typing import TypeAlias
 
@@ -270,26 +271,43 @@ def _friction_force(
 
 def _interval(name: str, given: Interval) -> np.ndarray:
     """Return (2,) least and largest value of a number or a pair."""
-    if isinstance(given, tuple | list | np.ndarray) and np.size(given) == 2:
-        low, high = (require_nonnegative(name, float(end)) for end in given)
+    if np.size(given) == 2:
+        low, high = (require_nonnegative(name, float(end)) for end in np.ravel(given))
         if low > high:
-            raise ValueError(f"{name} must be (low, high), got {short_form(tuple(given))}")
+            raise ValueError(f"{name} must be (low, high), got {short_form((low, high))}")
         return np.array([low, high])
     return np.full(2, require_nonnegative(name, require_real(name, given)))
 
 
-def _rigid_body(
-    plant: LinearSystem | UncertaintyModel | FrictionPlant | MachineWithFriction,
-) -> tuple[Interval, Interval | None]:
+@singledispatch
+def _rigid_body(plant: object) -> tuple[Interval, Interval | None]:
     """Return mass and viscous friction of a plant: the mass with its interval, and None for an
     unknown friction.
     """
-    if isinstance(plant, MachineWithFriction):
-        mass, spread = plant.mass, SIGMAS * plant.mass_std
-        return (mass - spread, mass + spread), None
-    if isinstance(plant, FrictionPlant):
-        plant = control.StateSpace(plant.A, plant.B_force[:, None], plant.C_measured[None], 0, 0)
-    plant = state_space("plant", plant.nominal if isinstance(plant, UncertaintyModel) else plant)
+    return _read_rigid_body(state_space("plant", plant))
+
+
+@_rigid_body.register(MachineWithFriction)
+def _body_of_machine(plant: MachineWithFriction) -> tuple[Interval, Interval | None]:
+    spread = SIGMAS * plant.mass_std
+    return (plant.mass - spread, plant.mass + spread), None
+
+
+@_rigid_body.register(FrictionPlant)
+def _body_of_friction_plant(plant: FrictionPlant) -> tuple[Interval, Interval | None]:
+    force_to_position = control.StateSpace(
+        plant.A, plant.B_force[:, None], plant.C_measured[None], 0, 0
+    )
+    return _read_rigid_body(state_space("plant", force_to_position))
+
+
+@_rigid_body.register(UncertaintyModel)
+def _body_of_set(plant: UncertaintyModel) -> tuple[Interval, Interval | None]:
+    return _read_rigid_body(state_space("plant", plant.nominal))
+
+
+def _read_rigid_body(plant: control.StateSpace) -> tuple[float, float]:
+    """Return m and c of a plant 1/(m s^2 + c s), by its response."""
     if timebase(plant):
         raise ValueError(f"plant must be continuous, got one sampled at {timebase(plant):g} s")
     rate = float(np.max(np.abs(plant.poles()), initial=0.0)) or 1.0

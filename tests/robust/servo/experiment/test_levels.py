@@ -269,5 +269,5 @@ def test_what_is_no_ramp_is_refused(tmp_path):
     ):
         find_levels([], still)
     ramp = design_ramp(axis, MS, rms=20)
-    with pytest.raises(ValueError, match="records must be those of a ramp"):
+    with pytest.raises(ValueError, match="records must be a list of at least one Record"):
         find_levels([], ramp)
