@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nlfrf._base.arguments import as_list, short_form
+from nlfrf._base.arguments import as_list, require_kind, short_form
 from robust._base.states import FrictionVerdict
 from robust._base.types import Controller
 from robust.friction.bounds import divergence_velocity
@@ -106,8 +106,7 @@ def prove_friction(
     >>> proof.verdict, proof.actuator.kick > 2 * proof.actuator.kick_linear
     ('proved up to a kick', True)
     """
-    if not isinstance(machine, FrictionPlant):
-        raise ValueError(f"machine must be a friction_plant, got {short_form(machine)}")
+    require_kind("machine", machine, FrictionPlant)
     ports = _friction_of_ports(machine, friction)
     K = state_space("K", K)
     machine, delay = separate_delay(machine, delay)

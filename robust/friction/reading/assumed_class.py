@@ -4,9 +4,11 @@ intervals.
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 
-from nlfrf._base.arguments import require_real, short_form
+from nlfrf._base.arguments import require_kind, require_real, short_form
 from nlfrf._base.values import value
 from robust.friction.classes.maxwell_slip import MaxwellSlip
 from robust.friction.plant import FrictionPlant, require_one_port
@@ -173,8 +175,5 @@ def machines_of(
             f" {short_form(machine)}"
         )
     require_one_port(machine)
-    if not isinstance(friction, MaxwellSlip):
-        raise ValueError(
-            f"friction must be robust.friction.MaxwellSlip(...), got {short_form(friction)}"
-        )
-    return (machine,), friction
+    require_kind("friction", friction, MaxwellSlip)
+    return (machine,), cast("MaxwellSlip", friction)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 import nlfrf
-from nlfrf._base.arguments import short_form
+from nlfrf._base.arguments import require_list, require_one_channel
 from nlfrf._base.numbers import smallest_step
 from nlfrf._base.values import value
 from robust.friction.reading.balance import (
@@ -260,16 +260,9 @@ def _list_levels(records: Sequence[nlfrf.Record]) -> list[nlfrf.Record]:
     """Return the records of at least three levels of one axis, the highest force first; refuse
     anything else.
     """
-    if isinstance(records, Iterable):
-        levels = list(records)
-    else:
-        levels = records
-    if not isinstance(levels, list) or not all(
-        isinstance(one, nlfrf.Record) and one.is_single for one in levels
-    ):
-        raise ValueError(
-            f"records must be a list of Records with one input and output, got {short_form(levels)}"
-        )
+    levels = require_list("records", records, nlfrf.Record)
+    for one in levels:
+        require_one_channel("records", one)
     units = [(record.y_unit, record.u_unit) for record in levels]
     require_levels("records", units, [record.lines.excited.size for record in levels])
     return sorted(levels, key=lambda record: -motion_of_record(record, 1).force)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 import nlfrf
-from nlfrf._base.arguments import short_form
+from nlfrf._base.arguments import require_list, require_one_channel
 from nlfrf._base.values import value
 from robust.friction.reading.balance import (
     MODEL_ERROR,
@@ -144,12 +144,10 @@ def identify_sliding(
     >>> round(fit.mass, 1), round(fit.damping), round(fit.coulomb, 1)
     (12.0, 20, 15.4)
     """
-    records, speeds = list(records), np.asarray(velocities, dtype=float)
-    if not records or not all(isinstance(one, nlfrf.Record) and one.is_single for one in records):
-        raise ValueError(
-            "records must be a list of Records with one input and output, got"
-            f" {short_form(records)}"
-        )
+    records = require_list("records", records, nlfrf.Record)
+    for one in records:
+        require_one_channel("records", one)
+    speeds = np.asarray(velocities, dtype=float)
     if speeds.shape != (len(records),) or not np.all(np.isfinite(speeds) & (speeds != 0)):
         raise ValueError(
             f"velocities must contain one nonzero velocity for each of the {len(records)}"

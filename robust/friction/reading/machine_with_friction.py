@@ -4,10 +4,10 @@ identified fit.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from nlfrf import Bla, Record
-from nlfrf._base.arguments import short_form
+from nlfrf._base.arguments import as_list, short_form
 from robust._base.channels import is_single
 from robust.friction.reading.assumed_class import MachineWithFriction, assume_class
 from robust.friction.reading.friction_fit import FrictionFit
@@ -100,12 +100,9 @@ def machine_with_friction(
     """
     if isinstance(blas, FrictionFit):
         return assume_class(read_fit(blas), stiction=stiction, margin=margin)
-    if isinstance(blas, Iterable):
-        levels = list(blas)
-    else:
-        levels = [blas]
+    levels: list[object] = as_list(blas)
     records = [one for one in levels if isinstance(one, Record)]
-    measured = [one for one in levels if isinstance(one, Bla) and is_single(one)]
+    measured = [one for one in levels if is_single(one)]
     if len(records) + len(measured) < len(levels):
         raise ValueError(
             "blas must be BLAs with one input and output, or Records, in a list, got"

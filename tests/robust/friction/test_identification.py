@@ -628,9 +628,7 @@ def test_what_makes_no_fit_is_refused():
         ValueError, match="records must hold at least three levels, from sticking to sliding, got 2"
     ):
         robust.friction.identify_friction(records[:2])
-    with pytest.raises(
-        ValueError, match="records must be a list of Records with one input and output, got"
-    ):
+    with pytest.raises(ValueError, match="records must be a list of at least one Record, got"):
         robust.friction.identify_friction([1.0, 2.0, 3.0])
     with pytest.raises(ValueError, match="masses must be 1, or 2 for a motor and a load, got 3"):
         robust.friction.identify_friction(records, masses=3)
@@ -646,7 +644,7 @@ def test_what_makes_no_fit_is_refused():
         ValueError, match="velocities must contain one nonzero velocity for each of the 3 records"
     ):
         robust.friction.identify_sliding(records, (0.1, 0.0, 0.2))
-    with pytest.raises(ValueError, match="records must be a list of Records"):
+    with pytest.raises(ValueError, match="records must be a list of at least one Record"):
         robust.friction.identify_sliding([], ())
     with pytest.raises(ValueError, match="masses must be 1, or 2 for a motor and a load, got 3"):
         robust.friction.identify_sliding(records, (0.1, 0.2, 0.3), masses=3)

@@ -339,7 +339,7 @@ def test_a_model_of_the_rig_is_the_rig():
         (lambda: prove_friction(RIG, control.tf([1.0, 0.0], [1.0]), SLIP), "K must be"),
         (lambda: Bounded(-1.0), "Fs must be positive, got -1"),
         (lambda: prove_friction(RIG, 1.0, 3.0), "friction must be a class such as"),
-        (lambda: prove_friction(3.0, 1.0, SLIP), "machine must be a friction_plant, got 3.0"),
+        (lambda: prove_friction(3.0, 1.0, SLIP), "machine must be of type FrictionPlant, got 3.0"),
         (
             lambda: prove_friction(RIG, 1.0, SLIP, delay=1e-3),
             "delay must be 0 s with a continuous controller",

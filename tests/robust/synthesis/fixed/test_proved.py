@@ -51,7 +51,7 @@ def test_a_design_from_the_frf_is_lowered_until_it_is_proved():
     assert prove_friction(RIG, alone.K, CLASS).verdict == "refuted"
     for given, message in (
         ((1.0, CLASS), "machine must be a friction_plant, or a MachineWithFriction alone, got 1.0"),
-        ((RIG, Passive()), "friction must be robust.friction.MaxwellSlip"),
+        ((RIG, Passive()), "friction must be of type MaxwellSlip"),
     ):
         with pytest.raises(ValueError, match=message):
             design_frf(STUCK, "PID", prove=given, **ASKED)

@@ -145,7 +145,7 @@ def test_a_cascade_on_a_servo_axis_is_proved():
     ("match", "call"),
     [
         (
-            "friction must be robust.friction.MaxwellSlip",
+            "friction must be of type MaxwellSlip",
             lambda: tuning.FrictionLimit(RIG, Bounded(1.0)),
         ),
         (
