@@ -13,6 +13,7 @@ import numpy as np
 import nlfrf
 from nlfrf._base.arguments import (
     MissingArgumentError,
+    as_list,
     inverse_unit,
     repeat_warnings,
     require_nonnegative,
@@ -82,11 +83,11 @@ def load_blas(
                 channel=channel,
                 columns=columns,
             )
-        if found and is_single(one) != is_single(found[0]):
+        found.append(one)
+        if len({is_single(bla) for bla in found}) > 1:
             raise ValueError(
                 f"bla must be all BLAs or all matrices, got {path} with {type(one).__name__}"
             )
-        found.append(one)
     if len(found) == 1:
         return found[0]
     return found
@@ -140,10 +141,7 @@ def fit_nominal_model(
         omega_c = None
     else:
         omega_c = 2 * np.pi * require_positive("bandwidth", bandwidth)
-    if isinstance(blas, list):
-        levels = blas
-    else:
-        levels = [blas]
+    levels = as_list(blas)
     if n_poles is None and (omega_c is not None or len(levels) == 1):
         scan = scan_orders(
             blas, delay="auto" if delay is None else delay, dt=dt, stable=stable, omega_c=omega_c

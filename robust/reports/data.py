@@ -285,20 +285,23 @@ def set_section(model: UncertaintyModel) -> Section:
             "Radius on the lines, its parts, and the weight over it.", plot_weight, model
         )
     ]
-    if model.is_single and model.budget:
-        caption = (
-            "Parts of the radius, their share as the mean over the lines, and what to measure next."
+    if model.is_single:
+        lead = (
+            "The set contains every plant whose distance from the nominal is below the weight."
+            " Grey: assumed."
         )
-        pictures.append(html.draw_picture(caption, plot_budget, model))
+        if model.budget:
+            caption = (
+                "Parts of the radius, their share as the mean over the lines, and what to measure"
+                " next."
+            )
+            pictures.append(html.draw_picture(caption, plot_budget, model))
+    else:
+        lead = "Choose the form before you see the verdict; trying two is a multiple test."
     return Section(
         "set",
         "Uncertainty and weight",
-        (
-            "The set contains every plant whose distance from the nominal is below the weight."
-            " Grey: assumed."
-            if model.is_single
-            else "Choose the form before you see the verdict; trying two is a multiple test."
-        ),
+        lead,
         facts=facts,
         pictures=pictures,
     )

@@ -34,6 +34,7 @@ from robust.reports.data import (
     set_section,
 )
 from robust.reports.sections import (
+    channels_section,
     check_section,
     loop_section,
     settings_section,
@@ -199,7 +200,7 @@ def _sections_of(
         *([cross_check_section(records)] if single else []),
         nominal_section(model, nominal, blas),
         set_section(model),
-        loop_section(report, model, K),
+        (loop_section if single else channels_section)(report, model, K),
         check_section(report),
         worst_case_section(model, K, report=report, delay=delay),
         settings_section(model, K, w_P=w_P, delay=delay),

@@ -30,25 +30,12 @@ _N_PLANTS = 25  # of the set, drawn around the worst case
 def loop_section(
     report: RobustnessReport, model: UncertaintyModel, K: control.StateSpace
 ) -> Section:
-    """Return the section on controller and loop."""
-    dt, unit = timebase(K), model.origin.unit
-    facts = [Fact("controller", describe_system(K)), Fact("poles", describe_roots(poles(K), dt))]
-    if not report.is_single:
-        facts.append(
-            Fact("disk margins", "" if report.channels is None else rows_of_value(report.channels))
-        )
-        gains = loop_gains(model.nominal, K, omega=model.omega)
-        return Section(
-            "loop",
-            "Controller and loop",
-            "u = K (r - y). The margin of one channel alone is the weakest test: if all channels"
-            " change at once, the loop may tolerate far less.",
-            facts=facts,
-            pictures=(html.draw_picture("Singular values of the nominal loop.", plot_loop, gains),),
-        )
-    facts += [
+    """Return the section on controller and loop, for one channel."""
+    dt = timebase(K)
+    facts = [
+        *_controller_facts(K),
         Fact("zeros", describe_roots(zeros(K), dt)),
-        Fact("gains", format_gains(K, unit).strip()),
+        Fact("gains", format_gains(K, model.origin.unit).strip()),
     ]
     table: list[tuple[str, ...]] = []
     if dt:
@@ -79,6 +66,29 @@ def loop_section(
             ),
         ),
     )
+
+
+def channels_section(
+    report: RobustnessReport, model: UncertaintyModel, K: control.StateSpace
+) -> Section:
+    """Return the section on controller and loop, for several channels."""
+    margins = "" if report.channels is None else rows_of_value(report.channels)
+    gains = loop_gains(model.nominal, K, omega=model.omega)
+    return Section(
+        "loop",
+        "Controller and loop",
+        "u = K (r - y). The margin of one channel alone is the weakest test: if all channels"
+        " change at once, the loop may tolerate far less.",
+        facts=[*_controller_facts(K), Fact("disk margins", margins)],
+        pictures=(html.draw_picture("Singular values of the nominal loop.", plot_loop, gains),),
+    )
+
+
+def _controller_facts(K: control.StateSpace) -> list[Fact]:
+    return [
+        Fact("controller", describe_system(K)),
+        Fact("poles", describe_roots(poles(K), timebase(K))),
+    ]
 
 
 def check_section(report: RobustnessReport) -> Section:

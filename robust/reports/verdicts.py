@@ -121,8 +121,6 @@ def require_report_of(
             "w_P must be that of the report, got another one. Leave it out, or check again with"
             " this one"
         )
-    if report.is_single != model.is_single:
-        raise ValueError(_WRONG_REPORT)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the report has them
