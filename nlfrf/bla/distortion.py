@@ -471,10 +471,10 @@ def _list_hypotheses(
     log_prior : (H,) ndarray
         Log prior probability.
     """
-    # rms over inputs: cubes and products have its ratios in a band
     index = excited.index
+    # rms over inputs: a cube of one input and a product of several have its c, within 0.3 dB
     amplitude = excited.amplitude
-    flat = is_flat(amplitude)
+    flat = is_flat(amplitude)  # its counts depend on the grid alone and are cached
     laws = [
         (
             _flat_input_cubic_counts(index)
@@ -484,11 +484,12 @@ def _list_hypotheses(
     ]
     if row.gain_varies:
         laws.append(cubic_count_ratios(rms(row.Y), index, _MAX_OUTPUT_RATIO))
-    n_laws = len(laws) + 1
+    n_laws = len(laws) + 1  # and c = 1, whose entries stay one
     relative, factors = np.ones((n_laws, *laws[0][0].shape)), np.ones((n_laws, excited.lines.size))
     for i, (on_window, here) in enumerate(laws):
         relative[i], factors[i] = on_window, here
     if not row.gain_varies:
+        # a constant |G| has one place, here behind the dynamics: g = 1
         return ~_BEFORE_DYNAMICS[:n_laws], relative, factors, _CONSTANT_GAIN_LOG_PRIOR
     return (
         _BEFORE_DYNAMICS,
@@ -499,7 +500,8 @@ def _list_hypotheses(
 
 
 _BEFORE_DYNAMICS = np.array([True, True, True, False, False, False])
-#: If |G| is constant over the band, the cubic of the input and that of the output are one law.
+#: If |G| is constant over the band, the cubic of the input and that of the output are one law,
+#: which gets the weight of both.
 _EQUAL_LOG_PRIOR, _CONSTANT_GAIN_LOG_PRIOR = np.zeros(6), np.log([2 / 3, 1 / 3])
 
 

@@ -107,6 +107,8 @@ def identify_noise(
     G, variance, S_yy, S_rest, dof = _estimate_frf_local(u, y, n=n_samples, lines=lines, f=f)
     _warn_of_nonstationary_input(u)
     cov, nan = variance[None, None], np.full((1, 1, F), np.nan)
+    # A band of fs/n_samples has n/n_samples lines of the whole record, n = u.size, each with the
+    # power 2 S_yy/n^2. A cosine has the power A^2/2, so A^2 = 4 S_yy/(n n_samples).
     return Bla(
         f=f,
         G=G,
@@ -120,6 +122,7 @@ def identify_noise(
         level_source="coherence",
         grid_factor=np.ones(F),
         levels=levels_without_detection(f, np.sqrt(4 * S_yy / (u.size * n_samples))),
+        # S_rest is per degree of freedom: without a relation of u and y it exceeds S_yy at times
         coherence=np.clip(1 - S_rest / np.maximum(S_yy, TINY), 0.0, 1.0),
     )
 

@@ -128,9 +128,12 @@ def _suggest_lines(ms: nlfrf.Multisine, kind: str, f_min: float) -> str:
         )
     if kind not in _SPARSE_GRIDS:
         return "a longer period has lines nearer to its ends"
+    # eight lines beyond the first excited one: one repetition of a special-odd grid, two of an
+    # odd-odd one. Both are fixed patterns, so nothing is drawn from rng.
     lines = grid_lines(
         kind, 1, last=int(ms.f[0] / ms.f0 + 8.5), rng=np.random.default_rng()
     ).excited
+    # six lines from two octaves below f_min on: the gap is nearly always among them
     listed = ", ".join(f"{k * ms.f0:g}" for k in lines[lines * ms.f0 > f_min / 4][:6])
     below = lines[lines * ms.f0 <= f_min] * ms.f0
     finer = int(np.ceil(lines[0] * ms.fs / f_min))

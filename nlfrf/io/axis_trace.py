@@ -196,6 +196,7 @@ def _records_of_runs(
     N = design_period(experiment.ms, fs)
     _require_fast_trace(experiment, fs, N)
     cut = [_cut_run(run, experiment, N=N, start=start) for run in runs]
+    # a ramp can be stopped before its end; other experiments need all their records
     labels = [label for label in experiment.groups if all(label in one for one in cut)]
     if not labels or (len(labels) < len(experiment.groups) and not experiment.is_ramp):
         raise ValueError(
@@ -203,6 +204,7 @@ def _records_of_runs(
             f" s on, got {min(run.u.size for run in runs) / fs:g} s: is fs right?"
         )
     drawn = experiment.ms.sampled(N)
+    # by the last label, which is the largest amplitude of a ramp
     order = _match_realizations(
         [one[labels[-1]] for one in cut], drawn, experiment.ms.lines.excited
     )

@@ -216,6 +216,7 @@ class Record(Channels):
                 f"lines must lie below the Nyquist line {n_samples / 2:g}, got line {highest}"
             )
         n_u, n_y = (1 if signals[name].ndim == 3 else len(signals[name]) for name in "uy")
+        # fields of a value are frozen: an assignment would be refused
         self.__dict__.update(
             signals, fs=fs, lines=lines, hold=hold, r=signals.get("r"), warnings=tuple(warnings)
         )

@@ -382,6 +382,7 @@ def _second_order_section(
     direct = 1.0 if len(zeros) == 2 else 0.0
     # numerator = direct (s - p1)(s - p2) + slope (s - p2) + value, with value the numerator at p2
     slope = {2: lambda: (p1 + p2 - sum(zeros)).real, 1: lambda: 1.0, 0: lambda: 0.0}[len(zeros)]()
+    # real poles: states 1/(s - p1) and 1/((s - p1)(s - p2))
     if p1.imag == 0:
         value = np.prod([p2 - z for z in zeros]).real if zeros else 1.0
         A = [[p1.real, 0.0], [1.0, p2.real]]

@@ -386,6 +386,7 @@ def feedforward_filter(
     (1.0, True)
     """
     effort, loop = require_positive("effort", effort), _reference_loop(model, K, delay)
+    # in T_ref - G F the filter acts on G in open loop, and cannot stabilise it
     if not is_stable(loop.G):
         raise ValueError(
             "model must have a stable nominal for a feedforward, got a pole at"
@@ -396,6 +397,8 @@ def feedforward_filter(
     T_ref = _on_time_base(reference, loop.dt)
     found = _synthesise_matching(T_ref, loop.G, effort=effort, name="feedforward")
     omega = loop.grid(model.omega)
+    # Not exact at zero frequency, unlike a prefilter: the error is S (T_ref - G F), and S is zero
+    # there if K has an integrator.
     F = _fewest_states(found.K, loop.G, omega=omega, dt=loop.dt)
     wanted = response(T_ref, omega)
     error, worst = _feedforward_errors(loop, response(F, omega), wanted=wanted, omega=omega)

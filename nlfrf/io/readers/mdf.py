@@ -31,8 +31,9 @@ def contents(path: Path) -> Contents:
 
     found: Contents = ({}, {}, {}, {})
     arrays, units, clocks, notes = found
+    # frames of a bus stay raw: asammdf would search the attachments for the database to decode them
     with MDF(str(path), process_bus_logging=False) as file:
-        masters = dict(file.masters_db)
+        masters = dict(file.masters_db)  # by group, the channel with its times
         listed = [
             (g, i, str(channel.name))
             for g, group in enumerate(file.groups)

@@ -355,6 +355,10 @@ class ColumnName(NamedTuple):
 def parse_name(name: str, stated: str = "", *, is_complex: bool = False) -> ColumnName:
     """Parse the name of a column, with the unit that the file states apart from the name.
 
+    Spellings of one meaning are first rewritten to one, with ⟪⟫ around the object of a quantity.
+    The unit is then split off, each other word gets its role from `ROLES`, and `_combine` decides.
+    `is_complex` is for a column of complex numbers, which needs no word for its quantity.
+
     >>> column = parse_name("-Im(Z)/Ohm")
     >>> column.quantity, column.sign, column.unit.text, column.of_what, column.unknown
     ('imaginary', -1, 'Ohm', 'Z', ())
@@ -363,6 +367,7 @@ def parse_name(name: str, stated: str = "", *, is_complex: bool = False) -> Colu
     """
     if len(name) > _MAX_LENGTH:
         return ColumnName(unknown=(name,))
+    # the readers of files append ".2", ".3" to a name that occurs again
     written = _normalize(re.sub(r"\.\d+$", "", name)).strip()
     if _is_scale(written):
         unit_text, written = written, ""
@@ -370,6 +375,7 @@ def parse_name(name: str, stated: str = "", *, is_complex: bool = False) -> Colu
         unit_text, written = stated, written
     for pattern, other in _REWRITTEN:
         written = re.sub(pattern, other, written, flags=re.I)
+    # functions of functions: once for each level of brackets
     while (inner := _FUNCTION.sub(_rewrite_function, written)) != written:
         written = inner
     if unit_text:
@@ -377,6 +383,7 @@ def parse_name(name: str, stated: str = "", *, is_complex: bool = False) -> Colu
     else:
         unit_text, written = _split_unit(written)
     found: defaultdict[str, list[str]] = defaultdict(list)
+    # depth in ⟪⟫ and in brackets; is_first holds up to the first word with a meaning
     depth, brackets, last, is_first = 0, 0, "", True
     for token in _WORD.findall(_GLUED.sub(" ", written)):
         depth += {"⟪": 1, "⟫": -1}.get(token, 0)
@@ -393,6 +400,7 @@ def parse_name(name: str, stated: str = "", *, is_complex: bool = False) -> Colu
         elif role == "name" and not depth and _is_scale(token):
             role = "unit"
         found[role].append(token)
+        # the object of a quantity, and a symbol like Z or S11, names the FRF: nothing to ask about
         is_known = depth or (not brackets and re.fullmatch(r"[^\W\d_]|[A-Z]\d+", token))
         if role == "no_name" or (role == "name" and not is_known):
             found["unknown"].append(token)

@@ -31,8 +31,9 @@ def contents(path: Path) -> Contents:
     """
     from pytcs import ScopeFile
 
+    # names and units can have another encoding, in which numbers are the same bytes
     text = path.read_bytes().decode("utf-8-sig", errors="replace").replace("\r\n", "\n")
-    delimiter = text[4]
+    delimiter = text[4]  # behind "Name", with which an export begins
     # pytcs accepts neither blanks nor commas between cells
     scope = ScopeFile(StringIO(_separate_by_tabs(text, delimiter) if delimiter in " ," else text))
     scope.load(backend="pandas")  # the other backend cannot read from memory
@@ -45,6 +46,7 @@ def contents(path: Path) -> Contents:
         if time.size != samples.size:
             notes[name] = f"has {samples.size} samples at {time.size} times"
             continue
+        # channels with equal times share one axis, so that they can be input and output of a record
         key = time.tobytes()
         if key not in axes:
             axes[key] = f"axis{len(axes) + 1}.time" if axes else "time"

@@ -406,12 +406,15 @@ def advance_hysteretic(
             i = j // substeps
             out[i, 0], out[i, 1], out[i, 2] = x, v, state[Z]
             _, out[i, 3] = friction_rates(law, v, state[F])
+            # the squares of larger numbers overflow; nan fails both comparisons
             if not (abs(x) < 1e150 and abs(v) < 1e150):
                 break
         way = _next_branch(law, state, stack, v, False)
         step = Step(x, v, u, h)
         x1, v1, z1, d0, d1 = _trial_step(body, law, grid, state, stack, way, step, 0.0, 1.0)
+        # z turned, or a loop closed: the trial is repeated in parts that end at these events
         if d0 * d1 < 0.0 or (way[0] != _FROM_MEMORY and _find_loop_closure(state, stack, z1)[0]):
+            # the limit on parts also ends a loop whose event lies at the start of its part
             a, turned, parts = 0.0, False, 0
             while a < 1.0 and parts < 6:
                 a, x1, v1, z1, turned = _step_to_event(
@@ -426,6 +429,7 @@ def advance_hysteretic(
                 x1, v1, z1, _, _ = _trial_step(body, law, grid, state, stack, way, step, a, 1.0)
         x, v = x1, v1
         stiffness = commit_hysteresis(law.curve, grid, state, stack, z1)
+        # at least one: a step also adds an error, which earlier decay does not reduce
         state[ERROR] = max(state[ERROR], 1.0) * error_growth(law, v, state[F], stiffness, h)
         if state[ERROR] > kernel_data.MAX_ERROR_GROWTH:
             return False

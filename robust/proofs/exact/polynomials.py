@@ -324,7 +324,8 @@ def _bernstein_signs(coefficients: list[Coefficient]) -> _Signs:
 def positive_on_half_line(p: Polynomial, *, deadline: float = np.inf) -> Decision:
     """Prove p(y) > 0 for all y >= 0; p is an arb_poly or fmpq_poly of python-flint.
 
-    Infinity is not examined.
+    The half-line is cut until the coefficients of every piece are nonnegative (Krandick & Mehlhorn,
+    Journal of Symbolic Computation 41, 2006). Infinity is not examined.
 
     >>> from flint import fmpq, fmpq_poly
     >>> positive_on_half_line(fmpq_poly([fmpq(1000001, 1000000), -2, 1])).holds    # (y - 1)^2 + 1e-6
@@ -354,9 +355,11 @@ def positive_on_half_line(p: Polynomial, *, deadline: float = np.inf) -> Decisio
         )
         if found is _Signs.POSITIVE:
             continue
+        # a negative coefficient does not disprove the statement, only a value of p does
         middle = _geometric_midpoint(a, b)
         if p(_to_exact_number(p, middle)) <= 0:
             return refuted("negative there", middle)
+        # unclear: a ball contains zero, and more digits may decide; 1e290: near the end of doubles
         if (
             found is _Signs.UNCLEAR
             or (np.isfinite(b) and b - a <= _MIN_RELATIVE_WIDTH * b)

@@ -113,6 +113,7 @@ def page_content(
     if w_P is not None:
         w_P = state_space("w_P", w_P)
     dt = _loop_sampling_time(models, initial, dt)
+    # a gain has no sampling time of its own: it gets that of the loop
     start = control.StateSpace(initial.A, initial.B, initial.C, initial.D, dt)
     loops = [assemble_loop(model, start, w_P=w_P, delay=delay) for model in models]
     if len({loop.dt for loop in loops}) > 1:
@@ -140,6 +141,7 @@ def page_content(
         "w_P": None if w_P is None else _encode_response(loops[0].w_P),
         "K": _encode_response(start) | {name: getattr(start, name).tolist() for name in "ABCD"},
         "K_poles": _uncertain_poles(start),
+        # the controller of the page is K times its elements, and has no PID gains if K is given
         "begun": not is_constant(start) or float(start.D[0, 0]) != 1.0,
         "python": python_script(sources, models, w_P=w_P, K=start, dt=dt, delay=delay),
         "command": proof_commands(sources, w_P, delay),

@@ -1,5 +1,8 @@
 """The two Riccati equations of H-infinity control at one level gamma: their solvability, the
 central controller, and the bisection on gamma.
+
+The equations and the controller are those of Zhou, Doyle & Glover, *Robust and Optimal Control*,
+1996, Theorem 17.1. The equation for Y is that for X of the dual plant.
 """
 
 from __future__ import annotations
@@ -75,12 +78,14 @@ def control_riccati(
     cross terms that would cancel in rounding then do not arise, and if y contains all of w, Y is
     zero to the last bit.
     """
+    # at the bound R is singular
     if gamma <= _uncontrolled_direct_term(plant) * (1 + 1e-9):
         return None
     n_w, n_u = plant.B1.shape[1], plant.B2.shape[1]
     free = plant.C1.shape[0] - n_u
     A, B1, C1, D11 = plant.A, plant.B1, plant.C1, plant.D11
     C_u, D_u = C1[free:], D11[free:]
+    # v = C_u x + D_u w + u in place of u
     instead = bool(np.linalg.norm(plant.B2 @ C_u) < _MAX_CHANGE_OF_A * np.linalg.norm(A))
     if instead:
         A, B1 = A - plant.B2 @ C_u, B1 - plant.B2 @ D_u
@@ -91,15 +96,13 @@ def control_riccati(
     if X is None:
         return None
     F = -np.linalg.solve(R, D.T @ C1 + B.T @ X)
-    if instead:
+    if instead:  # back to u = v - C_u x - D_u w with w = F_w x
         F[n_w:] -= C_u + D_u @ F[:n_w]
     return X, F
 
 
 def central_controller(plant: Plant, at: _Solution, *, rolled_off: bool = False) -> Matrices:
-    """Return the central controller of a level, or that of least direct term (Zhou et al.
-
-    1996, Theorem 17.1).
+    """Return the central controller of a level, or that of least direct term.
 
     All controllers of the level are F_l(M, Q) with |Q| < gamma; the central one has Q = 0. In a
     one-block problem the central one makes the whole direct term of the loop zero, at times with a
