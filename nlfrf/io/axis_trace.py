@@ -194,6 +194,11 @@ def _records_of_runs(
     """Return the records of traces, after checks of their contents."""
     fs = runs[0].fs
     N = design_period(experiment.ms, fs)
+    others = [run.fs for run in runs if design_period(experiment.ms, run.fs) != N]
+    if others:
+        raise ValueError(
+            f"path must be traces with one sampling frequency, got {fs:g} and {others[0]:g} Hz"
+        )
     _require_fast_trace(experiment, fs, N)
     cut = [_cut_run(run, experiment, N=N, start=start) for run in runs]
     # a ramp can be stopped before its end; other experiments need all their records

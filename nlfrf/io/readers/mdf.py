@@ -51,7 +51,8 @@ def contents(path: Path) -> Contents:
             if samples.dtype.kind not in "fiub" or samples.ndim != 1:
                 notes[unique] = "holds no numbers"
                 continue
-            if len(file.groups) == 1:
+            # a channel can have the name of the time axis
+            if len(file.groups) == 1 and "time" not in often:
                 times = "time"
             else:
                 times = f"group{g}.time"

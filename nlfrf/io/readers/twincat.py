@@ -40,6 +40,7 @@ def contents(path: Path) -> Contents:
     found: Contents = ({}, {}, {}, {})
     arrays, units, clocks, notes = found
     axes: dict[bytes, str] = {}
+    names = {name for name, _ in scope.items()}
     for name, channel in scope.items():
         time = np.asarray(channel.time, dtype=float)
         samples = np.asarray(channel.values, dtype=float)
@@ -49,7 +50,9 @@ def contents(path: Path) -> Contents:
         # channels with equal times share one axis, so that they can be input and output of a record
         key = time.tobytes()
         if key not in axes:
-            axes[key] = f"axis{len(axes) + 1}.time" if axes else "time"
+            # a channel can have the name of the first axis
+            first = not axes and "time" not in names
+            axes[key] = "time" if first else f"axis{len(axes) + 1}.time"
             arrays[axes[key]], units[axes[key]] = time, "ms"
         arrays[name], clocks[name] = samples, axes[key]
         units[name] = str(channel.units or "")

@@ -177,7 +177,6 @@ def _run_machine(machine: Rig | ServoAxis | Friction, task: _Task) -> Trajectory
     """Run a friction law; other machines are registered below."""
     signal = task.require_samples()
     if task.controller is not None:
-        task.require_unused("a rig with a controller", ("fs", "hold"))
         require_kind("machine", machine, Rig)
     fs = task.require_fs()
     task.require_unused("a friction law", ("hold", "initial", "disturbance", "noise"))

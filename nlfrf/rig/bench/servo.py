@@ -233,6 +233,23 @@ def run_axis(
 
     See `run`.
     """
+    trace, lost = _run_to_its_end(
+        axis, set_points, closed=closed, noise=noise, initial=initial, oversampling=oversampling
+    )
+    warn_of_forgotten_loops(lost)
+    return trace
+
+
+def _run_to_its_end(
+    axis: ServoAxis,
+    set_points: Mapping[str, ArrayLike | None],
+    *,
+    closed: bool,
+    noise: ArrayLike | None,
+    initial: ArrayLike,
+    oversampling: int,
+) -> tuple[Trajectory, float]:
+    """Return the trajectory of an axis, and the number of forgotten hysteresis loops."""
     given = {name: set_points.get(name) for name in PORTS}
     sizes = [np.size(signal) for signal in given.values() if signal is not None]
     if not sizes or 0 in sizes:
@@ -251,8 +268,7 @@ def run_axis(
         trace, lost = _attempt(axis, signals, closed=closed, begin=begin, steps=steps * 2**halving)
         if not trace.diverged:
             break
-    warn_of_forgotten_loops(lost)
-    return trace
+    return trace, lost
 
 
 def _attempt(
@@ -494,7 +510,7 @@ def _run_experiment(experiment: _ServoExperiment) -> Arrays:
         given = signals
     else:
         given = {"force": signals["force"]}
-    trace = run_axis(
+    trace, lost = _run_to_its_end(
         axis,
         given,
         closed=experiment.closed,
@@ -533,7 +549,7 @@ def _run_experiment(experiment: _ServoExperiment) -> Arrays:
         "limited": np.array(np.mean(kept(trace.limited))),
         "turned": np.array(np.mean(back)),
         "change": np.array(change),
-        "lost": np.array(0.0),  # the run itself warns of them
+        "lost": np.array(lost),  # a warning of a worker process would stay there
     }
 
 

@@ -250,6 +250,17 @@ def test_channels_in_groups_of_their_own_clocks(suffix, tmp_path):
         nlfrf.load_record(tmp_path / f"run{suffix}", y="temperature")
 
 
+def test_a_channel_with_the_name_of_the_time_axis_is_no_time_axis(tmp_path):
+    asammdf = pytest.importorskip("asammdf")
+    with asammdf.MDF(version="4.10") as file:
+        channels = (("u", U, "N"), ("y", Y, "mm"), ("time", 100 * T + 7, "h"))
+        file.append([asammdf.Signal(x, T, name=name, unit=unit) for name, x, unit in channels])
+        file.save(tmp_path / "run.mf4")
+    record = nlfrf.load_record(tmp_path / "run.mf4", u="u", y="y")
+    agrees(record)
+    assert record.fs == pytest.approx(FS)
+
+
 def test_uff_58(tmp_path):
     files.write_uff(tmp_path / "run.uff")
     record = nlfrf.load_record(tmp_path / "run.uff")

@@ -406,3 +406,8 @@ def test_compiled_loops_are_found_again_by_the_next_process():
     from nlfrf.rig.kernels.loops import run_loops
 
     assert [type(cell.cell_contents) for cell in run_loops.py_func.__closure__] == [str]
+
+
+def test_a_law_alone_has_no_loop_whatever_else_is_given():
+    with pytest.raises(ValueError, match="machine must be of type Rig"):
+        run(nlfrf.friction.Coulomb.constant(1.0), np.zeros(10), PI, fs=FS)

@@ -301,6 +301,12 @@ def test_realisations_are_files_and_are_found_in_any_order(tmp_path):
         load_trace(tmp_path / "trace-1.csv", experiment)
     with pytest.raises(ValueError, match="agrees with realisation"):
         load_trace([tmp_path / f"trace-{m}.csv" for m in (1, 1, 2)], experiment)
+    head, *rows = (tmp_path / "trace-2.csv").read_text().splitlines()
+    (tmp_path / "slower.csv").write_text("\n".join([head, *rows[::2]]) + "\n")
+    with pytest.raises(ValueError, match="one sampling frequency, got 4000 and 2000 Hz"):
+        load_trace(
+            [tmp_path / name for name in ("trace-1.csv", "slower.csv", "trace-3.csv")], experiment
+        )
 
 
 def test_what_the_simulated_axis_does_not_play(tmp_path):
