@@ -172,4 +172,5 @@ def test_the_nomenclature_has_every_symbol():
         missing = {field.name for field in dataclasses.fields(thing)} - named
         if thing.__module__.startswith("robust.friction.classes."):
             missing -= of_classes
-        assert not missing, f"{thing.__name__}: {missing}"
+        place = "docs/guide/nomenclature.md, or a column head of docs/howto/friction_classes.md"
+        assert not missing, f"{thing.__name__}: add {missing} to {place}"

@@ -80,9 +80,9 @@ class FrictionClass(ABC):
     `excluded`, `description` and `decide`. The rest has defaults; override what does not hold for
     the class:
 
-    - `largest_force`: the given Fs. A class with a limit of its own returns that limit. A class with
-      a viscous part returns nan, because its force grows with the velocity. Then `error_bound`,
-      `kick_sure` and `settling_error` of a proof are nan, too.
+    - `largest_force`: the given Fs. A class with a limit of its own returns that limit, and refuses
+      an Fs that differs from it. A class with a viscous part returns nan, because its force grows
+      with the velocity. Then no bound of the motion is proved.
     - `error_bound`: that of any friction force up to Fs. A class whose force exceeds Fs, as with the
       damping of bristles, returns a larger bound, or nan.
     - `stuck`: no spring is tried. A class with laws that stick returns the stiffest spring: if the
@@ -90,7 +90,12 @@ class FrictionClass(ABC):
     - `describe_proved`: rest from every state. A class that proves less says so.
     - `stuck_element`, `joins_ports`: words of a counterexample, and friction at one port alone.
 
-    A class that is proved by a storage function derives from `CertifiedClass`.
+    A class that is proved by a storage function derives from `CertifiedClass`. A class inside another
+    one calls that class in `decide` and does not inherit from it, for example
+    `Passive(position_unit=self.position_unit).decide(undecided, task)`.
+
+    The velocity of a port is the rate of its displacement, and a positive friction force opposes a
+    positive velocity.
 
     Fields
     ------
@@ -125,6 +130,10 @@ class FrictionClass(ABC):
         self, undecided: FrictionProof, task: ProofTask, others: Sequence[Self] = ()
     ) -> FrictionProof:
         """Return the proof, if one is found, of a loop that no stuck element makes unstable.
+
+        If rest is not decided, return `settled_by_bound(undecided)` of `proof/certify.py`, or the
+        same with a smaller `settling_error`, if the class has one. `error_bound` holds for any
+        friction.
 
         others : the classes at the other friction ports.
         """

@@ -84,8 +84,8 @@ def prove_friction(
     ------
     ValueError
         A value that is not a friction plant or not a class of friction, a controller that is not
-        proper, a delay with a continuous controller, an `Fs` that differs from that of `Bounded`, a
-        saturation that does not exceed Fs, or a saturation with another class.
+        proper, a delay with a continuous controller, an `Fs` that differs from the limit of the class,
+        a saturation that does not exceed Fs, or a saturation with another class.
 
     References
     ----------
@@ -249,15 +249,16 @@ def _describe_claim(
         late = f" with {1e3 * delay:.4g} ms of delay"
     else:
         late = ""
-    scope = f"with {proof.scope}, for the linear part {machine.description}, {clock}{late}"
+    linear = f"for the linear part {machine.description}, {clock}{late}"
+    scope = f"with {proof.scope}, {linear}"
     most = " and ".join(
         f"{force:g} {units.force}{place}"
         for force, place in zip(forces, machine.places, strict=True)
     )
     if proof.verdict is FrictionVerdict.SETTLES:
         bound = f"{proof.settling_error:.3g} {units.position}"
-        settles = f"Settles within {bound} of rest from every state {scope}, of at most {most}"
-        return f"{settles}. It may keep moving within this distance."
+        settles = f"Settles within {bound} of rest from every state with {proof.scope}"
+        return f"{settles} of at most {most}, {linear}. It may keep moving within this distance."
     actuator = proof.actuator
     if actuator is not None and proof.verdict is FrictionVerdict.PROVED_LOCALLY:
         hit = f"a kick of at most {1e3 * actuator.kick:.3g} m{units.velocity} at the friction port"

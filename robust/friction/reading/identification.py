@@ -126,7 +126,7 @@ def identify_friction(
     >>> identify_friction([])
     Traceback (most recent call last):
         ...
-    ValueError: records must hold at least three levels, from sticking to sliding, got 0
+    ValueError: records must be a list of at least one Record, got []
     """
     if masses not in (1, 2):
         raise ValueError(f"masses must be 1, or 2 for a motor and a load, got {masses}")
