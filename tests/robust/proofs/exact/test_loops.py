@@ -7,34 +7,10 @@ import numpy as np
 import pytest
 from flint import ctx
 
-from robust.proofs.exact.claim import LoopClaim
-from robust.proofs.exact.claim import to_matrices as matrices
-from robust.proofs.exact.loops import verify_loop
+from tests.support.exact_claims import verify_loop
 from tests.support.precise_loops import PreciseLoop, just_above
 from tests.support.printed import unwrapped
 from tests.support.random_loops import curves, random_case, roots, tf_response, zpk
-
-READ = {
-    "multiplicative": (("G", "K"), False),
-    "additive": (("K",), False),
-    "inverse-multiplicative": ((), True),
-    "inverse-additive": (("G",), True),
-}
-
-
-def claim(G, K, w, form, delay=0.0, w_P=None, claims=("robust stability",), **more):
-    K = K if isinstance(K, control.StateSpace) else control.ss([], [], [], [[K]])
-    return LoopClaim(
-        plant=matrices(G),
-        controller=matrices(K),
-        weight=matrices(w),
-        performance=None if w_P is None else matrices(w_P),
-        **dict(zip(("reads", "inverse"), READ[form], strict=True)),
-        perturbation="LTI",
-        delay=delay,
-        claims=claims,
-        **more,
-    )
 
 
 @pytest.mark.attack(every=4)
@@ -45,7 +21,7 @@ def test_random_loops_are_verified_exactly_where_true(seed):
         case = random_case(rng)
         if not (case["stable"] or case["unstable"]):
             continue
-        found = verify_loop(claim(case["G"], case["K"], case["w"], case["form"], case["delay"]))
+        found = verify_loop(case["G"], case["K"], case["w"], case["form"], delay=case["delay"])
         assert found.verified == (case["stable"] and case["target"] < 1), (
             found.failed,
             case["kind"],
@@ -64,7 +40,7 @@ def test_a_peak_just_above_one_is_never_verified(excess):
             continue
         w, peak, _ = just_above(case, excess)
         assert 1 + 1e-9 < float(peak) < 1 + 2e-6
-        assert not verify_loop(claim(case["G"], case["K"], w, case["form"], case["delay"])).verified
+        assert not verify_loop(case["G"], case["K"], w, case["form"], delay=case["delay"]).verified
         count += 1
 
 
@@ -111,7 +87,7 @@ def test_performance_is_decided_beside_the_limit(n, kinds):
         for value, true in ((1 - 1e-6, True), (1 + 1e-6, False)):
             w_P = loop["w_P"] * float(value / peak)
             found = verify_loop(
-                claim(**loop | {"w_P": w_P}, claims=("robust stability", "robust performance"))
+                **loop | {"w_P": w_P}, claims=("robust stability", "robust performance")
             )
             assert found.verified == true, (loop["form"], loop["delay"], value, found.failed)
             assert found.proved[:3] == ("nominal stability", "stable weights", "robust stability")
@@ -153,11 +129,10 @@ def test_one_scaling_is_the_norm_of_the_loop(n):
         )
         norm = np.linalg.norm(M, 2, axis=(1, 2)).max()
         for factor, true in ((0.9999, True), (1.0001, False)):
-            loop = claim(
+            found = verify_loop(
                 G, K, w * (factor / norm), case["form"], w_P=w_P * (factor / norm), scaling=d,
                 claims=("robust stability", "robust performance with one scaling"),
             )  # fmt: skip
-            found = verify_loop(loop)
             assert found.verified == true, (case["form"], factor, found.failed)
         count += 1
 
@@ -169,19 +144,19 @@ def test_poles_on_the_axis_and_integrators():
     G = control.ss(control.tf([1], [1, 0, 1]))
     K = control.ss(control.tf([1, 1], [0.01, 1]))
     w = control.ss([], [], [], [[0.2]])
-    assert verify_loop(claim(G, K, w, "multiplicative")).verified
+    assert verify_loop(G, K, w, "multiplicative").verified
     double = control.ss(control.tf([1], [1, 0, 0]))
-    assert verify_loop(claim(double, K, w, "inverse-multiplicative")).verified
+    assert verify_loop(double, K, w, "inverse-multiplicative").verified
 
 
 def test_what_is_not_stable_is_said():
     lag, w = control.ss(control.tf([1], [1, 1])), control.ss([], [], [], [[0.1]])
-    found = verify_loop(claim(lag, -1.0, w, "additive"))  # a pole at zero, exactly
+    found = verify_loop(lag, -1.0, w, "additive")  # a pole at zero, exactly
     assert not found.verified
     assert found.failed[0] == ("nominal stability", "a pole is not stable")
     assert "nominal stability: NOT verified: a pole is not stable" in unwrapped(found)
     unstable_weight = control.ss(control.tf([1e-9], [1, -1e-12]))
-    found = verify_loop(claim(lag, 1.0, unstable_weight, "additive"))
+    found = verify_loop(lag, 1.0, unstable_weight, "additive")
     assert found.proved == ("nominal stability",)
     assert found.failed[0][0] == "stable weights"
 
@@ -189,10 +164,9 @@ def test_what_is_not_stable_is_said():
 def test_a_limit_that_is_reached_at_infinity_is_none():
     """|w T| of a biproper loop tends to one from below: not below one at every frequency."""
     G, w = control.ss(control.tf([1, 0], [1, 1])), control.ss([], [], [], [[2.0]])
-    assert not verify_loop(claim(G, 1.0, w, "multiplicative")).verified
-    assert verify_loop(
-        claim(G, 1.0, control.ss([], [], [], [[np.nextafter(2, 0)]]), "multiplicative")
-    ).verified
+    assert not verify_loop(G, 1.0, w, "multiplicative").verified
+    below = control.ss([], [], [], [[np.nextafter(2, 0)]])
+    assert verify_loop(G, 1.0, below, "multiplicative").verified
 
 
 @pytest.mark.parametrize(
@@ -215,7 +189,7 @@ def test_a_limit_that_is_reached_at_infinity_is_none():
 def test_parts_that_do_not_fit_are_not_verified(parts, message):
     G = control.ss([[0.5]], [[1]], [[1]], [[0]], 0.1)
     loop = {"G": G, "K": 0.1, "w": control.ss([], [], [], [[0.1]]), "form": "additive"} | parts
-    found = verify_loop(claim(**loop))
+    found = verify_loop(**loop)
     assert not found.verified
     assert message in found.failed[0][1]
 
@@ -223,6 +197,6 @@ def test_parts_that_do_not_fit_are_not_verified(parts, message):
 def test_precision_is_left_as_it_was():
     before = ctx.prec
     verify_loop(
-        claim(control.ss(control.tf([1], [1, 1])), 1.0, control.ss([], [], [], [[0.1]]), "additive")
+        control.ss(control.tf([1], [1, 1])), 1.0, control.ss([], [], [], [[0.1]]), "additive"
     )
     assert ctx.prec == before

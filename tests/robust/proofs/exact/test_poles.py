@@ -6,14 +6,14 @@ import control
 import numpy as np
 import pytest
 
-from robust.proofs.exact.claim import to_matrices
-from robust.proofs.exact.stability import decide_loop_stability, decide_matrix_stability
+from robust import certify_norm
+from tests.support.exact_claims import decided
 from tests.support.hard_loops import boundary_gain, hard_loop, margin, with_gain
 from tests.support.random_loops import hold_and_delay
 
 
 def stable(G, K):
-    return decide_loop_stability(to_matrices(G), to_matrices(K)).holds
+    return decided(G, K) is True
 
 
 def test_the_boundary_lies_between_two_neighbouring_gains():
@@ -43,30 +43,33 @@ def test_held_plants(delay):
         low, high = (k, high) if np.abs(np.linalg.eigvals(loop)).max() < 1 else (low, k)
     for factor, true in ((1 - 1e-9, True), (1 + 1e-9, False)):
         K = control.ss([], [], [], [[low * factor]], 0.01)
-        found = decide_loop_stability(to_matrices(G), to_matrices(K), delay=delay)
-        assert found.holds == true
-        assert found.outcome != "undecided"
+        assert decided(G, K, delay=delay) is true
 
 
 def test_delays_of_continuous_loops():
     """1/s behind pi/2: no double is the limit, its two neighbours lie on either side."""
     G, K = control.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]]), control.ss([], [], [], [[1.0]])
-    verdicts = [
-        decide_loop_stability(to_matrices(G), to_matrices(K), delay=d).holds
-        for d in (np.pi / 2, np.nextafter(np.pi / 2, 2))
-    ]
+    verdicts = [decided(G, K, delay=d) for d in (np.pi / 2, np.nextafter(np.pi / 2, 2))]
     assert verdicts == [True, False]
 
 
+def of_poles(A, dt=0):
+    """A system of all channels with these dynamics, and a gain far below any level."""
+    n = len(A)
+    return control.StateSpace(A, 1e-30 * np.eye(n), np.eye(n), np.zeros((n, n)), dt)
+
+
 def test_matrices():
-    assert decide_matrix_stability(np.zeros((0, 0))).holds
-    assert not decide_matrix_stability(np.eye(3), discrete=True).holds
-    assert decide_matrix_stability(np.eye(3), discrete=True).violated
-    assert decide_matrix_stability(
-        np.diag([np.nextafter(1, 0), -np.nextafter(1, 0)]), discrete=True
-    ).holds
+    """On the circle, beside it by one unit in the last place, and a chain that rounding breaks."""
+    assert certify_norm(control.ss([], [], [], [[1e-30]]), 1.0).holds
+    on_circle = certify_norm(of_poles(np.eye(3), 0.1), 1.0)
+    assert on_circle.violated
+    assert "not stable" in on_circle.reason
+    edge = np.nextafter(1, 0)
+    assert certify_norm(of_poles(np.diag([edge, -edge]), 0.1), 1.0).holds
     jordan = -1e-8 * np.eye(12) + np.diag(np.full(11, 1e3), 1)
-    assert decide_matrix_stability(jordan).holds
+    loop = control.StateSpace(jordan, np.zeros((12, 1)), np.zeros((1, 12)), 0, 0)
+    assert decided(loop) is True
     assert (
         np.linalg.eigvals(jordan + 1e-13 * np.ones((12, 12))).real.max() > 1
     )  # what rounding can make of it
