@@ -2,8 +2,8 @@
 was changed not.
 """
 
+import json
 from dataclasses import fields, replace
-from typing import get_args
 
 import control
 import numpy as np
@@ -11,15 +11,10 @@ import pytest
 
 from robust import friction_plant, prove_friction, save
 from robust.friction import Bristle, MaxwellSlip
-from robust.friction.exact.claim import FrictionClaim
-from robust.friction.exact.classes import PortClaim
-from robust.friction.exact.loops import equilibrium, exact_loop
-from robust.friction.exact.verify import verify_friction
-from robust.friction.loop import friction_loop
 from robust.io import verify_certificate
-from robust.proofs.exact.claim_files import from_plain, to_plain
 from tests.support.friction_loops import ORACLES, RIG, T, pd, pid
 from tests.support.printed import unwrapped
+from tests.support.signed import signed
 
 SLIP = MaxwellSlip(64e3, 1.05)
 (KP, KI, KD, _), _, _ = ORACLES["P1"]
@@ -28,20 +23,6 @@ SLIP = MaxwellSlip(64e3, 1.05)
 @pytest.fixture(scope="module")
 def proof():
     return prove_friction(RIG, pid(KP, KI, KD), SLIP)
-
-
-def floats(matrix):
-    return np.array([[float(x.p) / float(x.q) for x in row] for row in matrix.tolist()])
-
-
-@pytest.mark.parametrize("delay", [0.0, 0.3e-3, 1e-3, 1.7e-3])
-def test_the_loop_is_built_anew_and_is_the_same(proof, delay):
-    exact = exact_loop(replace(proof.certificate.claim, delay=delay))
-    mine = friction_loop(RIG, pid(KP, KI, KD), delay)
-    assert np.allclose(floats(exact.F), mine.F, rtol=1e-14)
-    assert np.allclose([floats(jump) for jump in exact.jumps], mine.jumps, rtol=1e-14)
-    assert np.allclose(floats(equilibrium(exact))[:, 0], mine.rest()[0], rtol=1e-9, atol=1e-18)
-    assert sum(float(span.p) / float(span.q) for span in exact.spans) == pytest.approx(T)
 
 
 def test_what_is_proved_is_verified(proof):
@@ -82,7 +63,7 @@ def test_a_stronger_claim_than_was_proved_fails(proof, changes, failed):
         for port in claim.ports
     )
     others = {name: value for name, value in changes.items() if hasattr(claim, name)}
-    found = verify_friction(replace(claim, ports=ports, **others))
+    found = proof.certificate.again(replace(claim, ports=ports, **others))
     assert not found.verified
     assert failed in unwrapped(found.failed)
 
@@ -91,16 +72,19 @@ def test_an_energy_that_is_not_one_fails(proof):
     claim = proof.certificate.claim
     steps = claim.P.copy()
     steps[1] *= 1 + 1e-9  # no longer what the interval before it ends with
-    for P in (-claim.P, 1e6 * claim.P, steps):
-        assert not verify_friction(replace(claim, P=P)).verified
+    for P in (-claim.P, 0.5 * claim.P, claim.P[::-1], 1e6 * claim.P, steps):
+        assert not proof.certificate.again(replace(claim, P=P)).verified
 
 
 def test_a_block_that_is_negative_somewhere_fails():
-    claim = prove_friction(RIG, pd(20e3, 60.0), Bristle(64e3, 1 / 0.7, 13.0)).certificate.claim
-    assert verify_friction(claim).verified
+    proof = prove_friction(RIG, pd(20e3, 60.0), Bristle(64e3, 1 / 0.7, 13.0))
+    claim = proof.certificate.claim
+    assert proof.certificate.verify().verified
     (port,) = claim.ports
     wrong = replace(port, block=port.block - np.diag([1.0, 0.0, 0.0]))
-    assert "negative somewhere" in unwrapped(verify_friction(replace(claim, ports=(wrong,))).failed)
+    assert "negative somewhere" in unwrapped(
+        proof.certificate.again(replace(claim, ports=(wrong,))).failed
+    )
 
 
 def test_files(proof, tmp_path):
@@ -115,17 +99,42 @@ def test_files(proof, tmp_path):
         verify_certificate(path)
     with pytest.raises(ValueError, match="report must contain a proof"):
         save(prove_friction(RIG, pid(KP, KI, KD), MaxwellSlip(64e5, 1.05)), path)
-    with pytest.raises(ValueError, match="claim must have the entries"):
-        from_plain(FrictionClaim, {"K0": 1.0})
 
 
-def test_a_file_tells_the_classes_by_their_entries():
-    entries = [frozenset(one.name for one in fields(port)) for port in get_args(PortClaim)]
-    assert len(set(entries)) == len(entries) > 1
+def test_a_file_without_an_entry_is_refused(proof, tmp_path):
+    path = tmp_path / "proof.json"
+    save(proof, path)
+    content = json.loads(path.read_text())
+    del content["claim"]["counts"]
+    path.write_text(json.dumps(signed(content)))
+    with pytest.raises(ValueError, match="'counts' is a required property"):
+        verify_certificate(path)
 
 
-def test_content_gives_every_number_back(proof):
-    claim = proof.certificate.claim
-    again = from_plain(FrictionClaim, to_plain(claim))
-    assert to_plain(again) == to_plain(claim)
-    assert np.array_equal(again.P, claim.P)
+def test_a_file_tells_the_classes_by_their_entries(proof, tmp_path):
+    bristle = prove_friction(RIG, pd(20e3, 60.0), Bristle(64e3, 1 / 0.7, 13.0))
+    entries = []
+    for one in (proof, bristle):
+        save(one, tmp_path / "proof.json")
+        assert verify_certificate(tmp_path / "proof.json").verified
+        (port,) = json.loads((tmp_path / "proof.json").read_text())["claim"]["ports"]
+        (own,) = one.certificate.claim.ports
+        assert set(port) == {field.name for field in fields(own)}
+        entries.append(set(port))
+    assert entries[0] != entries[1]
+
+
+def test_a_file_gives_every_number_back(proof, tmp_path):
+    save(proof, tmp_path / "proof.json")
+    content, claim = (
+        json.loads((tmp_path / "proof.json").read_text())["claim"],
+        proof.certificate.claim,
+    )
+    for name in ("V", "P", "counts"):
+        assert np.array_equal(content[name], getattr(claim, name))
+    (port,), (own,) = content["ports"], claim.ports
+    for name in port:
+        assert np.array_equal(port[name], getattr(own, name))
+    for name in "ABCD":
+        assert np.array_equal(content["machine"][name], getattr(claim.machine, name))
+        assert np.array_equal(content["controller"][name], getattr(claim.controller, name))

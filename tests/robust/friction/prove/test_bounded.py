@@ -11,8 +11,6 @@ import pytest
 from benchmarks.bench_friction_attack import bang_bang, fast_machine, hunted, stopping_kick
 from robust import friction_plant, prove_friction
 from robust.friction import Bounded, MaxwellSlip
-from robust.friction.bounds import steady_error_bound
-from robust.friction.loop import friction_loop
 from tests.support.friction_loops import T
 
 BOUNDED = Bounded(1.0)
@@ -29,7 +27,7 @@ def test_a_mode_hunts_as_in_closed_form_whatever_the_clock(swings):
     machine, k = fast_machine(swings, zeta)
     K = control.StateSpace([], [], [], [[1e-9 * k]], 0.01)
     right = bang_bang(zeta) / k
-    assert right <= steady_error_bound(friction_loop(machine, K)) <= 1.006 * right
+    assert right <= prove_friction(machine, K, BOUNDED).error_bound <= 1.006 * right
 
 
 def test_a_bang_bang_friction_stays_within_the_bound():

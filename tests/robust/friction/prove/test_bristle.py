@@ -10,23 +10,7 @@ from scipy.integrate import solve_ivp
 
 from robust import friction_plant, prove_friction
 from robust.friction import Bristle
-from robust.friction.classes.bristle import (
-    BLOCK_ENTRIES,
-    bristle_dissipation,
-    bristle_multipliers,
-    bristle_terms,
-    enlarge_block,
-)
-from robust.friction.loop import friction_loop, loop_frequencies, mobility
-from robust.friction.proof.multipliers import filter_rates
-from robust.friction.proof.storage import (
-    SLACKS,
-    build_storage,
-    in_balanced_coordinates,
-    judge_storage,
-    proposed_storage,
-)
-from tests.support.friction_loops import RIG, T, pd, pid
+from tests.support.friction_loops import RIG, T, pd, pid, rest_of, sliding_loop
 
 NODES, GAUSS = np.polynomial.legendre.leggauss(12)
 RIG_FRICTION = Bristle(64e3, 1 / 0.7, 13.0)
@@ -88,15 +72,16 @@ def test_the_inequality_notices_a_bristle_that_is_stiffer():
     assert broken == 20
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
-@given(rho=st.floats(1.0, 3.0), seed=st.integers(0, 2**32 - 1))
-def test_what_a_solver_leaves_open_of_the_block_is_closed(rho, seed):
-    """Whatever numbers come in, the form is nowhere negative where q and gamma can be."""
-    rng = np.random.default_rng(seed)
-    M, _ = enlarge_block(rng.normal(size=6), rho)
+@pytest.mark.parametrize("rho", [1.0, 1 / 0.7, 3.0])
+def test_the_block_of_a_proof_is_nowhere_negative(rho):
+    """The form in (v, q, gamma) wherever q and gamma can be, by a grid over the sector."""
+    proof = prove_friction(
+        friction_plant(1.0, 80e3, 60.0), pd(20e3, 60.0), Bristle(64e3, rho, 13.0)
+    )
+    (port,) = proof.certificate.claim.ports
     t, s = np.linspace(1 - rho, 1 + rho, 41)[:, None], np.linspace(0, 1, 21)
     y = np.stack(np.broadcast_arrays(np.ones_like(t), t, s * t), axis=-1)
-    assert np.einsum("...i,ij,...j", y, M, y).min() >= 0
+    assert np.einsum("...i,ij,...j", y, port.block, y).min() >= 0
 
 
 @pytest.mark.parametrize(("c", "verdict"), [(5.8, "proved"), (5.5, "not decided")])
@@ -137,29 +122,13 @@ def test_energy_falls_along_a_motion_with_lugre():
     """The judged energy just before every sample, along the loop with LuGre integrated by another
     hand.
     """
-    K0, rho, sigma = 64e3, 1 / 0.7, 13.0
-    loop = friction_loop(RIG, pd(20e3, 60.0))
-    omega, rates = loop_frequencies(loop, 300), filter_rates(1.5 * RIG.resonance)[0]
-    table = bristle_terms(mobility(loop, omega), omega, rates=rates, K0=K0, microdamping=sigma)
-    weights = bristle_multipliers(table, rates, Bristle(K0, rho, sigma))
-    used = np.isin(rates, weights.rates)
-    theta = [weights.free, *weights.weights, *(weights.block[i, j] for i, j in BLOCK_ENTRIES)]
-    assert (
-        np.linalg.eigvalsh(np.einsum("wcij,c->wij", table[:, np.r_[True, used, [True] * 6]], theta))
-        < 0
-    ).all()
-    form = bristle_dissipation(loop, weights)
-    judged = in_balanced_coordinates(form)
-    found = ((slack, proposed_storage(judged.form, slack)) for slack in SLACKS)
-    storages = (
-        build_storage(judged, P, slack=slack, n_intervals=N)
-        for slack, P in found
-        if P is not None
-        for N in (8, 128)
-    )
-    storage = next(storage for storage in storages if not judge_storage(judged, storage)[0])
-    back, used = np.linalg.inv(judged.V), weights.rates
-    P, n, rest = back.T @ storage.P[-1, 3] @ back, loop.F.shape[0], loop.rest()[0]
+    K0, sigma = RIG_FRICTION.K0, RIG_FRICTION.microdamping
+    loop = sliding_loop(RIG, pd(20e3, 60.0))
+    claim = prove_friction(RIG, pd(20e3, 60.0), RIG_FRICTION).certificate.claim
+    (port,) = claim.ports
+    used, n, rest = port.rates, loop.F.shape[0], rest_of(loop)
+    back = np.linalg.inv(claim.V)
+    P = back.T @ claim.P[-1, -1] @ back
 
     def motion(_, s):
         xi, F, Fh = s[:n], s[n], s[n + 1 :]
@@ -172,9 +141,10 @@ def test_energy_falls_along_a_motion_with_lugre():
     energies = []
     for _ in range(60):
         e = s[n + 1 :] - s[n]
-        full = np.concatenate([s[:n] - s[n] * rest, e, [s[n]]])
-        z = full[:-1]
-        energies.append(z @ P @ z + full @ form.stored @ full)
+        y = s[:n] - s[n] * rest
+        z = np.concatenate([y, e])
+        held = port.free * s[n] * (s[n] * (1 / K0 - loop.x @ rest) / 2 - loop.x @ y)
+        energies.append(z @ P @ z + port.weights @ e**2 / (2 * K0) + held)
         s[:n] = loop.jumps[0] @ s[:n]
         s = solve_ivp(motion, (0, T), s, method="LSODA", rtol=1e-9, atol=1e-13).y[:, -1]
     assert (np.diff(energies) < 1e-9 * energies[0]).all()

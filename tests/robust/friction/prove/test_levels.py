@@ -14,13 +14,8 @@ import pytest
 import nlfrf
 import robust
 from robust import cli, save
-from robust.friction.loop import friction_loop
-from robust.friction.proof.prove import prove_all
-from robust.friction.reading.from_blas import fit_around, fit_level, free_mass, model_of
-from robust.friction.reading.levels import require_si
-from robust.reports.prove import MachineFiles, read_basis, save_proofs
 from tests.support.bla import make_bla
-from tests.support.friction_loops import RIG, Element, motion, pid
+from tests.support.friction_loops import RIG, Element, motion, pid, sliding_loop
 from tests.support.printed import unwrapped
 
 F = 1.25 * np.arange(4, 160)
@@ -43,9 +38,8 @@ def level(k, force, c=10.0, m=1.0, seed=0):
     return made(lambda s: 1 / (m * s**2 + c * s + k), force, seed)
 
 
-def fits_of(blas, nominal=None):
-    """The fits of the levels, the highest first."""
-    return sorted(fit_around(blas, model_of(blas, nominal))[1], key=lambda fit: -fit.force)
+#: Stiffness [N/m] and force [N] of three levels, from sliding to sticking.
+SPANNED = ((80e3, 3.0), (142e3, 0.2), (144e3, 0.05))
 
 
 def test_closed_form_levels_are_read():
@@ -56,14 +50,10 @@ def test_closed_form_levels_are_read():
         level(110e3, 0.7, 60.0),
     ]
     found = robust.friction.machine_with_friction(blas)
-    fits = fits_of(blas)
-    assert [fit.mass for fit in fits] == pytest.approx([1.0] * 4, rel=1e-2)
-    assert [fit.stiffness for fit in fits] == pytest.approx([80e3, 110e3, 142e3, 144e3], rel=1e-2)
     assert 0.7 * 80e3 < found.stiffness_low < 80e3
     assert 144e3 + 0.25 * 64e3 < found.stiffness_low + found.friction[0].K0 < 144e3 + 0.35 * 64e3
-    assert abs(fits[0].mass - 1) < 5 * found.mass_std + 1e-3
     assert found.mass == pytest.approx(1.0, abs=5 * found.mass_std + 1e-3)
-    assert all(fit.misfit < 1.5 for fit in fits)
+    assert float(re.search(r"misfit at most ([\d.]+) times", unwrapped(found))[1]) < 1.5
     assert "no level shows" in found.evidence
     assert "they do not prove it" in unwrapped(found)
 
@@ -193,14 +183,21 @@ def test_a_second_mode_is_a_misfit_with_its_number(coupling, load):
         robust.friction.machine_with_friction(blas)
 
 
-@pytest.mark.parametrize(("n", "most"), [(80, 1), pytest.param(300, 3, marks=pytest.mark.attack)])
-def test_the_misfit_of_a_right_model_is_refused_as_seldom_as_it_says(n, most):
-    """FALSE_ALARM 1e-3 a level: of 300 levels hardly two."""
-    fits = [fit_level(bla, free_mass(bla)) for bla in (level(80e3, 1.0, seed=i) for i in range(n))]
-    assert sum(fit.misfit > fit.misfit_limit for fit in fits) <= most
-    pulls = np.array([(fit.mass - 1) / fit.mass_std for fit in fits])
+@pytest.mark.parametrize(("n", "most"), [(27, 1), pytest.param(100, 3, marks=pytest.mark.attack)])
+def test_levels_of_a_right_model_are_refused_as_seldom_as_it_says(n, most):
+    """FALSE_ALARM 1e-3 a level: of 300 levels, three a machine, hardly two."""
+    found = []
+    for i in range(n):
+        blas = [level(k, force, seed=3 * i + j) for j, (k, force) in enumerate(SPANNED)]
+        try:
+            found.append(robust.friction.machine_with_friction(blas))
+        except ValueError as error:
+            assert "misses this model" in str(error)  # noqa: PT017 (a false alarm, which is counted)
+    assert n - len(found) <= most
+    pulls = np.array([(one.mass - 1) / one.mass_std for one in found])
     assert np.mean(np.abs(pulls) < 3) > 0.98
-    assert np.mean([fit.slow_low < 80e3 < fit.slow_high for fit in fits]) > 0.98
+    assert np.mean([one.stiffness_low < 80e3 for one in found]) > 0.98
+    assert np.mean([one.stiffness_low + one.friction[0].K0 > 144e3 for one in found]) > 0.98
 
 
 def test_a_slipping_element_is_not_read_as_a_spring_of_the_machine():
@@ -208,12 +205,10 @@ def test_a_slipping_element_is_not_read_as_a_spring_of_the_machine():
     too.
     """
     for rest in (80e3, 0.0):
-        bla = slipping(1.0, rest)
-        fit = fit_level(bla, free_mass(bla))
-        assert fit.stiffness > rest + 5e3
-        assert fit.slow_low < rest < fit.slow_high
-        assert fit.mass == pytest.approx(1.0, abs=4 * fit.mass_std)
-        assert fit.misfit < 1.5
+        blas = [slipping(1.0, rest), level(rest + 63e3, 0.1), level(rest + 64e3, 0.03, seed=1)]
+        found = robust.friction.machine_with_friction(blas)
+        assert rest - 50e3 < found.stiffness_low <= rest
+        assert found.mass == pytest.approx(1.0, abs=4 * found.mass_std)
 
 
 @pytest.fixture(scope="module")
@@ -233,10 +228,7 @@ def test_the_rig_is_read_from_three_levels(measured_levels):
     its friction's.
     """
     found = robust.friction.machine_with_friction(measured_levels)
-    fits = fits_of(measured_levels)
-    assert [fit.mass for fit in fits] == pytest.approx([1.0] * 3, rel=0.02)
     assert found.machine.B_port[1] == pytest.approx(1.0, rel=0.01)
-    assert fits[0].stiffness == pytest.approx(80e3, rel=0.05)
     assert 70e3 < found.stiffness_low < 80e3
     assert 144e3 < found.stiffness_low + found.friction[0].K0 < 1.25 * 144e3
 
@@ -334,8 +326,6 @@ def test_a_flexible_machine_is_read_around_its_nominal(flexible_levels):
         assert found.mass == pytest.approx(
             1.0, rel=5e-3
         )  # what the motor feels beyond every resonance
-        stiffness = np.array([fit.stiffness for fit in fits_of(flexible_levels[::-1], nominal)])
-        assert stiffness + stuck == pytest.approx([0.0, 52e3, 60e3], rel=5e-3, abs=200)
         assert -20e3 < found.stiffness_low + stuck < 0
         assert 60e3 < found.stiffness_low + stuck + found.friction[0].K0 < 1.35 * 60e3
         assert "modal damping" in unwrapped(found)
@@ -368,7 +358,7 @@ def test_a_flexible_machine_is_proved_with_each_damping_and_comes_to_rest(flexib
     )
     proofs = [robust.prove_friction(machine, K, found.friction) for machine in found.machines]
     assert [proof.verdict for proof in proofs] == ["proved", "proved"]
-    loop = friction_loop(robust.friction_plant(truth()), K)
+    loop = sliding_loop(robust.friction_plant(truth()), K)
     rng = np.random.default_rng(0)
     for _ in range(3):
         elements = [
@@ -408,9 +398,12 @@ def test_levels_in_units_with_a_prefix_are_refused(unit):
 
 def test_levels_in_si_units_are_no_reason_to_refuse():
     for u_unit, y_unit in (("N", "m"), ("Nm", "rad"), ("V", "V"), ("", "")):
-        require_si(
-            "blas", replace(level(80e3, 0.1), output_units=(y_unit,), input_units=(u_unit,)).unit
-        )
+        blas = [
+            replace(level(k, force, seed=i), output_units=(y_unit,), input_units=(u_unit,))
+            for i, (k, force) in enumerate(SPANNED)
+        ]
+        found = robust.friction.machine_with_friction(blas)
+        assert found.machine.position_unit == ("rad" if y_unit == "rad" else "m")
 
 
 IN_METRES = re.compile(r"kN/m|\bkg\b(?! m\^2)|Ns/m|\d m\b|\bN\b")
@@ -451,22 +444,24 @@ def test_levels_of_an_axis_that_turns_are_read_in_its_own_units(flexible_levels)
         )
 
 
-def test_a_model_of_an_axis_that_turns_is_proved_in_its_own_units(measured_levels, tmp_path):
+def test_a_model_of_an_axis_that_turns_is_proved_in_its_own_units(
+    measured_levels, tmp_path, monkeypatch
+):
     bla = turning(measured_levels[2])
     nominal = robust.fit_nominal(bla, n_poles=2, n_zeros=0)
     robust.save(robust.uncertainty(bla, nominal), tmp_path / "m.json")
-    basis = read_basis(
-        MachineFiles(
-            files=(tmp_path / "m.json",),
-            controller=tmp_path / "K.json",
-            stiffness=74e3,
-            stiction=1.2,
-        )
-    )
-    proof = prove_all(basis.machines, pid(20e3, 3e5, 60.0), basis.friction)[0]
-    assert "74 kNm/rad" in unwrapped(proof)
-    save_proofs([proof], tmp_path / "p.txt", basis)
-    written = json.loads((tmp_path / "p.certificate.json").read_text())
-    assert written["units"]["K0"] == "Nm/rad"
-    assert [one["kind"] for one in written["read from"]["files"]] == ["model"]
-    assert robust.io.verify_certificate(tmp_path / "p.certificate.json").verified
+    robust.save(pid(20e3, 3e5, 60.0), tmp_path / "K.json")
+    monkeypatch.chdir(tmp_path)
+    words = "prove m.json K.json --stiffness 74e3 --stiction 1.2 -o p.txt"
+    monkeypatch.setattr(sys, "argv", ["robust", *words.split()])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    assert not stop.value.code
+    assert "74 kNm/rad" in unwrapped((tmp_path / "p.txt").read_text())
+    files = sorted(tmp_path.glob("p*.certificate.json"))
+    assert files
+    for path in files:
+        written = json.loads(path.read_text())
+        assert written["units"]["K0"] == "Nm/rad"
+        assert [one["kind"] for one in written["read from"]["files"]] == ["model"]
+        assert robust.io.verify_certificate(path).verified

@@ -8,38 +8,36 @@ from typing import ClassVar
 import control
 import numpy as np
 import pytest
-from scipy.integrate import quad
 
 from nlfrf._base.values import value
 from nlfrf.rig import Drive
 from robust import friction_plant, prove_friction, sampled
 from robust.friction import Bounded, MaxwellSlip
-from robust.friction.loop import friction_loop, loop_frequencies, mobility
-from robust.friction.nominal import machines_of_nominal, undamped
-from robust.friction.proof.dissipation import maxwell_slip_dissipation
-from robust.friction.proof.multipliers import (
-    filter_rates,
-    maxwell_slip_multipliers,
-    multiplier_terms,
-)
+from robust.friction.nominal import undamped
 from robust.friction.proof.protocol import FrictionClass
-from robust.friction.proof.storage import (
-    SLACKS,
-    build_storage,
-    in_balanced_coordinates,
-    judge_storage,
-    proposed_storage,
-)
 from robust.servo import cascade
-from tests.support.friction_loops import ORACLES, RIG, Element, T, motion, oracle_loop, pd, pid
+from tests.support.friction_loops import (
+    ORACLES,
+    RIG,
+    Element,
+    T,
+    energy_of,
+    growth,
+    motion,
+    oracle_loop,
+    pd,
+    pid,
+    poles_of,
+    sliding_loop,
+)
 from tests.support.printed import unwrapped
 
 SLIP = MaxwellSlip(64e3, 1.05)
 
 
-def closed_poles(K, delay):
-    """Poles of the loop by another way: the sampled plant, and 1 + GK."""
-    G = sampled(control.ss([[0, 1], [-80e3, -0.4]], [[0], [1]], [[1, 0]], 0), T, delay)
+def closed_poles(K, delay, kappa=0.0):
+    """Poles of the loop with a spring by another way: the sampled plant, and 1 + GK."""
+    G = sampled(control.ss([[0, 1], [-80e3 - kappa, -0.4]], [[0], [1]], [[1, 0]], 0), T, delay)
     A = np.block([[G.A, G.B @ K.C], [-K.B @ G.C, K.A]])
     A[: G.nstates, : G.nstates] -= G.B @ K.D @ G.C
     return np.sort_complex(np.linalg.eigvals(A))
@@ -73,151 +71,72 @@ def test_viscous_friction_of_a_free_mass_takes_no_proof_away(damping):
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.3e-3, 1e-3, 1.7e-3, 2e-3])
-def test_poles_of_the_sliding_loop(delay):
-    K = pid(20e3, 3e5, 60)
-    mine = friction_loop(RIG, K, delay).poles()
-    for pole in closed_poles(K, delay):
-        assert np.abs(mine - pole).min() < 1e-6
-
-
-@pytest.mark.parametrize("delay", [0.0, 0.4e-3])
-def test_mobility_against_integration(delay):
-    """The part at w of the velocity under f = exp(j w t), by quadrature over the period of a steady
-    motion.
-    """
-    loop = friction_loop(RIG, pid(20e3, 3e5, 60), delay)
-    omega = 2 * np.pi * 125.0  # eight samples a period
-    n = loop.F.shape[0]
-    from scipy.linalg import expm
-
-    big = np.zeros((n + 2, n + 2))  # with cos and sin as states
-    big[:n, :n], big[:n, n] = loop.F, loop.B
-    big[n, n + 1], big[n + 1, n] = -omega, omega
-    jumps = [np.block([[J, np.zeros((n, 2))], [np.zeros((2, n)), np.eye(2)]]) for J in loop.jumps]
-    period = np.eye(n + 2)
-    for span, jump in zip(loop.spans, jumps, strict=True):
-        period = expm(span * big) @ jump @ period
-    drive = np.array([1.0, 0.0])
-    eight = np.linalg.matrix_power(period, 8)
-    state = np.append(np.linalg.solve(np.eye(n) - eight[:n, :n], eight[:n, n:] @ drive), drive)
-    total, t = 0.0, 0.0
-    for _ in range(8):
-        for span, jump in zip(loop.spans, jumps, strict=True):
-            state = jump @ state
-            for turn in (np.cos, np.sin):
-
-                def turned(s, z=state, t=t, turn=turn):
-                    return loop.v @ (expm(s * big) @ z)[:n] * turn(omega * (t + s))
-
-                part, _ = quad(turned, 0, span)
-                total += part * (1 if turn is np.cos else -1j)
-            state, t = expm(span * big) @ state, t + span
-    assert mobility(loop, np.array([omega]))[0] == pytest.approx(2 * total / t, rel=1e-6)
-
-
-def stored_energy(loop, K0, rho):
-    """A judged storage function, as V_tot of (state, filters, elastic force) just before a
-    sample.
-    """
-    omega = loop_frequencies(loop)
-    rates = filter_rates(1.5 * RIG.resonance)[0]
-    mu, _ = maxwell_slip_multipliers(
-        multiplier_terms(mobility(loop, omega), omega, rates=rates, K0=K0, rho=rho)
-    )
-    mu[mu < 1e-9 * mu.max()] = 0
-    form = maxwell_slip_dissipation(loop, rates, mu=mu, K0=K0, rho=rho)
-    judged = in_balanced_coordinates(form)
-    back = np.linalg.inv(judged.V)
-    for slack in SLACKS:
-        P = proposed_storage(judged.form, slack)
-        storage = None if P is None else build_storage(judged, P, slack=slack, n_intervals=32)
-        if storage is not None and not judge_storage(judged, storage)[0]:
-            break
-    P = back.T @ storage.P[-1, 3] @ back
-    used = np.concatenate([[True], mu[2:] > 0])
-    return P, form, rates[used], np.append(mu[0], mu[1:][used])
+def test_the_pole_of_a_refuted_loop_is_that_of_the_sampled_plant(delay):
+    """Without friction it is unstable: the sampled plant with its delay, and 1 + GK, say where."""
+    K = pid(20e3, 3e6, 0)
+    proof = prove_friction(RIG, K, SLIP, delay=delay)
+    assert proof.verdict == "refuted"
+    kappa, pole = proof.counterexample
+    poles = closed_poles(K, delay, kappa)
+    assert abs(pole) == pytest.approx(np.abs(poles).max(), rel=1e-9)
+    assert np.abs(poles - pole).min() < 1e-6
 
 
 @pytest.mark.parametrize("name", ["P1", "P2", "P4"])
-def test_energy_falls_along_motions_with_elements(name):
-    loop, K0, rho = oracle_loop(name), 64e3, 1.05
-    P, form, rates, _ = stored_energy(loop, K0, rho)
-    rest, _ = loop.rest()
-    rng = np.random.default_rng(0)
-    elements = [Element(k, W, rho, rng) for k, W in ((30e3, 0.5), (20e3, 0.3), (13e3, 0.2))]
+@pytest.mark.parametrize(
+    ("limits", "seed"), [(((30e3, 0.5), (20e3, 0.3), (13e3, 0.2)), 0), (((64e3, 1.0),), 3)]
+)
+def test_the_energy_of_the_certificate_falls_at_every_sample(name, limits, seed):
+    """The loop by another hand, and elements of the class that break away and drop at random."""
+    (Kp, Ki, Kd, delay), _, _ = ORACLES[name]
+    claim = prove_friction(RIG, pid(Kp, Ki, Kd), SLIP, delay=delay).certificate.claim
+    (port,) = claim.ports
+    loop, rng = oracle_loop(name), np.random.default_rng(seed)
+    elements = [Element(k, W, SLIP.stiction, rng) for k, W in limits]
     start = np.zeros(loop.F.shape[0])
     start[1] = 0.02  # a kick
-    energies = []
-    # each element stores energy by its own filters: follow them one by one
-    for xi, filters, elastic in motion(loop, elements, start, rates, 250):
-        z = np.concatenate([xi - filters[0] * rest, filters[1:] - filters[0]])
-        full = np.concatenate([z, [filters[0], elastic]])
-        energies.append(z @ P @ z + full @ form.stored @ full)
-    # V_tot itself holds sum S_i, which the form in the total force bounds from below
-    assert min(energies) > 0
-    assert energies[-1] < 1e-2 * energies[0]
-
-
-@pytest.mark.parametrize("name", ["P1", "P2", "P4"])
-def test_energy_falls_at_every_sample_with_one_element(name):
-    """With one element the form in the total force is its energy where its stiffness is all
-    of K0.
-    """
-    loop, K0, rho = oracle_loop(name), 64e3, 1.05
-    P, form, rates, _ = stored_energy(loop, K0, rho)
-    rest, _ = loop.rest()
-    start = np.zeros(loop.F.shape[0])
-    start[1] = 0.02
-    energies = []
-    for xi, filters, elastic in motion(
-        loop, [Element(K0, 1.0, rho, np.random.default_rng(3))], start, rates, 250
-    ):
-        full = np.concatenate(
-            [xi - filters[0] * rest, filters[1:] - filters[0], [filters[0], elastic]]
-        )
-        energies.append(full[:-2] @ P @ full[:-2] + full @ form.stored @ full)
-    energies = np.array(energies)
+    energies = np.array(
+        [
+            energy_of(
+                claim,
+                loop,
+                xi,
+                elements=[(k, f, 0) for (k, _), f in zip(limits, forces, strict=True)],
+                filters=filters,
+            )
+            for xi, filters, forces in motion(loop, elements, start, port.rates, 250)
+        ]
+    )
+    assert (energies > 0).all()
     assert (np.diff(energies) < 1e-9 * energies[0]).all()
     assert energies[-1] < 1e-2 * energies[0]
 
 
-def test_the_judge_refuses_what_is_not_so():
-    loop = oracle_loop("P1")
-    omega = loop_frequencies(loop)
-    rates = filter_rates(1.5 * RIG.resonance)[0]
-    mu, _ = maxwell_slip_multipliers(
-        multiplier_terms(mobility(loop, omega), omega, rates=rates, K0=64e3, rho=1.05)
-    )
-    judged = in_balanced_coordinates(
-        maxwell_slip_dissipation(loop, rates, mu=mu, K0=64e3, rho=1.05)
-    )
-    passed = 0
-    for slack in SLACKS:
-        P = proposed_storage(judged.form, slack)
-        if (
-            P is None
-            or judge_storage(judged, build_storage(judged, P, slack=slack, n_intervals=32))[0]
-        ):
-            continue
-        passed += 1
-        storage = build_storage(judged, P, slack=slack, n_intervals=32)
-        for tampered in (-storage.P, 0.5 * storage.P, storage.P[::-1]):
-            assert judge_storage(judged, replace(storage, P=tampered))[0]
-    assert passed
-
-
-def test_nothing_unstable_is_ever_certified():
-    """Loops that a spring of the class makes unstable, given to the certificate all the same."""
+def test_nothing_unstable_is_ever_proved():
+    """Loops that a spring of the class makes unstable, by a scan of the springs."""
     rng = np.random.default_rng(5)
     tried = 0
     while tried < 12:
-        loop = friction_loop(
-            RIG, pid(rng.uniform(-60e3, 60e3), 10 ** rng.uniform(4, 7), rng.uniform(0, 200))
-        )
-        kappas = np.linspace(0, 64e3, 40)
-        if max(loop.growth(kappa) for kappa in kappas) > 1e-6:
+        K = pid(rng.uniform(-60e3, 60e3), 10 ** rng.uniform(4, 7), rng.uniform(0, 200))
+        loop = sliding_loop(RIG, K)
+        if max(growth(loop, kappa) for kappa in np.linspace(0, 64e3, 40)) > 1e-6:
             tried += 1
-            assert SLIP.certify(loop, 1.5 * RIG.resonance).reason
+            assert prove_friction(RIG, K, SLIP).verdict == "refuted"
+
+
+def test_a_proof_is_not_verified_for_a_class_with_an_unstable_spring():
+    """The exact check refutes nothing: it knows no springs, and finds the energy that grows."""
+    K = pid(80e3, 1e5, 240.0)
+    proof = prove_friction(RIG, K, MaxwellSlip(1e3, 1.05), delay=T)
+    claim = proof.certificate.claim
+    (port,) = claim.ports
+    assert proof.certificate.again(claim).verified
+    loop = sliding_loop(RIG, K, T)
+    springs = np.linspace(0, 64e3, 257)
+    first = springs[np.argmax([growth(loop, kappa) > 0 for kappa in springs])]
+    assert first > 1e3
+    wider = replace(claim, ports=(replace(port, K0=first),))
+    assert not proof.certificate.again(wider).verified
 
 
 def test_a_refuting_spring_is_named_and_grows():
@@ -229,9 +148,9 @@ def test_a_refuting_spring_is_named_and_grows():
     assert 0 < kappa <= 64e3
     assert abs(pole) > 1
     assert "your friction may be another member" in proof.reason
-    loop = friction_loop(RIG, K, T)
-    grown = np.linalg.matrix_power(loop.period(kappa), 20_000)
-    assert np.linalg.norm(grown) > 1e2
+    poles = poles_of(sliding_loop(RIG, K, T), kappa)
+    assert np.abs(poles - pole).min() < 1e-9
+    assert abs(pole) ** 20_000 > 1e2
 
 
 def test_a_hidden_integrator_is_not_cancelled():
@@ -375,13 +294,12 @@ def test_a_pade_approximation_is_taken_as_the_delay_it_stands_for(order):
     late = control.ss(control.tf(*control.pade(tau, order)) * control.tf([1.0], [1.0, 4.0, 80e3]))
     exact = friction_plant(1.0, 80e3, 4.0)
     K, friction = pd(20e3, 60.0), MaxwellSlip(64e3)
-    machines, _ = machines_of_nominal(late)
-    for machine in (*machines, undamped(late), friction_plant(late)):
+    for machine in (undamped(late), friction_plant(late)):
         assert machine.delay == pytest.approx(tau, rel=1e-6)
         assert machine.A.shape == (2, 2)
         assert prove_friction(machine, K, friction).verdict == "proved"
-    mine = np.sort_complex(friction_loop(friction_plant(late), K).poles())
-    assert mine == pytest.approx(np.sort_complex(friction_loop(exact, K, tau).poles()), abs=1e-6)
+    mine = np.sort_complex(poles_of(sliding_loop(replace(machine, delay=0.0), K, machine.delay)))
+    assert mine == pytest.approx(np.sort_complex(poles_of(sliding_loop(exact, K, tau))), abs=1e-6)
     proof = prove_friction(friction_plant(late), K, friction, delay=2e-4)
     assert "with 0.7 ms of delay" in proof.claim
     assert proof.certificate.verify().verified

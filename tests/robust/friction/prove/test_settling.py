@@ -19,13 +19,7 @@ from benchmarks.settling import (
     settling_proof,
 )
 from robust import friction_plant, prove_friction, save
-from robust._base.states import FrictionVerdict
-from robust.friction import MaxwellSlip
-from robust.friction.bounds import steady_error_bound
-from robust.friction.exact.settling import Settling
-from robust.friction.exact.verify import verify_friction
-from robust.friction.loop import friction_loop
-from robust.friction.proof.protocol import FrictionProof, ProofTask
+from robust.friction import Bounded, MaxwellSlip
 from robust.friction.proof.settling import largest_rest
 from robust.io import verify_certificate
 
@@ -75,8 +69,8 @@ def test_no_bound_is_below_that_of_a_spring_of_the_class(proof):
     """
     rest = largest_rest(FS, AXIS.stiction)
     for stiffness in (0.0, AXIS.K0 / 3, AXIS.K0):
-        held = friction_loop(friction_plant(10.0, stiffness), AXIS.K, T)
-        assert proof.settling_error > 0.99 * rest * steady_error_bound(held)
+        held = prove_friction(friction_plant(10.0, stiffness), AXIS.K, Bounded(1.0), delay=T)
+        assert proof.settling_error > 0.99 * rest * held.error_bound
 
 
 def test_it_is_below_the_bound_of_any_friction_and_scales_with_the_force(proof):
@@ -102,7 +96,7 @@ def test_the_certificate_is_verified_and_what_was_changed_is_not(proof, tmp_path
     assert proof.certificate.verify().verified
     save(proof, tmp_path / "settles.json")
     assert verify_certificate(tmp_path / "settles.json", K=AXIS.K).verified
-    claim = proof.certificate.claim
+    claim, verify = proof.certificate.claim, proof.certificate.again
     own = claim.settling
     for changed, failed in (
         (replace(own, error=0.99 * own.error), "the energy allows more"),
@@ -110,18 +104,15 @@ def test_the_certificate_is_verified_and_what_was_changed_is_not(proof, tmp_path
         (replace(own, decay=2 * claim.ports[0].rates.max()), "a filter is slower than the decay"),
         (replace(own, decay=-1.0), "decay or Fs is not positive"),
     ):
-        found = verify_friction(replace(claim, settling=changed))
+        found = verify(replace(claim, settling=changed))
         assert not found.verified
         assert failed in dict(found.failed).values()
     (port,) = claim.ports
-    assert not verify_friction(replace(claim, ports=(replace(port, K0=3 * port.K0),))).verified
-    assert not verify_friction(replace(claim, ports=(replace(port, free=1.0),))).verified
-    assert "it does not" in dict(verify_friction(replace(claim, P=1.5 * claim.P)).failed).values()
+    assert not verify(replace(claim, ports=(replace(port, K0=3 * port.K0),))).verified
+    assert not verify(replace(claim, ports=(replace(port, free=1.0),))).verified
+    assert "it does not" in dict(verify(replace(claim, P=1.5 * claim.P)).failed).values()
     with pytest.raises(ValueError, match="decay must be finite"):
-        replace(
-            claim,
-            settling=Settling(decay=np.nan, Fs=np.ones(1), error=1.0, rest_weights=np.ones(1)),
-        )
+        replace(claim, settling=replace(own, decay=np.nan))
 
 
 @pytest.mark.attack
@@ -138,24 +129,21 @@ def test_a_continuous_controller_and_a_part_of_a_sample():
 
 
 def test_without_integral_action_the_rest_is_in_the_bound():
-    """K = 20 kN/m holds the mass up to Fs (1 + 1/rho)/2 over K away; a spring of the class keeps it
-    still.
+    """An integrator that forgets 0.1 % a sample holds the mass up to Fs (1 + 1/rho)/2 over the
+    stiffness of the controller away; a spring of the class keeps it still.
     """
-    K = control.ss(control.tf([100.0, 2e4], [1e-4, 1]))
-    loop = friction_loop(MACHINE, K)
-    open_still = FrictionProof(
-        verdict=FrictionVerdict.NOT_DECIDED,
-        claim="",
-        not_claimed="",
-        reason="",
-        machine=MACHINE,
-        friction=(MaxwellSlip(1e5, 2.0),),
-    )
-    found = open_still.friction[0].settle(
-        open_still, ProofTask(MACHINE, K, 0.0, loop, np.array([FS]))
-    )
-    assert found.settling_error > FS * 0.75 / 2e4
+    poles, modes = np.linalg.eig(AXIS.K.A)
+    poles[np.argmin(np.abs(poles - 1))] = 0.999
+    A = (modes * poles @ np.linalg.inv(modes)).real
+    K = control.StateSpace(A, AXIS.K.B, AXIS.K.C, AXIS.K.D, T)
+    held = FS * (1 + 1 / 3) / 2 / float(K(1.0).real)
+    found = prove_friction(MACHINE, K, MaxwellSlip(2e6, 3.0), delay=T, Fs=FS)
+    assert found.verdict == "settles"
+    assert held < found.settling_error < found.error_bound
     assert found.certificate.verify().verified
+    claim = found.certificate.claim
+    without = replace(claim.settling, error=claim.settling.error - held)
+    assert not found.certificate.again(replace(claim, settling=without)).verified
 
 
 def test_a_class_without_the_theorem_has_the_bound_of_any_friction():
