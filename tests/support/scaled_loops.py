@@ -3,6 +3,8 @@
 import control
 import numpy as np
 
+import robust
+
 #: (rows, cols, kind) of each block.
 STRUCTURES = (
     ((1, 1, "full"), (1, 1, "full")),
@@ -28,3 +30,16 @@ def random_loop(rng, n, blocks, dt=0.0):
         back = np.linalg.inv(np.eye(n) - A / 4)
         A, B, C, D = back @ (np.eye(n) + A / 4), back @ B, C @ back, D + C @ back @ B / 4
     return control.StateSpace(A, B, C, D, dt)
+
+
+def bounds_on_grid(N, blocks):
+    """Largest upper and lower bound of mu over frequencies around every pole."""
+    poles = N.poles()
+    if N.dt:
+        poles = np.log(poles.astype(complex)) / N.dt
+    near = np.outer(np.abs(poles), np.linspace(0.8, 1.2, 21)).ravel()
+    omega = np.unique(np.concatenate([near, np.geomspace(1e-3, 1e3, 200)]))
+    omega = omega[omega <= np.pi / N.dt] if N.dt else omega
+    response = N(np.exp(1j * omega * N.dt) if N.dt else 1j * omega)
+    upper = robust.mu.upper(response, blocks).value.max()
+    return upper, robust.mu.lower(response[:, :, ::10], blocks).value.max()

@@ -10,24 +10,42 @@ import numpy as np
 import pytest
 
 from robust import check, save
-from robust.analysis.sampled_set import sampled_set
-from robust.io.certificates import verify_certificate
-from robust.proofs.exact.claim import to_matrices
-from robust.proofs.exact.claim_files import content_digest, from_plain, to_plain
-from robust.proofs.exact.folded_sets import FoldedClaim, FoldedPart, decide_folded
+from robust.io import verify_certificate
 from tests.robust.analysis.test_sampled_set import INPUT, MIXED, SETS, made, number, rising
+from tests.support.exact_claims import matrices
+from tests.support.signed import signed
 
 T = 0.05
 ALIASES = "every alias in the weights"  # the claim
-ONE = to_matrices(number(1.0))
+K = control.StateSpace([], [], [], 1.5 * np.eye(2), 0.02)
+
+
+@pytest.fixture(scope="module")
+def report():
+    return check(INPUT, K)
+
+
+@pytest.fixture(scope="module")
+def proof(report):
+    """The certificate that the set of a check contains every alias."""
+    return report.proofs.certificates[-1]
 
 
 def gain(x):
-    return to_matrices(number(x))
+    return matrices(number(x))
 
 
-def holds(part):
-    return decide_folded(FoldedClaim(dt=T, parts=(part,)))[ALIASES].holds
+ONE = gain(1.0)
+
+
+def part_of(proof, **weights):
+    """A part of one channel around no plant, with these weights and gains of one else."""
+    plain = dict.fromkeys(("left", "right", "sampled_left", "sampled_right"), (ONE,))
+    return replace(proof.claim.parts[0], **{"plant": None, "sampled": None} | plain | weights)
+
+
+def holds(proof, part):
+    return ALIASES in proof.again(replace(proof.claim, dt=T, parts=(part,))).proved
 
 
 def folded_sum(weight, omega, n=2000):
@@ -40,7 +58,7 @@ def folded_sum(weight, omega, n=2000):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_gain_is_proved_above_the_largest_sum_and_not_below(seed):
+def test_a_gain_is_proved_above_the_largest_sum_and_not_below(seed, proof):
     """A roll-off with a mode, below or far above Nyquist; its sums over all aliases by brute
     force.
     """
@@ -55,19 +73,15 @@ def test_a_gain_is_proved_above_the_largest_sum_and_not_below(seed):
         / T
     )
     largest = folded_sum(weight, omega).max()
-    part = FoldedPart(
-        plant=None,
-        sampled=None,
-        left=(to_matrices(control.ss(weight)),),
-        right=(ONE,),
-        sampled_left=(gain(1.02 * largest),),
-        sampled_right=(ONE,),
-    )
-    assert holds(part)
-    assert not holds(replace(part, sampled_left=(gain(0.98 * largest),)))
+    left = (matrices(control.ss(weight)),)
+    part = part_of(proof, left=left, sampled_left=(gain(1.02 * largest),))
+    assert holds(proof, part)
+    assert not holds(proof, replace(part, sampled_left=(gain(0.98 * largest),)))
     halves = {"sampled_left": (gain(4 * 1.02 * largest),), "sampled_right": (gain(0.25),)}
-    assert holds(replace(part, **halves))  # what stands left and what right is a matter of scale
-    assert not holds(replace(part, **halves | {"right": (gain(1.1),)}))
+    assert holds(
+        proof, replace(part, **halves)
+    )  # what stands left and what right is a matter of scale
+    assert not holds(proof, replace(part, **halves | {"right": (gain(1.1),)}))
 
 
 def integrating():
@@ -81,36 +95,29 @@ def integrating():
 @pytest.mark.attack(every=3)
 @pytest.mark.parametrize("form", [*SETS, "integrating"])
 def test_weights_of_the_search_are_proved_and_smaller_ones_are_not(form):
-    found = sampled_set(SETS[form] if form in SETS else integrating(), 0.02)
-    certificate = found.certify_aliases()
+    given = SETS[form] if form in SETS else integrating()
+    small = control.StateSpace([], [], [], 0.01 * np.eye(2), 0.02)
+    certificate = check(given, small).proofs.certificates[-1]
+    assert certificate.subject == ALIASES
     assert certificate.holds, certificate.reason
     assert certificate.judged == "proved, rigorous"
     assert certificate.verify().proved == (ALIASES,)
-    part = found.claim.parts[0]
+    claim, part = certificate.claim, certificate.claim.parts[0]
     shrunk = replace(
         part, sampled_left=tuple(replace(w, C=0.9 * w.C, D=0.9 * w.D) for w in part.sampled_left)
     )
-    assert not decide_folded(replace(found.claim, parts=(shrunk,)))[ALIASES].holds
+    assert ALIASES not in certificate.again(replace(claim, parts=(shrunk,))).proved
     if part.plant is not None:
         other = replace(part, plant=replace(part.plant, C=1.3 * part.plant.C))
-        assert not decide_folded(replace(found.claim, parts=(other,)))[ALIASES].holds
+        assert ALIASES not in certificate.again(replace(claim, parts=(other,))).proved
 
 
-def test_a_sum_that_has_no_bound_is_not_proved():
-    flat = FoldedPart(
-        plant=None,
-        sampled=None,
-        left=(ONE,),
-        right=(ONE,),
-        sampled_left=(gain(50.0),),
-        sampled_right=(ONE,),
-    )
-    assert not holds(flat)
+def test_a_sum_that_has_no_bound_is_not_proved(proof):
+    assert not holds(proof, part_of(proof, sampled_left=(gain(50.0),)))
 
 
-def test_the_certificate_of_a_check_carries_the_aliases(tmp_path):
-    K, path = control.StateSpace([], [], [], 1.5 * np.eye(2), 0.02), tmp_path / "proof.json"
-    report = check(INPUT, K)
+def test_the_certificate_of_a_check_carries_the_aliases(report, tmp_path):
+    path = tmp_path / "proof.json"
     assert [one.subject for one in report.proofs.certificates] == ["robust stability", ALIASES]
     assert f"{ALIASES} at all frequencies: yes, exact arithmetic, proved, rigorous" in str(report)
     save(report, path)
@@ -123,13 +130,16 @@ def test_the_certificate_of_a_check_carries_the_aliases(tmp_path):
         path, model=made(MIXED, "input", INPUT.left[::-1], INPUT.right), K=K
     ).verified
     content = json.loads(path.read_text())
-    claim = from_plain(FoldedClaim, content["claim"]["claims"][ALIASES])
-    assert to_plain(claim) == to_plain(report.proofs.certificates[-1].claim)
-    content["claim"]["claims"][ALIASES]["parts"][0]["left"][0]["D"][0][0] *= 1.5
-    content["digest"] = content_digest(
-        {name: entry for name, entry in content.items() if name != "digest"}
-    )
-    path.write_text(json.dumps(content))
+    written, claim = content["claim"]["claims"][ALIASES], report.proofs.certificates[-1].claim
+    assert written["dt"] == claim.dt
+    for part, kept in zip(written["parts"], claim.parts, strict=True):
+        for side in ("left", "right", "sampled_left", "sampled_right"):
+            for weight, given in zip(part[side], getattr(kept, side), strict=True):
+                for name in "ABCD":
+                    matrix = getattr(given, name)
+                    assert np.array_equal(np.reshape(weight[name], matrix.shape), matrix)
+    written["parts"][0]["left"][0]["D"][0][0] *= 1.5
+    path.write_text(json.dumps(signed(content)))
     assert f"{ALIASES}: NOT verified: " in str(verify_certificate(path))
 
 
@@ -138,23 +148,21 @@ def test_the_certificate_of_a_check_carries_the_aliases(tmp_path):
     [
         ({"left": ()}, "weights must be as many"),
         (
-            {"right": (to_matrices(control.ss([], [], [], np.ones((2, 2)))),)},
+            {"right": (matrices(control.ss([], [], [], np.ones((2, 2)))),)},
             "weights must have one input",
         ),
         ({"plant": ONE}, "plant and sampled must be given together"),
         (
-            {"plant": ONE, "sampled": to_matrices(control.ss([], [], [], np.ones((2, 2))))},
+            {"plant": ONE, "sampled": matrices(control.ss([], [], [], np.ones((2, 2))))},
             "must be square, with 1 channels",
         ),
     ],
 )
-def test_parts_that_do_not_fit_are_refused(change, text):
-    part = {"plant": None, "sampled": None, "left": (ONE,), "right": (ONE,)}
-    part |= {"sampled_left": (ONE,), "sampled_right": (ONE,)}
+def test_parts_that_do_not_fit_are_refused(change, text, proof):
     with pytest.raises(ValueError, match=text):
-        FoldedPart(**part | change)
+        part_of(proof, **change)
 
 
-def test_a_sampling_time_of_zero_is_refused():
+def test_a_sampling_time_of_zero_is_refused(proof):
     with pytest.raises(ValueError, match="dt must be a sampling time"):
-        FoldedClaim(dt=0.0, parts=())
+        replace(proof.claim, dt=0.0, parts=())

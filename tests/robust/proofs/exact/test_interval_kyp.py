@@ -11,14 +11,9 @@ import pytest
 
 import robust
 from robust.io import verify_certificate
-from robust.lti.grids import structure_grid
-from robust.lti.lti import response_by_channel
 from robust.mu.intervals import certify_intervals
-from robust.proofs.exact.channel_files import ChannelsClaim
-from robust.proofs.exact.claim_files import content_digest, from_plain, to_plain, write_claim
-from robust.proofs.exact.interval_kyp import ComplexMatrix, IntervalClaim, verify_level
-from robust.proofs.search.scaled_kyp import certify_scaled
-from tests.support.scaled_loops import STRUCTURES, random_loop
+from tests.support.scaled_loops import STRUCTURES, bounds_on_grid, random_loop
+from tests.support.signed import signed
 
 BLOCKS = [(1, 1, "full"), (1, 1, "full")]
 PEAK = np.sqrt(0.5)
@@ -52,8 +47,10 @@ def test_what_one_scaling_cannot_prove_intervals_do(proof):
     assert proof.intervals[0, 0] == 0
     assert proof.intervals[-1, 1] == (pytest.approx(np.pi / dt) if dt else np.inf)
     assert np.array_equal(proof.intervals[1:, 0], proof.intervals[:-1, 1])
-    assert certify_scaled(opposed(dt), BLOCKS, 0.999) is None
-    assert certify_scaled(opposed(dt), BLOCKS, 1.001).verify().verified
+    assert robust.mu.certify(opposed(dt), BLOCKS, 0.999).method == "generalised KYP"
+    one = robust.mu.certify(opposed(dt), BLOCKS, 1.001)
+    assert one.method == "scaled KYP"
+    assert one.verify().verified
 
 
 def test_below_mu_nothing_is_proved_and_the_frequency_is_named():
@@ -79,16 +76,17 @@ def changed(claim, k=0, **parts):
 
 
 def times(factor, M):
-    """A multiple of a matrix."""
-    return ComplexMatrix.of(factor * (M.re + 1j * M.im))
+    """A multiple of a matrix, which may be complex."""
+    product = factor * (M.re + 1j * M.im)
+    return replace(M, re=product.real, im=product.imag)
 
 
 def test_what_is_changed_does_not_pass(proof):
-    claim = proof.claim
+    claim, verify = proof.claim, proof.again
     first, *_, last = claim.pieces
     wrong = {
         "the level": replace(claim, level=0.9 * claim.level),
-        "P": changed(claim, P=ComplexMatrix.of(1e3 * np.eye(2))),
+        "P": changed(claim, P=replace(first.P, re=1e3 * np.eye(2), im=np.zeros((2, 2)))),
         "P that is not Hermitian": changed(claim, P=times(1j, first.P)),
         "Q": changed(claim, Q=times(-1, first.Q)),
         "no Q": changed(claim, Q=times(0, first.Q)),
@@ -103,17 +101,14 @@ def test_what_is_changed_does_not_pass(proof):
             claim, system=replace(claim.system, C=1.1 * claim.system.C, D=1.1 * claim.system.D)
         ),
     }
-    assert {name for name, one in wrong.items() if verify_level(one).verified} == set()
+    assert {name for name, one in wrong.items() if verify(one).verified} == set()
     for name in ("stability", "T"):
-        assert (
-            "stability"
-            not in verify_level(replace(claim, **{name: 0 * getattr(claim, name)})).proved
-        )
+        assert "stability" not in verify(replace(claim, **{name: 0 * getattr(claim, name)})).proved
     A = claim.system.A
     unstable = replace(
         claim, system=replace(claim.system, A=A + (2 if claim.system.dt else 1.5) * np.eye(len(A)))
     )
-    assert "stability" not in verify_level(unstable).proved
+    assert "stability" not in verify(unstable).proved
 
 
 @pytest.mark.parametrize(
@@ -137,9 +132,7 @@ def test_claims_that_do_not_fit_are_refused(proof, change, message):
 @pytest.mark.parametrize("blocks", STRUCTURES[2:], ids=str)
 def test_random_loops_are_proved_above_the_bound_and_not_below_mu(blocks, dt):
     N = random_loop(np.random.default_rng(len(blocks)), 5, blocks, dt)
-    response = response_by_channel(N, structure_grid(N))
-    upper = robust.mu.upper(response, blocks).value.max()
-    lower = robust.mu.lower(response[:, :, ::10], blocks).value.max()
+    upper, lower = bounds_on_grid(N, blocks)
     found = certify_intervals(N, blocks, 1.5 * upper)
     assert found.verify().verified, found.reason
     assert any(
@@ -148,18 +141,26 @@ def test_random_loops_are_proved_above_the_bound_and_not_below_mu(blocks, dt):
     assert not certify_intervals(N, blocks, 0.999 * lower).holds
 
 
-def test_a_file_gives_every_number_back_and_is_verified(proof, tmp_path):
-    claim, path = proof.claim, tmp_path / "proof.json"
-    again = from_plain(IntervalClaim, json.loads(json.dumps(to_plain(claim))))
-    assert to_plain(again) == to_plain(claim)
-    write_claim(path, ChannelsClaim(claims={"robust stability": claim}, form="", delay=0.0))
+def test_a_file_gives_every_number_back_and_is_verified(tmp_path):
+    loop = opposed() * (1 / (1.01 * PEAK))
+    loop = control.StateSpace(loop, inputs=["a", "b"], outputs=["y", "z"])
+    system = robust.models.interconnection(
+        [loop], {"one": robust.models.Block("y", "a"), "two": robust.models.Block("z", "b")}
+    )
+    report, path = robust.analysis.check_structure(system), tmp_path / "proof.json"
+    (proof,) = report.proofs.certificates
+    assert proof.method == "generalised KYP"
+    robust.save(report, path)
     assert verify_certificate(path).proved == ("nominal stability", "robust stability")
     content = json.loads(path.read_text())
-    content["claim"]["claims"]["robust stability"]["level"] *= 0.9
-    content["digest"] = content_digest(
-        {name: entry for name, entry in content.items() if name != "digest"}
-    )
-    path.write_text(json.dumps(content))
+    written, claim = content["claim"]["claims"]["robust stability"], proof.claim
+    assert (written["level"], written["cuts"]) == (claim.level, claim.cuts.tolist())
+    for piece, kept in zip(written["pieces"], claim.pieces, strict=True):
+        for name in ("P", "Q"):
+            assert piece[name]["re"] == getattr(kept, name).re.tolist()
+            assert piece[name]["im"] == getattr(kept, name).im.tolist()
+    written["level"] *= 0.9
+    path.write_text(json.dumps(signed(content)))
     assert "robust stability: NOT verified: the inequality does not pass from" in str(
         verify_certificate(path)
     )
