@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import robust
-from robust.lti.connections import lower_lft
 from tests.robust.mu.test_mu import SP_8_5, along
 from tests.support.distillation import BLOCKS, WITH_PERFORMANCE, controller, plant
 
@@ -18,7 +17,7 @@ OMEGA = np.geomspace(0.01, 10, 5)
     ("call", "blocks"), [(robust.mu.bounds, WITH_PERFORMANCE), (robust.mu.worst_gain, BLOCKS)]
 )
 def test_a_system_its_response_and_its_array_have_the_same_bounds(call, blocks):
-    N = lower_lft(plant(), controller())
+    N = plant().lft(controller())
     response = along(N, OMEGA)
     of_array = call(response, blocks)
     for found in (
@@ -36,7 +35,7 @@ def test_a_system_its_response_and_its_array_have_the_same_bounds(call, blocks):
 
 
 def test_the_bounds_are_those_of_the_two_functions_and_meet_on_the_distillation_column():
-    N = lower_lft(plant(), controller())
+    N = plant().lft(controller())
     found = robust.mu.bounds(N, WITH_PERFORMANCE, OMEGA)
     response = along(N, OMEGA)
     assert found.upper == pytest.approx(
@@ -62,7 +61,7 @@ def test_frequencies_are_chosen_where_none_are_given():
 
 @pytest.mark.attack
 def test_the_peak_of_the_distillation_column_is_found():
-    N = lower_lft(plant(), controller())
+    N = plant().lft(controller())
     found = robust.mu.bounds(N, WITH_PERFORMANCE)
     assert found.upper.max() == pytest.approx(5.78, rel=0.01)  # SP 8.11.3
     assert "largest at 1." in str(found)

@@ -10,8 +10,6 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog, minimize
 
 import robust
-from robust.lti.connections import lower_lft
-from robust.lti.lti import evaluate_transfer
 from robust.mu.scalings import bound_from_scalings
 from tests.support.distillation import BLOCKS, WITH_PERFORMANCE, controller, plant
 
@@ -23,7 +21,7 @@ def random_matrix(rng, shape, W):
 
 
 def along(N, omega):
-    return np.moveaxis(evaluate_transfer(N.A, N.B, N.C, N.D, 1j * omega), 0, 2)
+    return N(1j * omega, squeeze=False)
 
 
 def size(blocks):
@@ -49,7 +47,7 @@ def test_sp_example_8_5(blocks, mu):
 
 def test_the_distillation_column():
     """SP 8.11.3: NP 0.5, RS 0.53 (0.526 in more digits), RP 5.78 (5.782 at 1.46 rad/s)."""
-    N = lower_lft(plant(), controller())
+    N = plant().lft(controller())
     omega = np.unique(np.append(np.geomspace(1e-3, 1e2, 200), 1.46))
     response = along(N, omega)
     rp = robust.mu.upper(response, WITH_PERFORMANCE).value
@@ -68,7 +66,7 @@ def test_the_distillation_column():
 )
 def test_between_the_frequencies_of_the_distillation_column(held, refused):
     """The peak is 5.78 (SP 8.11.3)."""
-    N = lower_lft(plant(), controller())
+    N = plant().lft(controller())
     certificate = robust.mu.certify(N, WITH_PERFORMANCE, held)
     assert certificate.holds
     ends = certificate.intervals
@@ -323,9 +321,7 @@ def test_certificates_of_random_systems(dt):
         )
         x = np.geomspace(1e-3, 1e3, 600)
         points = np.exp(2j * np.arctan(x)) if dt else 1j * x
-        peak = robust.mu.upper(
-            np.moveaxis(evaluate_transfer(N.A, N.B, N.C, N.D, points), 0, 2), blocks
-        ).value.max()
+        peak = robust.mu.upper(N(points, squeeze=False), blocks).value.max()
         above = robust.mu.certify(N, blocks, 1.02 * peak)
         assert above.holds, above.reason
         assert not robust.mu.certify(N, blocks, 0.98 * peak).holds
