@@ -9,14 +9,11 @@ import pytest
 from robust.lti.connections import (
     closed_loop,
     largest_allowed_factor,
-    lower_lft,
     weighted_plant,
     worst_perturbation,
     worst_sensitivity,
 )
 from robust.lti.grids import find_peak, loop_grid, refine_peaks, structure_grid
-from robust.lti.lti import evaluate_transfer, response
-from robust.lti.realisation import from_roots, state_space
 from robust.lti.stability import assess_stability as instability
 from robust.lti.stability import (
     connected_components,
@@ -27,13 +24,13 @@ from robust.lti.stability import (
 from tests.support.printed import unwrapped
 
 OMEGA = np.geomspace(1e-2, 1e2, 50)
-G = state_space("G", control.tf([3, 1], [1, 0.4, 2]))
-K = state_space("K", control.tf([0.5, 2], [0.1, 1]))
+G = control.ss(control.tf([3, 1], [1, 0.4, 2]))
+K = control.ss(control.tf([0.5, 2], [0.1, 1]))
 
 
 def test_ports_of_the_loop():
     """u, y, e from p_in, p_out, r in terms of S = 1/(1 + G K)."""
-    g, k = response(G, OMEGA), response(K, OMEGA)
+    g, k = G(1j * OMEGA), K(1j * OMEGA)
     S = 1 / (1 + g * k)
     wanted = {
         ("u", "p_in"): -k * g * S,
@@ -47,9 +44,8 @@ def test_ports_of_the_loop():
         ("e", "r"): S,
     }
     for (out, into), curve in wanted.items():
-        assert evaluate_transfer(*closed_loop(G, K, (out,), (into,)), 1j * OMEGA)[
-            :, 0, 0
-        ] == pytest.approx(curve, rel=1e-9)
+        loop = control.StateSpace(*closed_loop(G, K, (out,), (into,)))
+        assert loop(1j * OMEGA) == pytest.approx(curve, rel=1e-9)
 
 
 def random_system(rng, n, n_out, n_in):
@@ -75,11 +71,11 @@ def test_ports_of_a_loop_of_three_outputs_and_two_inputs():
             [S @ g, S, g @ k @ S],
             [-S @ g, -S, S],
         ])  # fmt: skip
-        found = evaluate_transfer(
-            *closed_loop(plant, K, ("u", "y", "e"), ("p_in", "p_out", "r")), s
-        )[0]
+        found = control.StateSpace(
+            *closed_loop(plant, K, ("u", "y", "e"), ("p_in", "p_out", "r"))
+        )(s)
         np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-12)
-        turned = evaluate_transfer(*closed_loop(plant, K, ("e", "u"), ("r", "p_in")), s)[0]
+        turned = control.StateSpace(*closed_loop(plant, K, ("e", "u"), ("r", "p_in")))(s)
         np.testing.assert_allclose(turned[:3, :3], S, rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(turned[3:, 3:], -k @ S @ g, rtol=1e-9, atol=1e-12)
 
@@ -96,8 +92,8 @@ def test_a_plant_with_its_weights_is_the_loop_with_them():
         ("u", random_system(rng, 1, 2, 2)),
         ("y", random_system(rng, 0, 3, 3)),
     ]
-    whole = lower_lft(weighted_plant(P, 3, n_u=2, weights=weights), K)
-    bare = lower_lft(weighted_plant(P, 3, n_u=2, weights=[], reference=False), K)
+    whole = weighted_plant(P, 3, n_u=2, weights=weights).lft(K)
+    bare = weighted_plant(P, 3, n_u=2, weights=[], reference=False).lft(K)
     for s in (0.3j, 2j):
         p, k = P(s), K(s)
         g_zd, g_zu, g_yd, g_yu = p[:1, :1], p[:1, 1:], p[1:, :1], p[1:, 1:]
@@ -163,7 +159,7 @@ def test_factor_allowed_takes_the_worst_case_to_one():
 @pytest.mark.parametrize(("product", "poles"), [(1.5, 0), (1.6, 2), (7.8, 2), (7.9, 4), (14.2, 6)])
 def test_a_delay_in_a_loop_of_an_integrator(product, poles):
     """s + k exp(-s tau) has a pair more in the right half plane at each k tau = pi/2 + 2 pi n."""
-    lag = state_space("L", control.tf([2.0], [1, 1e-9]))
+    lag = control.ss(control.tf([2.0], [1, 1e-9]))
     assert delay_pole_count(lag, product / 2.0) == poles
 
 
@@ -182,19 +178,19 @@ def test_poles_on_the_boundary_are_not_decided():
 def test_winding_number_counts_what_polynomials_say(gain):
     """8 k/(s + 1)^3 is stable up to k = 1; P/(s - 1) needs gain above one: one turn less."""
     omega = np.geomspace(1e-2, 1e2, 800)
-    three = state_space("G", control.tf([8.0], [1, 3, 3, 1]))
-    turns, clear = winding_number(omega, response(three, omega), K=state_space("K", gain), dt=0.0)
+    three = control.ss(control.tf([8.0], [1, 3, 3, 1]))
+    turns, clear = winding_number(omega, three(1j * omega), K=control.ss([], [], [], [[gain]]), dt=0.0)
     unstable = np.sum(np.roots([1, 3, 3, 1 + 8 * gain]).real > 0)
     assert turns == -unstable
     assert clear
-    one = state_space("G", control.tf([1.0], [1, -1]))
-    turns, clear = winding_number(omega, response(one, omega), K=state_space("K", 3 * gain), dt=0.0)
+    one = control.ss(control.tf([1.0], [1, -1]))
+    turns, clear = winding_number(omega, one(1j * omega), K=control.ss([], [], [], [[3 * gain]]), dt=0.0)
     assert clear
     assert turns == 1 - (3 * gain < 1)
 
 
 def test_a_mode_that_no_log_grid_sees_is_on_the_grid():
-    sharp = from_roots(np.zeros(0), np.array([-1e-7 + 3j, -1e-7 - 3j]), 1.0, 0.0)
+    sharp = control.ss([[-1e-7, 3.0], [-3.0, -1e-7]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
     omega = loop_grid(np.array([1.0, 10.0]), np.zeros(0, complex), systems=[sharp], dt=0.0)
     assert np.abs(omega / 3 - 1).min() < 1e-7
     assert np.abs(structure_grid(sharp) / 3 - 1).min() < 1e-7

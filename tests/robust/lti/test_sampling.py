@@ -5,10 +5,16 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve_continuous_are
 
-from robust.lti.lti import response
 from robust.lti.norms import stabilising_riccati
-from robust.lti.realisation import state_space
-from robust.lti.sampling import delay_samples, delayed, discretize, pade, sampled
+from robust import sampled
+from robust.lti import discretize
+from robust.lti.sampling import delay_samples, delayed, pade
+
+
+
+def response(system, omega):
+    return system(np.exp(1j * omega * system.dt) if system.dt else 1j * omega)
+
 
 PLANT = control.StateSpace([[0, 1], [-400, -2]], [[0], [400]], [[1, 0]], [[0]], 0)
 
@@ -56,7 +62,7 @@ def test_a_delay_of_whole_samples_and_by_pade():
 
 
 def test_tustin_is_exact_where_it_is_prewarped():
-    K = state_space("K", control.tf([1, 10], [1, 0]))
+    K = control.ss(control.tf([1, 10], [1, 0]))
     for prewarp in (0.0, 40.0):
         Kd = discretize(K, 0.01, prewarp=prewarp)
         z = np.exp(0.4j)
