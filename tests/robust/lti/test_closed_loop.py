@@ -71,9 +71,9 @@ def test_ports_of_a_loop_of_three_outputs_and_two_inputs():
             [S @ g, S, g @ k @ S],
             [-S @ g, -S, S],
         ])  # fmt: skip
-        found = control.StateSpace(
-            *closed_loop(plant, K, ("u", "y", "e"), ("p_in", "p_out", "r"))
-        )(s)
+        found = control.StateSpace(*closed_loop(plant, K, ("u", "y", "e"), ("p_in", "p_out", "r")))(
+            s
+        )
         np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-12)
         turned = control.StateSpace(*closed_loop(plant, K, ("e", "u"), ("r", "p_in")))(s)
         np.testing.assert_allclose(turned[:3, :3], S, rtol=1e-9, atol=1e-12)
@@ -179,12 +179,16 @@ def test_winding_number_counts_what_polynomials_say(gain):
     """8 k/(s + 1)^3 is stable up to k = 1; P/(s - 1) needs gain above one: one turn less."""
     omega = np.geomspace(1e-2, 1e2, 800)
     three = control.ss(control.tf([8.0], [1, 3, 3, 1]))
-    turns, clear = winding_number(omega, three(1j * omega), K=control.ss([], [], [], [[gain]]), dt=0.0)
+    turns, clear = winding_number(
+        omega, three(1j * omega), K=control.ss([], [], [], [[gain]]), dt=0.0
+    )
     unstable = np.sum(np.roots([1, 3, 3, 1 + 8 * gain]).real > 0)
     assert turns == -unstable
     assert clear
     one = control.ss(control.tf([1.0], [1, -1]))
-    turns, clear = winding_number(omega, one(1j * omega), K=control.ss([], [], [], [[3 * gain]]), dt=0.0)
+    turns, clear = winding_number(
+        omega, one(1j * omega), K=control.ss([], [], [], [[3 * gain]]), dt=0.0
+    )
     assert clear
     assert turns == 1 - (3 * gain < 1)
 

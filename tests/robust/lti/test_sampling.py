@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve_continuous_are
 
-from robust.lti.norms import stabilising_riccati
 from robust import sampled
 from robust.lti import discretize
+from robust.lti.norms import stabilising_riccati
 from robust.lti.sampling import delay_samples, delayed, pade
-
 
 
 def response(system, omega):

@@ -57,6 +57,7 @@ def folded_sum(weight, omega, n=2000):
     ).sum(axis=1)
 
 
+@pytest.mark.attack(every=2)
 @pytest.mark.parametrize("seed", range(6))
 def test_a_gain_is_proved_above_the_largest_sum_and_not_below(seed, proof):
     """A roll-off with a mode, below or far above Nyquist; its sums over all aliases by brute
@@ -92,8 +93,9 @@ def integrating():
     return made(plant, "input", (rising(0.1), rising(0.1)), (number(1.0), number(1.0)))
 
 
-@pytest.mark.attack(every=3)
-@pytest.mark.parametrize("form", [*SETS, "integrating"])
+@pytest.mark.parametrize(
+    "form", [*(pytest.param(form, marks=pytest.mark.attack) for form in SETS), "integrating"]
+)
 def test_weights_of_the_search_are_proved_and_smaller_ones_are_not(form):
     given = SETS[form] if form in SETS else integrating()
     small = control.StateSpace([], [], [], 0.01 * np.eye(2), 0.02)
