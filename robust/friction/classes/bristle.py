@@ -114,13 +114,13 @@ class Bristle(CertifiedClass):
         response = mobility(loop, omega)
         reason = "no multiplier weights make the loop dissipate at every frequency"
         for rates in filter_rates(reference)[:2]:
-            table = bristle_terms(
+            table = _bristle_terms(
                 response, omega, rates=rates, K0=self.K0, microdamping=self.microdamping
             )
-            port = bristle_multipliers(table, rates, self)
+            port = _bristle_multipliers(table, rates, self)
             if port is None:
                 continue
-            reason, energy = certified_dissipation(bristle_dissipation(loop, port))
+            reason, energy = certified_dissipation(_bristle_dissipation(loop, port))
             if not reason:
                 return FrictionCertificate("", (port,), energy)
         return FrictionCertificate(reason)
@@ -152,7 +152,7 @@ _NEGLIGIBLE_WEIGHTS = (
 )  # relative to the largest weight; filters below are left out
 
 
-def bristle_terms(
+def _bristle_terms(
     mobility: np.ndarray, omega: np.ndarray, *, rates: np.ndarray, K0: float, microdamping: float
 ) -> np.ndarray:
     """Return (W, 1 + J + 6, 2, 2) hermitian forms in (gamma, q): of F v, of each filter and of each
@@ -171,7 +171,7 @@ def bristle_terms(
     return np.stack(columns, axis=1)
 
 
-def bristle_multipliers(
+def _bristle_multipliers(
     table: np.ndarray, rates: np.ndarray, friction: Bristle
 ) -> BristlePort | None:
     """Return multipliers that make every matrix most negative relative to its entries; None if
@@ -195,7 +195,7 @@ def bristle_multipliers(
         return None
     found = np.zeros(n)
     found[kept] = again / _term_sizes(table[:, kept])[1]
-    block, bounds = enlarge_block(found[n - 6 :], rho)
+    block, bounds = _enlarge_block(found[n - 6 :], rho)
     nu = found[1 : n - 6]
     return BristlePort(
         K0=friction.K0,
@@ -265,7 +265,7 @@ def _sector_form(rho: float) -> tuple[float, float, float]:
     return rho**2 - 1, 1.0, -1.0
 
 
-def enlarge_block(entries: np.ndarray, rho: float) -> tuple[np.ndarray, np.ndarray]:
+def _enlarge_block(entries: np.ndarray, rho: float) -> tuple[np.ndarray, np.ndarray]:
     """Enlarge M by the tolerance of the solver, so that its form is nonnegative for all possible q
     and gamma.
     """
@@ -316,7 +316,7 @@ def _sector_multiple(form: tuple[float, float, float], rho: float) -> tuple[floa
 # converges too.
 
 
-def bristle_dissipation(loop: FrictionLoop, port: BristlePort) -> Dissipation:
+def _bristle_dissipation(loop: FrictionLoop, port: BristlePort) -> Dissipation:
     """Return the inequality for a loop with the weights of its forms."""
     a, nu, mu, M, K0 = port.rates, port.weights, port.free, port.block, port.K0
     n, extra = loop.F.shape[0], a.size

@@ -168,7 +168,7 @@ def _flow_stretch(hamiltonian: np.ndarray, span: float) -> Stretch:
     return A, -A @ E[:n, n:], E[n:, :n] @ A
 
 
-def proposed_storage(form: Dissipation, slack: float) -> np.ndarray | None:
+def _proposed_storage(form: Dissipation, slack: float) -> np.ndarray | None:
     """Return (n, n) P just after the jump that begins a period, or the constant P of a continuous
     loop; else None.
     """
@@ -257,7 +257,7 @@ class JudgedStorage:
     stored: np.ndarray  # (n + E, n + E) the rest of the stored energy in these coordinates
 
 
-def in_balanced_coordinates(form: Dissipation) -> _BoundedForm:
+def _in_balanced_coordinates(form: Dissipation) -> _BoundedForm:
     unit = np.sqrt(np.maximum(-np.diag(form.R), 1e-300))  # of the inputs
     top = unit.max()
     heavy = form.block and replace(form.block, weight=form.block.weight / top**2)
@@ -319,7 +319,7 @@ def in_balanced_coordinates(form: Dissipation) -> _BoundedForm:
     return _BoundedForm(form=new, off=off, V=V)
 
 
-def build_storage(
+def _build_storage(
     judged: _BoundedForm, P: np.ndarray, *, slack: float, n_intervals: int
 ) -> JudgedStorage:
     """Return cubics through the Riccati solution that begins with P, with its slopes; for one flow
@@ -398,7 +398,7 @@ def _flow_inequality(
     return (M + np.swapaxes(M, -1, -2)) / 2, E
 
 
-def judge_storage(judged: _BoundedForm, storage: JudgedStorage) -> tuple[str, float]:
+def _judge_storage(judged: _BoundedForm, storage: JudgedStorage) -> tuple[str, float]:
     """Return an empty text if the storage proves inequality, jumps and positivity; else the failure
     and its size.
 
@@ -483,7 +483,7 @@ def _check_positive(judged: _BoundedForm, P: np.ndarray) -> str:
 
 
 METHOD = "periodic Riccati equation, Bernstein"
-SLACKS = 0.1 * 0.25 ** np.arange(4, 14)
+_SLACKS = 0.1 * 0.25 ** np.arange(4, 14)
 _INTERVAL_COUNTS = (8, 32, 128)
 _MAX_INTERVALS = 512
 _NEAR_MISS = 1e-3  # for a failure this small the finest intervals are tried
@@ -493,16 +493,16 @@ def certified_dissipation(form: Dissipation) -> tuple[str, JudgedStorage | None]
     """Return an empty text and the storage function that is judged to prove the inequality; else
     the last failure.
     """
-    judged = in_balanced_coordinates(form)
+    judged = _in_balanced_coordinates(form)
     failure = "no storage function was found"
     nearest = _NEAR_MISS, 0.0, np.zeros(0)
-    for slack in SLACKS:
-        P = proposed_storage(judged.form, slack)
+    for slack in _SLACKS:
+        P = _proposed_storage(judged.form, slack)
         if P is None:
             continue
         for n_intervals in _INTERVAL_COUNTS if form.spans.size else _INTERVAL_COUNTS[:1]:
-            storage = build_storage(judged, P, slack=slack, n_intervals=n_intervals)
-            failure, worst = judge_storage(judged, storage)
+            storage = _build_storage(judged, P, slack=slack, n_intervals=n_intervals)
+            failure, worst = _judge_storage(judged, storage)
             if not failure:
                 return "", storage
             if (
@@ -512,8 +512,8 @@ def certified_dissipation(form: Dissipation) -> tuple[str, JudgedStorage | None]
         nearest = min(nearest, (worst, slack, P), key=lambda found: found[0])
     worst, slack, P = nearest
     if worst < _NEAR_MISS and form.spans.size:
-        storage = build_storage(judged, P, slack=slack, n_intervals=_MAX_INTERVALS)
-        failure = judge_storage(judged, storage)[0]
+        storage = _build_storage(judged, P, slack=slack, n_intervals=_MAX_INTERVALS)
+        failure = _judge_storage(judged, storage)[0]
         if not failure:
             return "", storage
     return failure, None

@@ -137,7 +137,7 @@ def _reaction_around(bla: Bla, machine: FrictionPlant, error: np.ndarray | float
     return _Reaction(omega=omega, H=H, std=std, gain=gain, delayed=delayed, dof=bla.dof)
 
 
-def free_mass(bla: Bla) -> FrictionPlant:
+def _free_mass(bla: Bla) -> FrictionPlant:
     """Return the mass that the highest line shows without spring and friction: the machine if none
     was given.
     """
@@ -168,7 +168,7 @@ def _port_mass(machine: FrictionPlant) -> float:
     return 1 / float(machine.velocity @ machine.B_port)
 
 
-def fit_level(bla: Bla, machine: FrictionPlant, error: np.ndarray | float = 0.0) -> _LevelFit:
+def _fit_level(bla: Bla, machine: FrictionPlant, error: np.ndarray | float = 0.0) -> _LevelFit:
     """Fit the part of one level that a machine does not explain, with and without a slipping
     element; test the fit.
 
@@ -354,11 +354,11 @@ class _Model:
     description: str  # phrase for the evidence
 
 
-def model_of(blas: list[Bla], nominal: object) -> _Model:
+def _model_of(blas: list[Bla], nominal: object) -> _Model:
     """Return the nominal as a machine, or one free mass if there is no nominal."""
     if nominal is None:
         return _Model(
-            machines=(free_mass(blas[0]),),
+            machines=(_free_mass(blas[0]),),
             error=[np.zeros(bla.f.size) for bla in blas],
             least=0.0,
             name="one mass",
@@ -399,7 +399,7 @@ def read_blas(blas: list[Bla], nominal: object) -> MachineRead:
     blas = [
         bla.times(one, output_unit=bla.output_units) for bla, one in zip(blas, holds, strict=True)
     ]
-    model, fits = fit_around(blas, model_of(blas, nominal))
+    model, fits = _fit_around(blas, _model_of(blas, nominal))
     fits.sort(key=lambda fit: -fit.force)
     mass, mass_std = _read_mass(fits, model, units)
     low, rest, fell = _read_stiffness(fits, model, units)
@@ -456,14 +456,14 @@ def read_blas(blas: list[Bla], nominal: object) -> MachineRead:
     )
 
 
-def fit_around(blas: list[Bla], model: _Model) -> tuple[_Model, list[_LevelFit]]:
+def _fit_around(blas: list[Bla], model: _Model) -> tuple[_Model, list[_LevelFit]]:
     """Fit the part of every level that a machine does not explain; return the model with its delay,
     and the fits.
     """
 
     def fitted(machine: FrictionPlant) -> list[_LevelFit]:
         return [
-            fit_level(bla, machine, error) for bla, error in zip(blas, model.error, strict=True)
+            _fit_level(bla, machine, error) for bla, error in zip(blas, model.error, strict=True)
         ]
 
     fits, known = fitted(model.machines[-1]), model.machines[-1].delay

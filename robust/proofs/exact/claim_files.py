@@ -39,21 +39,21 @@ T = TypeVar("T")
 C = TypeVar("C", bound=_Claim)
 
 
-def to_plain(part: object) -> Json:
+def _to_plain(part: object) -> Json:
     """Return a part of a claim for JSON; floats are written so that they are restored exactly."""
     if is_dataclass(part):
-        return {one.name: to_plain(getattr(part, one.name)) for one in fields(part)}
+        return {one.name: _to_plain(getattr(part, one.name)) for one in fields(part)}
     if isinstance(part, np.ndarray | np.generic):
         return part.tolist()
     if isinstance(part, dict):
-        return {name: to_plain(each) for name, each in part.items()}
+        return {name: _to_plain(each) for name, each in part.items()}
     if isinstance(part, tuple):
-        return [to_plain(each) for each in part]
+        return [_to_plain(each) for each in part]
     return part
 
 
-def from_plain(kind: type[T], given: object) -> T:
-    """Return the claim that `to_plain` wrote, or raise a ValueError with its fault."""
+def _from_plain(kind: type[T], given: object) -> T:
+    """Return the claim that `_to_plain` wrote, or raise a ValueError with its fault."""
     names = {one.name for one in fields(kind)}  # type: ignore[arg-type]
     if not isinstance(given, dict) or set(given) != names:
         raise ValueError(
@@ -75,7 +75,7 @@ def _part_from_plain(hint: object, given: Json) -> object:
         return _MAKERS[kind](get_args(hint), given)
     if not isinstance(hint, type):
         raise TypeError(f"no part is of type {hint}")
-    made: object = from_plain(hint, given) if is_dataclass(hint) else hint(given)
+    made: object = _from_plain(hint, given) if is_dataclass(hint) else hint(given)
     return made
 
 
@@ -145,7 +145,7 @@ _MAKERS: Mapping[object, Callable[[tuple[object, ...], Json], object]] = {
 def differing_fields(claim: object, other: object, names: Sequence[str]) -> list[str]:
     """Return the named fields that differ in any number."""
     return [
-        name for name in names if to_plain(getattr(claim, name)) != to_plain(getattr(other, name))
+        name for name in names if _to_plain(getattr(claim, name)) != _to_plain(getattr(other, name))
     ]
 
 
@@ -180,7 +180,7 @@ def write_claim(
         "version": _VERSION,
         "units": {**claim.UNITS, **(units or {})},
         "loop": claim.LOOP,
-        "claim": to_plain(claim),
+        "claim": _to_plain(claim),
         **({} if read_from is None else {"read from": read_from}),
         "found": list(found),
         **({"warnings": list(warnings)} if warnings else {}),
@@ -212,4 +212,4 @@ def read_claim(path: str | os.PathLike[str], kind: type[C]) -> C | None:
             " fit. Something in it was changed."
         )
     require_schema(entries, path, package="robust", name=kind.SCHEMA)
-    return from_plain(kind, entries["claim"])
+    return _from_plain(kind, entries["claim"])

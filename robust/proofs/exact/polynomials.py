@@ -239,7 +239,7 @@ _ROUTH_BITS = (192, 768, 3072)
 TOO_NEAR_BOUNDARY = "too close to the stability boundary to decide"
 
 
-def hurwitz(p: Polynomial, degree: int) -> Decision:
+def _hurwitz(p: Polynomial, degree: int) -> Decision:
     """Decide whether all `degree` roots of p lie in the open left half plane (a root at infinity
     does not).
 
@@ -247,7 +247,7 @@ def hurwitz(p: Polynomial, degree: int) -> Decision:
     leave it undecided.
 
     >>> from flint import fmpq_poly
-    >>> hurwitz(fmpq_poly([1, 3, 3, 1]), 3).holds, hurwitz(fmpq_poly([1, 1, 1, 1]), 3).holds     # a pair at +-j
+    >>> _hurwitz(fmpq_poly([1, 3, 3, 1]), 3).holds, _hurwitz(fmpq_poly([1, 1, 1, 1]), 3).holds     # a pair at +-j
     (True, False)
     """
     lead = p[degree]
@@ -277,13 +277,13 @@ def routh(p: Polynomial, degree: int) -> Decision:
     in rationals.
     """
     if isinstance(p, arb_poly):
-        return hurwitz(p, degree)
+        return _hurwitz(p, degree)
     for bits in _ROUTH_BITS:
         with ctx.workprec(bits):
-            found = hurwitz(arb_poly(p), degree)
+            found = _hurwitz(arb_poly(p), degree)
         if not found.needs_digits:
             return found
-    return hurwitz(p, degree)
+    return _hurwitz(p, degree)
 
 
 # ---- Signs on a half line, by Bernstein coefficients.

@@ -43,7 +43,7 @@ def squared_magnitude(p: Polynomial) -> Polynomial:
     return _alternate(type(p)((p * _alternate(p)).coeffs()[::2]))
 
 
-def hurwitz_with_delay(den: fmpq_poly, num: fmpq_poly, *, degree: int, delay: fmpq) -> Decision:
+def _hurwitz_with_delay(den: fmpq_poly, num: fmpq_poly, *, degree: int, delay: fmpq) -> Decision:
     """Decide whether every root of den + num exp(-s delay) lies in the open left half plane;
     fmpq_poly and fmpq.
     """
@@ -419,5 +419,5 @@ def decide_quotient_stability(G: Quotient, K: Quotient, delay: fmpq) -> Decision
     N: Polynomial = kind(G.num) * kind(K.num)
     D: Polynomial = kind(G.den) * kind(K.den)
     if delay > 0:
-        return hurwitz_with_delay(D, N, degree=G.degree + K.degree, delay=delay)
+        return _hurwitz_with_delay(D, N, degree=G.degree + K.degree, delay=delay)
     return routh(N + D, G.degree + K.degree)

@@ -19,7 +19,7 @@ from robust.servo.checking.findings import BaseMotion, Conditions, RecordedGains
 from robust.servo.experiment.levels import AxisLevels, FrictionRegime, find_levels
 
 
-def read_trace(
+def _read_trace(
     path: Path,
     settings: Drive,
     *,
@@ -83,7 +83,7 @@ def read_traces(
     records, conditions = [], []
     for path in traces:
         with collect_warnings(path.name) as warned:
-            records.append(read_trace(path, settings, actual=actual, load=load))
+            records.append(_read_trace(path, settings, actual=actual, load=load))
         conditions.append(Conditions(warnings=tuple(warned)))
     return records, [path.name for path in traces], conditions
 
