@@ -18,7 +18,6 @@ from benchmarks.records_as_found import (
     write_table,
 )
 from nlfrf.io.uneven_clock import find_uneven_clock
-from nlfrf.records.period import detect_period, is_repeated
 from tests.nlfrf.test_cli import nlfrf_command  # noqa: F401 (a fixture)
 from tests.support.printed import unwrapped
 
@@ -104,10 +103,12 @@ def test_a_minus_after_half_a_period_is_no_repetition():
             ValueError,
             match=f"must repeat at least once within its {N} samples.*give n_samples={N}",
         ):
-            detect_period(x)
-    assert detect_period(U) == pytest.approx(N)
+            nlfrf.record_from_samples(x, x, fs=FS)
+    assert nlfrf.record_from_samples(U, U, fs=FS).n_samples == N
     t = np.arange(1000)
-    assert not is_repeated(np.exp(-t / 200) * np.sin(t / 3), 6 * np.pi)
+    decays = np.exp(-t / 200) * np.sin(t / 3)
+    with pytest.raises(ValueError, match="u must repeat at least once"):
+        nlfrf.record_from_samples(decays, decays, fs=FS)
 
 
 def test_names_that_lines_contradict_are_asked_for(tmp_path):

@@ -2,15 +2,15 @@
 beside a transient.
 """
 
+import re
 import warnings
 
 import numpy as np
 import pytest
+from scipy.interpolate import make_interp_spline
 
 import nlfrf
 from benchmarks.sound_records import FS, N, played, without, without_twice
-from nlfrf.records.screening.gaps import find_corrupted_periods, find_slips
-from nlfrf.records.screening.input import interpolate_bandlimited
 from nlfrf.records.screening.output import align_output
 
 
@@ -131,16 +131,25 @@ def test_a_gap_of_u_alone_between_sound_periods_is_cured():
     assert np.mean(np.abs(bla.G - truth(bla.f)) < bla.bound()) > 0.85
 
 
+def names_a_gap(u, y, n_samples):
+    """Whether a record is refused for samples of y that are lost or repeated."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", nlfrf.DataWarning)
+        try:
+            nlfrf.record_from_samples(u, y, fs=FS, n_samples=n_samples)
+        except ValueError as refusal:
+            return bool(re.search(r"\d+ (lost|repeated)", str(refusal)))
+    return False
+
+
 @pytest.mark.parametrize("n", [4, 5, 16, 40, 64, 65])
 @pytest.mark.parametrize("n_periods", [2, 3])
-@pytest.mark.parametrize("size", [0.0, 1e-160, 1.0, 1e150])
+@pytest.mark.parametrize("size", [0.0, 1e-6, 1.0, 1e6])
 def test_short_and_silent_periods_have_no_gap(n, n_periods, size):
     one = size * np.random.default_rng(n).standard_normal(n)
     y = one * (1 + 1e-3 * np.random.default_rng(1).standard_normal((n_periods, n)))
     for signal in (np.tile(one, (n_periods, 1)), np.full((n_periods, n), size), y):
-        gaps = find_slips(signal, max(1, n // 4))
-        assert not gaps.any()
-        assert not find_corrupted_periods(signal, max(1, n // 4), gaps)[0].any()
+        assert not names_a_gap(np.tile(one, n_periods), signal.ravel(), n)
 
 
 @pytest.mark.parametrize("period", range(4))
@@ -162,7 +171,7 @@ def test_lost_samples_are_negative_in_every_period(period, lost, repeated):
 def test_spikes_and_coloured_noise_and_drifts_are_no_gaps(seed):
     rng = np.random.default_rng(seed)
     n_periods = int(rng.integers(2, 6))
-    ms, _, y, _ = played(
+    _, u, y, _ = played(
         10 ** rng.uniform(-2, -0.5), n_periods, seed, settled=True, noise=10 ** rng.uniform(-5, 0)
     )
     size, t = np.std(y), np.linspace(0, 1, y.size)
@@ -173,18 +182,14 @@ def test_spikes_and_coloured_noise_and_drifts_are_no_gaps(seed):
     drifted = y + 3 * size * t**2
     grown = y * (1 + 0.2 * t)
     for signal in (spiky, walked, drifted, grown):
-        periods, last = signal.reshape(n_periods, N), int(ms.lines.excited[-1])
-        gaps = find_slips(periods, last)
-        assert not gaps.any()
-        assert not find_corrupted_periods(periods, last, gaps)[0].any()
+        assert not names_a_gap(u, signal, N)
 
 
 def test_a_gap_behind_a_transient_is_told_and_cured():
-    ms, u, y, truth = played(0.01, 6, 1, settled=False)
+    _, u, y, truth = played(0.01, 6, 1, settled=False)
     gone = np.delete(y, np.arange(3 * N + 300, 3 * N + 307))
-    lag = align_output(u[: 5 * N].reshape(5, N), gone[: 5 * N].reshape(5, N), ms.lines.excited)
-    assert "7 lost before period 5" in lag.fault
-    assert lag.delay[4] == pytest.approx(-7, abs=0.01)
+    with pytest.raises(ValueError, match="7 lost before period 5"):
+        nlfrf.record_from_samples(u[: 5 * N], gone[: 5 * N], fs=FS, n_samples=N)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         record = nlfrf.record_from_samples(u[: gone.size], gone, fs=FS, n_samples=N, resample=True)
@@ -225,9 +230,9 @@ def test_a_gap_and_a_clock_are_cured_together(n_periods, at, ppm):
     gave back.
     """
     _, u, y, truth = played(0.1, n_periods + 1, 3, settled=True)
-    y = np.delete(interpolate_bandlimited(y, np.arange(y.size) * (1 + 1e-6 * ppm)), [at, at + 1])[
-        : n_periods * N
-    ]
+    k = np.arange(y.size)
+    drifts = make_interp_spline(k, y, k=7)(k * (1 + 1e-6 * ppm))
+    y = np.delete(drifts, [at, at + 1])[: n_periods * N]
     u = u[: y.size]
     with pytest.raises(ValueError, match=r"2 lost before period|does not repeat in period"):
         nlfrf.record_from_samples(u, y, fs=FS, n_samples=N)

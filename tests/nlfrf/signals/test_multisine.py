@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from nlfrf import DataWarning, multisine, reduce_crest
 from nlfrf.signals import LineGrid
 from nlfrf.signals.crest import expected_peaks, is_improbable
-from nlfrf.signals.lines import recognise_kind
 
 PLAIN = ["full", "odd", "odd-odd", "special-odd", "random-odd"]
 BAND = dict(fs=1024, n_samples=1024, f_min=1, f_max=200)
@@ -47,8 +46,8 @@ def test_a_grid_is_recognised_as_what_it_is(kind):
 
 
 def test_a_grid_of_another_sort_is_called_custom():
-    assert recognise_kind(np.array([1, 3, 9, 15, 17, 40])) == "custom"
-    assert recognise_kind(np.array([1, 2, 4, 8])) == "custom"
+    assert LineGrid(excited=[1, 3, 9, 15, 17, 40]).kind == "custom"
+    assert LineGrid(excited=[1, 2, 4, 8]).kind == "custom"
 
 
 @settings(deadline=None, max_examples=40)
