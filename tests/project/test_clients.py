@@ -19,8 +19,8 @@ from nlfrf import export_csv
 from nlfrf.signals.multisine import multisine
 from robust import fit_nominal, load, save
 from robust.io import controller_sections, export_matlab
-from robust.lti.lti import response
 from tests.robust.io.test_export import NAMES, bla, models
+from tests.support.responses import response
 
 CONTROLLERS = {
     "continuous": control.tf([1.0, 0.1, 1 / 3], [1, 0.7, 0.1]),

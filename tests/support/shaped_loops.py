@@ -6,9 +6,8 @@ import control
 import numpy as np
 
 import robust
-from robust.lti.lti import response
-from robust.lti.realisation import from_roots, state_space
-from robust.models.sets.forms import FORMS
+from tests.support.forms import UNSCALED
+from tests.support.responses import response
 
 
 def random_loop(seed):
@@ -39,21 +38,16 @@ def random_model(rng, omega_c):
         poles += [pair, pair.conjugate()] if rng.random() < 0.5 else [-size]
     poles += [0.0] * (rng.random() < 0.25) + [10 ** rng.uniform(-0.5, 1.0)] * (rng.random() < 0.2)
     zeros = 2 * np.pi * 10 ** rng.uniform(-0.5, 2, rng.integers(0, max(1, len(poles) - 1)))
-    G = from_roots(
-        np.where(rng.random(zeros.size) < 0.8, -zeros, zeros), np.array(poles, complex), 1.0, 0.0
-    )
+    G = control.ss(control.zpk(np.where(rng.random(zeros.size) < 0.8, -zeros, zeros), poles, 1.0))
     G = control.StateSpace(G.A, G.B, G.C / abs(G(1j * omega_c)), G.D / abs(G(1j * omega_c)), 0)
-    names = [
-        name for name, row in FORMS.items() if not row.depends_on_units
-    ]  # the page refuses forms that need a scaling
-    form = names[rng.integers(len(names))]
+    form = UNSCALED[rng.integers(len(UNSCALED))]  # the page refuses forms that need a scaling
     omega = np.geomspace(omega_c / 30, omega_c * 30, 60)
     lift = control.tf(
         [1 / omega_c, 10 ** rng.uniform(-1.5, -0.3)], [1 / (omega_c * rng.uniform(2, 6)), 1]
     )
-    w = state_space("w", lift if rng.random() < 0.8 else 0.3)
+    w = control.ss(lift) if rng.random() < 0.8 else control.ss([], [], [], [[0.3]])
     size = np.median(np.abs(response(G, omega)))
-    unit = {1: size, -1: 1 / size}.get(FORMS[form].delay_order, 1.0)
+    unit = {"additive": size, "inverse-additive": 1 / size}.get(form, 1.0)
     w = control.StateSpace(w.A, w.B, w.C * unit, w.D * unit, 0)
     return robust.UncertaintyModel(G, w, form, omega, 0.9 * np.abs(response(w, omega)))
 

@@ -12,7 +12,7 @@ import pytest
 
 from nlfrf import identify, multisine, record_from_samples
 from robust import UncertaintyModel, check, fit_nominal, fit_weight, uncertainty
-from robust.lti.lti import response
+from tests.support.responses import response
 
 LIMIT, K = 0.6745, 1.06
 GAIN = 0.5  # Bussgang: P(|u| < 0.6745) for a normal u

@@ -10,12 +10,9 @@ import pytest
 
 import robust
 from benchmarks.soundness import WRONG, judged
-from robust import worst_case
+from robust import UncertaintyModel, check, worst_case
 from robust.analysis import check_structure
-from robust.analysis.loop import assemble_loop, decide_nominal_stability
 from robust.models.sets.interconnection import Block, interconnection
-from robust.models.sets.model import UncertaintyModel
-from robust.proofs.search.stability import decide_stability
 from tests.support.random_families import FAMILIES
 
 
@@ -55,10 +52,9 @@ def test_every_check_decides_close_to_the_boundary(dt):
     )
     for gain, stable in ((limit, False), (np.nextafter(limit, 0), True)):
         K = control.ss([], [], [], [[gain]], dt)
-        nominal = decide_nominal_stability(assemble_loop(model, K, w_P=None, delay=0.0))
-        assert nominal.stable == stable
-        assert nominal.unstable == nominal.at_boundary == (not stable)
-        assert "on the stability boundary or beyond it" in str(nominal) or stable
+        report = check(model, K, certify=False)
+        assert report.nominally_stable == stable
+        assert "on the stability boundary or beyond it" in report.reason or stable
         beside = robust.margins.disk_margin(
             G * control.ss([], [], [], [[gain * (1 - 1e-13 * stable)]], dt)
         )  # the sum rounds
@@ -78,4 +74,7 @@ def test_every_check_decides_close_to_the_boundary(dt):
         assert report.verdict != "not certified" or stable
     for A, stable in (([[0.0, 1.0], [-1.0, 0.0]], False), ([[0.0, 1.0], [-1.0, -5e-324]], True)):
         system = control.ss(A, [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
-        assert decide_stability(system).stable == stable
+        alone = UncertaintyModel(
+            system, 1e-17, "multiplicative", np.array([1.0]), np.array([1e-18]), perturbation="LTI"
+        )
+        assert check(alone, 0.0, certify=False).nominally_stable == stable

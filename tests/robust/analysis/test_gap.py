@@ -6,7 +6,7 @@ import pytest
 
 import robust
 from robust import ncfsyn, sampled
-from robust.lti.lti import response
+from tests.support.responses import response
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import robust
 from robust import UncertaintyModel, ncfsyn, sampled
-from robust.lti.lti import frequency_response_matrices
+from tests.support.responses import response_by_channel
 
 OMEGA = np.geomspace(1e-3, 1e4, 3000)
 
@@ -27,7 +27,7 @@ def plant(rng, n, n_y, n_u, *, push=0.5, gain=1.0):
 
 
 def along(G, omega):
-    return frequency_response_matrices((G.A, G.B, G.C, G.D), omega, float(G.dt or 0))
+    return np.moveaxis(response_by_channel(G, omega), 2, 0)
 
 
 def chord(g1, g2):

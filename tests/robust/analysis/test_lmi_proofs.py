@@ -12,10 +12,10 @@ from scipy.io import loadmat
 
 import robust
 from robust import UncertaintyModel, check
-from robust.models.sets.forms import FORMS
 from robust.mu.intervals import certify_intervals
 from robust.proofs.exact.channel_files import ChannelsClaim
 from tests.robust.proofs.exact.test_interval_kyp import opposed
+from tests.support.forms import UNSCALED
 from tests.support.printed import unwrapped
 
 LAG = control.tf([1], [1, 1])
@@ -27,9 +27,7 @@ def model(form="multiplicative", *, weight=0.5, plant=LAG, perturbation="LTI"):
     return UncertaintyModel(plant, w, form, lines, np.full(2, 1e-3), perturbation=perturbation)
 
 
-@pytest.mark.parametrize(
-    "form", [name for name, form in FORMS.items() if not form.depends_on_units]
-)
+@pytest.mark.parametrize("form", UNSCALED)
 @pytest.mark.parametrize("solver", [None, "SCS"])
 def test_it_holds_just_under_the_limit_and_fails_just_above(form, solver):
     """rs is in proportion to the weight: at 0.99 of the limit it is proved, at 1.01 by nothing."""

@@ -15,9 +15,9 @@ import nlfrf
 import robust
 from robust import UncertaintyModel
 from robust.analysis import LevelState, LoopSignals, NoiseSignal, StepSignal
-from robust.lti.lti import response
-from robust.models.sets.forms import FORMS
+from tests.support.forms import FORMS, PERTURBED
 from tests.support.printed import unwrapped
+from tests.support.responses import response
 
 LAG = control.tf([1], [1, 1])
 OMEGA, RADIUS = np.array([1.0, 2.0]), np.array([0.1, 0.2])
@@ -161,7 +161,7 @@ def test_a_delay_counts_as_itself():
     )
 
 
-@pytest.mark.parametrize("form", list(FORMS))
+@pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("name", ["reference", "disturbance"])
 def test_the_bound_over_the_set_is_reached_at_one_frequency(form, name):
     G, K, w, omega = control.tf([2, 3], [1, 0.4, 4]), control.tf([1, 1], [1, 5]), 0.15, 1.9
@@ -170,7 +170,7 @@ def test_the_bound_over_the_set_is_reached_at_one_frequency(form, name):
     at = np.array([omega])
     g, k, W = response(model.nominal, at)[0], K(1j * omega), response(model.shaping, at)[0]
     every = np.exp(1j * np.linspace(0, 2 * np.pi, 20001)) * np.array([[1.0], [0.5]])
-    plants = FORMS[form].perturbed(W * g, w, every) / W
+    plants = PERTURBED[form](W * g, w, every) / W
     found = np.abs([1 / (1 + plants * k), plants / (1 + plants * k)]) * (
         1 if name == "disturbance" else abs(k)
     )

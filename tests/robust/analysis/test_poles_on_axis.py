@@ -9,8 +9,8 @@ import pytest
 import robust
 from robust import UncertaintyModel, check, sampled, worst_case
 from robust.lti import discretize
-from robust.lti.lti import response
-from robust.models.sets.forms import FORMS
+from tests.support.forms import FORMS
+from tests.support.responses import response
 
 LEAD = ([0.5, 1.0], [0.05, 1.0])
 LOOPS = {

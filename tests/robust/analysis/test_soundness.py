@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, check, performance_weight
-from robust.lti.lti import response
 from robust.lti.sampling import sampled
 from tests.support.precise_loops import unstable_poles, wrongly_stable
 from tests.support.random_loops import (
@@ -22,6 +21,7 @@ from tests.support.random_loops import (
     tf_response,
     zpk,
 )
+from tests.support.responses import response
 
 
 def model_of(case, perturbation="LTI"):

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import nlfrf
-from robust.lti.lti import response
 from robust.models import LpvModel, interpolate
+from tests.support.responses import response
 
 F = np.geomspace(2, 150, 120)
 POINTS = np.array([-0.25, -0.08, 0.08, 0.25])

@@ -12,8 +12,8 @@ from matplotlib import pyplot as plt
 
 import robust
 from robust import plot as pictures
-from robust.lti.lti import response_by_channel
 from tests.support.pictures import labels
+from tests.support.responses import response_by_channel
 
 OMEGA = np.geomspace(1, 100, 30)
 G = control.ss(

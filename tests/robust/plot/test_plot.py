@@ -13,10 +13,10 @@ from robust import plot as pictures
 from robust._base.states import FrictionVerdict
 from robust.analysis import sample_loops
 from robust.friction.reading.friction_fit import FrictionFit
-from robust.lti.lti import response
 from robust.models import scan_orders
 from tests.support.bla import make_bla
 from tests.support.pictures import labels, notes
+from tests.support.responses import response
 
 F = np.arange(1, 120, 2) * 0.25
 

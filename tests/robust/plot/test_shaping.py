@@ -11,8 +11,8 @@ matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
 from robust import UncertaintyModel, performance_weight
-from robust.lti.lti import response
 from robust.lti.realisation import state_space
+from tests.support.responses import response
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 

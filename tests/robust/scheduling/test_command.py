@@ -14,8 +14,8 @@ import nlfrf
 import robust
 from robust import cli, save
 from robust.io import verify_certificate
-from robust.lti.lti import response
 from robust.models import LpvModel
+from tests.support.responses import response
 
 POINTS = (-0.2, 0.0, 0.2)
 F = np.linspace(1, 60, 60)

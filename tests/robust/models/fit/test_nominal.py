@@ -6,12 +6,12 @@ import pytest
 
 from nlfrf import Bla, bla_from_frf
 from robust import DesignWarning, fit_nominal, frd
-from robust.lti.lti import response
 from robust.lti.sampling import sampled
 from robust.models import scan_orders
 from robust.models.fit.rational import fit_numerator, starting_poles, vector_fit
 from tests.support.bla import make_bla
 from tests.support.random_rational import random_rational
+from tests.support.responses import response
 
 F_LINES = np.sort(np.concatenate([8 * np.arange(72) + 1, 8 * np.arange(72) + 3])) * 0.25
 

@@ -21,17 +21,15 @@ from robust import (
     worst_case,
 )
 from robust.analysis import sample_loops
-from robust.analysis.curves import loop_curves
 from robust.io import export_matlab
 from robust.lti import discretize
-from robust.lti.connections import worst_sensitivity
-from robust.lti.lti import response
-from robust.models.sets.coprime import chord, factor_systems, tangent_system
-from robust.models.sets.forms import FORMS, perturbed_sensitivity_terms
+from robust.models.sets.coprime import factor_systems
 from robust.proofs.exact.claim import LoopClaim, to_matrices
 from robust.proofs.exact.loops import verify_loop
 from tests.support.bla import make_bla
+from tests.support.forms import PERTURBED, chord
 from tests.support.random_loops import closed_loop_poles, dense_grid, random_case, tf_response, zpk
+from tests.support.responses import response
 
 LINES = np.array([0.1, 1.0, 10.0])
 PLANTS = {
@@ -56,73 +54,35 @@ def the_model(G, w, W1=1.0, W2=1.0):
     )
 
 
-def chordal(G, H):
-    return np.abs(G - H) / np.sqrt((1 + np.abs(G) ** 2) * (1 + np.abs(H) ** 2))
-
-
-def test_the_radius_is_the_largest_chord_over_the_disc():
-    """r/sqrt((1 + g^2)(1 + (g - r)^2)), to r = g + 1/g, where a disc reaches the antipode and holds
-    every plant.
-    """
-    rng = np.random.default_rng(0)
-    for _ in range(50):
-        G = rng.normal() * 10 ** rng.uniform(-1, 1) + 1j * rng.normal()
-        g = abs(G)
-        r = rng.uniform(0.01, 0.99) * (g + 1 / g)
-        disc = G + r * (
-            np.linspace(0, 1, 101)[:, None] * np.exp(1j * np.linspace(0, 2 * np.pi, 720))
-        )
-        disc = np.append(disc, G * (1 - r / g))
-        eps = float(chord(np.array([r]), np.array([g]))[0])
-        assert np.max(chordal(G, disc)) == pytest.approx(eps, rel=1e-12)
-        assert eps < 1
-    row, one = FORMS["coprime"], np.ones(1)
-    assert row.radius_factor(one, 1.99 * one, one)[0] * 1.99 == pytest.approx(0.99999, abs=2e-5)
-    with pytest.raises(
-        ValueError,
-        match=r"reaches \|G\| \+ 1/\|G\| of the scaled plant, got coprime with a radius of 2",
-    ):
-        row.radius_factor(one, 2 * one, one)
+def on_lines(G, eps):
+    """A set around responses that were measured, one a line, in the units of the plant."""
+    omega = np.arange(1.0, G.size + 1)
+    return UncertaintyModel(
+        control.frd(G, omega),
+        eps,
+        "coprime",
+        omega,
+        np.full(G.size, 0.99 * eps),
+        scaling=(1.0, 1.0),
+    )
 
 
 def test_the_set_is_that_of_perturbed_factors():
-    """(N + d_N)/(M + d_M) with |[d_N, d_M]| <= eps fills the disc, no more; a and b give S_p over
-    it exactly.
-    """
+    """(N + d_N)/(M + d_M) with |[d_N, d_M]| <= eps fills the disc, no more."""
     rng = np.random.default_rng(1)
-    row = FORMS["coprime"]
-    for _ in range(40):
-        G, K = (rng.normal() + 1j * rng.normal() for _ in range(2))
-        eps = rng.uniform(0.02, 0.95)
-        M = 1 / np.sqrt(1 + abs(G) ** 2)
+    for eps in rng.uniform(0.02, 0.95, 40):
+        G = np.full(4000, rng.normal() + 1j * rng.normal())
+        model = on_lines(G, eps)
+        M = 1 / np.sqrt(1 + np.abs(G) ** 2)
         d = rng.normal(size=(2, 4000)) + 1j * rng.normal(size=(2, 4000))
         d *= eps / np.linalg.norm(d, axis=0)
-        made = (G * M + d[0]) / (M + d[1])
-        assert np.all(chordal(G, made) <= eps * (1 + 1e-12))
-        assert chordal(G, made).max() > eps * 0.98
-        Delta = np.exp(1j * np.linspace(0, 2 * np.pi, 500))
-        rim = row.perturbed(G, np.array([eps]), Delta)
-        assert chordal(G, rim) == pytest.approx(eps, rel=1e-9)
-        assert np.abs(row.deviation(rim, G)) == pytest.approx(eps, rel=1e-9)
-        S, a, b = perturbed_sensitivity_terms(
-            "coprime", np.array([eps]), G=np.array([G]), K=np.array([K])
-        )
-        stays = row.rs_measure(np.array([eps]), b)[0]
-        assert stays == pytest.approx(
-            eps * abs(S[0]) * np.sqrt((1 + abs(K) ** 2) * (1 + abs(G) ** 2)), rel=1e-9
-        )
-        assert (stays < 1) == (abs(b[0]) < 1)
-        if stays < 0.98:
-            S_p = np.abs(1 / (1 + K * rim))
-            assert S_p.max() == pytest.approx(worst_sensitivity(S, a, b)[0], rel=1e-3)
-            assert np.abs(1 / (1 + K * made)).max() <= worst_sensitivity(S, a, b)[0] * (1 + 1e-9)
-            x = 0.5 / stays
-            grown = row.scale_for(np.array([eps]), np.array([x]))[
-                0
-            ]  # a and b times x belong to eps times that
-            assert perturbed_sensitivity_terms(
-                "coprime", np.array([eps * grown]), G=np.array([G]), K=np.array([K])
-            )[2] == pytest.approx(x * b)
+        made = control.frd((G * M + d[0]) / (M + d[1]), model.omega)
+        assert model.contains(made)
+        assert 0.98 < model.distance(made).max() <= 1 + 1e-12
+        (sample,) = model.sample(1, rng=0)
+        assert np.all(model.distance(sample) <= 1 + 1e-9)
+        rim = PERTURBED["coprime"](G, eps, np.exp(1j * np.linspace(0, 2 * np.pi, 4000)))
+        assert model.distance(control.frd(rim, model.omega)) == pytest.approx(1, rel=1e-9)
 
 
 @pytest.mark.parametrize("name", PLANTS)
@@ -179,11 +139,6 @@ def test_factors_are_normalised_and_complete():
         assert np.abs(n) ** 2 + np.abs(m) ** 2 == pytest.approx(1.0, rel=1e-9)
         assert n / m == pytest.approx(response(plant, omega[:40]), rel=1e-6)
         assert np.all(np.abs(M.poles()) < 1 if plant.dt else M.poles().real < 0)
-    w = control.ss(control.tf([0.2, 0.5], [1, 1]))
-    size = np.abs(response(w, omega))
-    assert np.abs(response(tangent_system(w), omega)) == pytest.approx(
-        size / np.sqrt(1 - size**2), rel=1e-9
-    )
 
 
 def as_claim(case, claims, w_P=None, shaping=(), scaling=1.0, delay=0.0):
@@ -250,11 +205,6 @@ def test_claims_are_decided_beside_their_limits(seed):
         edge = eps * np.sqrt(1 - eps**2) * k * (1 + g**2)
         worst = np.abs(P) * (np.abs(1 + L - eps**2 * (1 + g**2)) + edge)
         worst = np.max(worst / (np.abs(1 + L) ** 2 - eps**2 * (1 + g**2) * (1 + k**2)))
-        # and that formula is the one of the curves
-        K_late, W_late = K, scale * np.exp(1j * omega * delay)
-        G_late = G * np.exp(-1j * omega * delay)
-        curves = loop_curves("coprime", omega, G=G_late, K=K_late, w=eps + 0j, w_P=P, W=W_late)
-        assert np.max(curves.rp) == pytest.approx(worst, rel=1e-6)
         for factor, true in ((1 - 1e-4, True), (1 + 1e-4, False)):
             loop = as_claim(
                 case | {"w": case["w"] * (0.7 / peak)},
@@ -349,6 +299,10 @@ def test_a_measured_set_is_scaled_to_unit_gain():
     r, g = disc / middle, g / middle
     assert model.radius == pytest.approx(r / np.sqrt((1 + g**2) * (1 + (g - r) ** 2)), rel=1e-9)
     assert np.sum(list(model.budget.values()), axis=0) == pytest.approx(model.radius, rel=1e-9)
+    every = np.exp(1j * np.linspace(0, 2 * np.pi, 720))[:, None]
+    farthest = model.at(OMEGA) / middle * (1 - r / g)  # of the disc, the point nearest to zero
+    plants = np.vstack([model.at(OMEGA) / middle + r * every, farthest])
+    assert chord(model.at(OMEGA) / middle, plants).max(axis=0) == pytest.approx(model.radius)
     rim = model.at(OMEGA) + disc * np.exp(1j * np.linspace(0, 60, F.size))
     assert model.contains(control.frd(rim, OMEGA))
     unscaled = uncertainty(bla, nominal, form="coprime", order=3, W1=1.0)
@@ -418,6 +372,13 @@ def test_refusals():
         ValueError, match="form must be a relative deviation of the plant here, got coprime"
     ):
         robust.shaping.loop_bounds(the_model(G, 0.1), performance_weight(1.0))
+    with pytest.raises(
+        ValueError,
+        match=r"reaches \|G\| \+ 1/\|G\| of the scaled plant, got coprime with a radius of",
+    ):
+        uncertainty(
+            measured(sigma=3.0), control.ss(control.tf([3.6e-3], [1, 6, 3600])), form="coprime"
+        )
     with pytest.raises(ValueError, match="below and above must give a radius outside the band"):
         uncertainty(
             measured(), control.ss(control.tf([3.6e-3], [1, 6, 3600])), form="coprime", below=40.0

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, ncfsyn, worst_case
-from robust.lti.lti import response
 from robust.models.sets.coprime import coprime_factors, factors_with_complement
+from tests.support.responses import response
 
 LINES = np.array([0.1, 1.0, 10.0])
 #: A pole of 1e-16 in place of zero, as python-control realises an integrator; states that rounding

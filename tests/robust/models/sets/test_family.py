@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import robust
-from robust.lti.lti import response_by_channel
 from robust.models import choose_form
 from robust.models.fit.spectral import largest_gains
 from robust.models.sets.block_weights import smallest_block_weights
 from tests.support.printed import unwrapped
+from tests.support.responses import response_by_channel
 
 G = control.ss(np.diag([-1.0, -3.0]), np.eye(2), [[1.0, 0.4], [-0.3, 2.0]], 0.1 * np.eye(2))
 

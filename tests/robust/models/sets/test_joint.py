@@ -2,6 +2,7 @@
 words and in files.
 """
 
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -14,12 +15,12 @@ import robust
 from benchmarks import joint as harness
 from benchmarks.coverage_matrix import static_record
 from robust import UncertaintyModel, check, frd, load, save, uncertainty
-from robust.lti.lti import response
 from robust.models.sets import joint
 from robust.models.sets.joint import attach_records, probability_of_frf
-from robust.models.sets.records import RecordSummary, format_probability
+from robust.models.sets.records import RecordSummary
 from tests.support.bla import make_bla
 from tests.support.printed import unwrapped
+from tests.support.responses import response
 
 F = np.sort(np.concatenate([8 * np.arange(40) + 1, 8 * np.arange(40) + 3])) * 0.25
 PLANT = control.ss(control.tf([1e4], [1, 30, 3600.0]))
@@ -135,7 +136,7 @@ def test_every_verdict_says_it(tmp_path, undrawn):
     nominal = control.ss([], [], [], [[1.3]])
     model = uncertainty(bla, nominal, order=2)
     report = check(model, control.tf([0.5], [1, 0]))
-    said = format_probability(model.joint.frf)
+    said = words(model.joint.frf)
     assert said in "; ".join(report.confidence)
     assert said in " ".join(str(report).split("because")[0].split())
     assert said in unwrapped(model)
@@ -163,8 +164,24 @@ def test_files_keep_it(tmp_path):
         )
 
 
+def with_probability(model, p):
+    """The set, as if this had come out."""
+    return replace(model, joint=replace(model.joint, frf=p))
+
+
+def words(p):
+    """A probability as it is printed."""
+    if 0.01 <= p <= 0.99:
+        return f"about {100 * p:.0f} %"
+    return "over 99 %" if p > 0.5 else "under 1 %"
+
+
 def test_words_are_no_finer_than_the_estimate():
-    assert [format_probability(p) for p in (1.0, 0.994, 0.87, 0.5, 0.0)] == [
+    model = uncertainty(static(seed=5), control.ss([], [], [], [[1.0]]), order=1)
+    assert [
+        re.search(r"(over|about|under) \d+ %", unwrapped(with_probability(model, p)))[0]
+        for p in (1.0, 0.994, 0.87, 0.5, 0.0)
+    ] == [
         "over 99 %",
         "over 99 %",
         "about 87 %",
@@ -185,10 +202,10 @@ def test_matrices(form):
         lines_first = np.array([np.moveaxis(G, 2, 0) for G in fresh])
         held = np.mean(np.all(model.normalized_distance(one.omega, lines_first, G0) <= 1, axis=1))
         rows.append((held, model.joint.frf, model.joint.bla))
-        assert format_probability(model.joint.frf) in unwrapped(model)
+        assert words(model.joint.frf) in unwrapped(model)
     held, estimate, bla = np.mean(rows, axis=0)
     assert abs(held - estimate) < 0.15
     assert bla > 0.9
-    assert format_probability(model.joint.frf) in unwrapped(
+    assert words(model.joint.frf) in unwrapped(
         check(model, control.ss([], [], [], 0.05 * np.eye(2)), certify=False)
     )

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import robust
-from robust.lti.lti import response_by_channel
-from robust.models.sets.forms import FORMS
 from robust.models.sets.membership import right_roots
+from tests.support.forms import FORMS
+from tests.support.responses import response_by_channel
 
 LAG = control.tf([1], [1, 1])
 MIX = np.array([[1.0, 0.3], [-0.2, 1.0]])

@@ -10,8 +10,8 @@ import pytest
 
 import nlfrf
 import robust
-from robust.lti.lti import response, response_by_channel
 from robust.models.sets.records import JointProbability, Origin, RecordSummary
+from tests.support.responses import response, response_by_channel
 
 LAG = control.ss(control.tf([2], [0.01, 1]))
 G = control.append(LAG, 0.5 * LAG) + control.ss([], [], [], [[0, 0.1], [0.05, 0]])

@@ -5,12 +5,11 @@ import numpy as np
 import pytest
 
 import robust
-from robust.lti.lti import response
-from robust.models.sets.forms import FORMS
+from tests.support.forms import DEVIATION, UNSCALED
+from tests.support.responses import response
 
 OMEGA = np.geomspace(0.1, 100, 60)
 NOMINAL = control.ss(control.tf([2.0], [0.2, 1]))
-UNSCALED = [name for name, row in FORMS.items() if not row.depends_on_units]
 
 
 def plants(n=5):
@@ -26,10 +25,7 @@ def test_the_set_holds_every_plant_of_a_list_and_touches_one(form):
     frfs = [control.frd(plant, OMEGA) for plant in plants()]
     model = robust.uncertainty_of_plants(frfs, NOMINAL, form=form, order=3)
     assert all(model.contains(frf) for frf in frfs)
-    away = [
-        np.abs(FORMS[form].deviation(np.squeeze(p(1j * OMEGA)), np.squeeze(NOMINAL(1j * OMEGA))))
-        for p in plants()
-    ]
+    away = [DEVIATION[form](p(1j * OMEGA), NOMINAL(1j * OMEGA)) for p in plants()]
     assert model.radius == pytest.approx(np.max(away, axis=0), rel=1e-9)
     assert np.isnan(model.confidence)
     assert model.perturbation == "statistical"  # "LTI" is for the user to claim

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, fit_nominal, frd, uncertainty, validate
-from robust.lti.lti import response
 from tests.support.bla import make_bla
+from tests.support.responses import response
 
 F = np.sort(np.concatenate([8 * np.arange(60) + 1, 8 * np.arange(60) + 3])) * 0.25
 OMEGA = 2 * np.pi * F
