@@ -6,6 +6,8 @@ import ctypes
 import re
 import shutil
 import subprocess
+import tempfile
+from pathlib import Path
 
 import control
 import numpy as np
@@ -14,11 +16,9 @@ import pytest
 import robust
 from robust import DesignWarning
 from robust.io import export_c, export_structured_text
-from robust.io.rounded import Polynomial, round_controller
-from robust.io.rounded_schedule import round_schedule
 from robust.lti import discretize
-from robust.lti.lti import response
 from robust.models import LpvModel
+from tests.support.responses import response
 
 COMPILER = shutil.which("cc")
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Werror")
@@ -80,6 +80,12 @@ def controllers():
     return {name: (make(), limit) for name, (make, limit) in CASES.items()}
 
 
+def rounded_by(K, **options):
+    """The rounded controller behind a header."""
+    with tempfile.TemporaryDirectory() as folder:
+        return export_c(K, Path(folder) / "k.h", **options)
+
+
 def emulate(rounded, e, dtype=None, *, p=None):
     """Return (n, lanes) outputs: the statements in numpy, each product and each sum rounded to the
     dtype; p: operating points of a schedule.
@@ -100,7 +106,7 @@ def emulate(rounded, e, dtype=None, *, p=None):
     def run(statements):
         for statement in statements:
             target, terms = statement
-            if isinstance(statement, Polynomial):
+            if not isinstance(terms[0], tuple):
                 held[target] = horner(terms)
                 continue
             values = [held[name] if c == 1 else factor(c) * held[name] for c, name in terms]
@@ -205,7 +211,7 @@ def test_the_rounded_controller_is_the_one_that_runs(name, controllers):
     own simulation.
     """
     K, _ = controllers[name]
-    rounded = round_controller(K, dtype="float32")
+    rounded = rounded_by(K, dtype="float32")
     e = np.random.default_rng(2).standard_normal((400, 1))
     wanted = control.forced_response(rounded.K, inputs=e[:, 0]).outputs
     assert np.allclose(
@@ -227,7 +233,7 @@ def test_slow_poles_keep_their_digits_whatever_the_clock(dt):
     K = discretize(
         control.tf([1, 0.02 * w, w * w], [1, 0.8 * w, w * w]) * control.tf([1, 3.0], [1, 1.0]), dt
     )
-    rounded = round_controller(K, dtype="float32")
+    rounded = rounded_by(K, dtype="float32")
     assert rounded.coefficient_error < 1e-5
     if dt == 1e-5:
         a = robust.io.controller_sections(K).astype(np.float32)[:, 3:].sum(axis=1).astype(float)
@@ -252,7 +258,7 @@ def test_the_gain_is_a_close_bound_of_the_l1_norm(seed):
             np.poly(rng.uniform(-0.9, 0.9, 3)), np.poly([p[0], np.conj(p[0]), *p[1:]]).real, DT
         )
     )
-    rounded = round_controller(K, dtype="float64")
+    rounded = rounded_by(K, dtype="float64")
     true = exact_l1(K.A, K.B[:, 0], K.C[0], 8000) + abs(K.D[0, 0])
     assert true * (1 - 1e-9) < rounded.gain < 2 * true
 
@@ -284,7 +290,7 @@ def test_rounding_stays_within_its_bound_and_is_not_far_below_it(seed):
             )
             * K
         )
-    rounded = round_controller(K, dtype="float32")
+    rounded = rounded_by(K, dtype="float32")
     k = np.arange(1000)
     e = np.column_stack(
         [
@@ -303,7 +309,7 @@ def test_a_compensated_integral_loses_nothing_that_is_small():
     """An error of 2e-6 for 1e4 samples beside an integral of 8: a plain sum in float32 stands
     still.
     """
-    rounded = round_controller(control.tf([0.1], [1, -1], DT), dtype="float32")
+    rounded = rounded_by(control.tf([0.1], [1, -1], DT), dtype="float32")
     e = np.full((10_000, 1), 2e-6)
     e[0] = 80.0
     assert emulate(rounded, e)[-1, 0] == pytest.approx(8.0 + 0.1 * 2e-6 * 9_998, rel=1e-7)
@@ -324,7 +330,7 @@ def test_the_integral_comes_back_from_a_limit(K):
     """
     e = np.concatenate([np.full((1000, 1), 0.5), np.full((300, 1), -0.05)])
     held = {
-        limit: emulate(round_controller(K, dtype="float64", limit=limit), e)[:, 0]
+        limit: emulate(rounded_by(K, dtype="float64", limit=limit), e)[:, 0]
         for limit in (1.0, None)
     }
     assert np.all(held[1.0][150:1000] == 1.0)
@@ -391,7 +397,7 @@ def test_rounding_that_changes_much_is_warned_of():
     with pytest.warns(
         DesignWarning, match="with coefficients in float32, and u by up to .*use dtype='float64'"
     ):
-        round_controller(K, dtype="float32")
+        rounded_by(K, dtype="float32")
 
 
 @pytest.mark.parametrize(
@@ -529,7 +535,7 @@ def test_the_rounded_schedule_is_the_one_that_runs(seed):
     """The statements in float64 with coefficients of float32 follow `K.at(p)` of the result, step by
     step; clamped outside the range.
     """
-    rounded = round_schedule(schedule(seed), dtype="float32")
+    rounded = rounded_by(schedule(seed), dtype="float32")
     e, p = moving("float64", 400, 1)
     x, wanted = np.zeros((rounded.K.order, 1)), []
     for error, point in zip(e[:, 0], p[:, 0], strict=True):
@@ -567,7 +573,7 @@ def test_a_rounded_schedule_is_proved_again(tmp_path):
 def test_the_integral_of_a_schedule_loses_nothing_that_is_small():
     """An error of 2e-6 for 1e4 samples beside an integral of 8, while the position moves."""
     parts = [control.ss([[1.0]], [[0.1]], [[1.0]], [[g]], DT) for g in (0.0, 1e-9)]
-    rounded = round_schedule(LpvModel.from_points(parts, at=[0, 1]), dtype="float32")
+    rounded = rounded_by(LpvModel.from_points(parts, at=[0, 1]), dtype="float32")
     e = np.full((10_000, 1), 2e-6)
     e[0] = 80.0
     u = emulate(rounded, e, p=np.linspace(0, 1, 10_000)[:, None])

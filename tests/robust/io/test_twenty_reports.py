@@ -28,9 +28,9 @@ from robust import (
 )
 from robust.analysis import sample_loops
 from robust.io import controller_sections, pid_gains
-from robust.lti.lti import poles, response, zeros
 from robust.reports import write_report
 from tests.support.bla import make_bla
+from tests.support.responses import response
 
 T = 0.02
 F = np.arange(1, 80, 2) * 0.1
@@ -346,8 +346,8 @@ def told_by_the_check(facts, report):
 def told_of_the_controller(facts, rows, K, unit):
     dt = K.dt or 0.0
     holds(facts["loop", "controller"], K.nstates, *([1 / dt] if dt else []))
-    holds(facts["loop", "poles"], *in_hertz(poles(K), dt))
-    holds(facts["loop", "zeros"], *in_hertz(zeros(K), dt))
+    holds(facts["loop", "poles"], *in_hertz(K.poles(), dt))
+    holds(facts["loop", "zeros"], *in_hertz(K.zeros(), dt))
     if dt:
         np.testing.assert_allclose(
             [[float(c) for c in row] for row in rows["loop"] if row],
@@ -420,7 +420,7 @@ def told_of_the_worst(facts, model, K, report):
     worst = worst_case(model, K, delay=delay)
     peak = [worst.achieved] if worst.stable else []
     holds(facts["worst", "worst plant"], *peak, worst.omega_worst / HZ, abs(worst.delta))
-    holds(facts["worst", "its poles"], *in_hertz(poles(worst.plant), worst.plant.dt or 0.0))
+    holds(facts["worst", "its poles"], *in_hertz(worst.plant.poles(), worst.plant.dt or 0.0))
     holds(
         facts["worst", "step, nominal plant"],
         *of_step(step_response(model.nominal, K, delay=delay)),
@@ -436,8 +436,8 @@ def told_of_the_worst(facts, model, K, report):
 
 def told_of_the_model(facts, model, given):
     holds(facts["nominal", "nominal plant"], model.nominal.nstates)
-    holds(facts["nominal", "poles"], *in_hertz(poles(model.nominal), (model.nominal.dt or 0.0)))
-    holds(facts["nominal", "zeros"], *in_hertz(zeros(model.nominal), (model.nominal.dt or 0.0)))
+    holds(facts["nominal", "poles"], *in_hertz(model.nominal.poles(), (model.nominal.dt or 0.0)))
+    holds(facts["nominal", "zeros"], *in_hertz(model.nominal.zeros(), (model.nominal.dt or 0.0)))
     assert facts["set", "set"] == str(model)
     assert facts["set", "source"] == model.origin.source
     if np.isnan(model.confidence):
