@@ -8,8 +8,8 @@ import pytest
 
 import robust
 from robust import UncertaintyModel, check, sampled
-from robust.lti.lti import response
 from robust.synthesis import feedforward_filter
+from tests.support.responses import response
 
 LINES = np.array([1.0, 10.0])
 INTEGRATOR = control.tf([1], [1, 0])

@@ -6,7 +6,7 @@ import pytest
 
 from robust import UncertaintyModel, check, mixsyn, performance_weight, sampled
 from robust.lti import discretize
-from robust.lti.lti import response
+from tests.support.responses import response
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 W_P = performance_weight(10, M_S=1.5, A=1e-4)

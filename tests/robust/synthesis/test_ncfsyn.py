@@ -7,8 +7,9 @@ from scipy.linalg import solve_continuous_lyapunov
 
 import robust
 from robust import ncfsyn, sampled
-from robust.lti.lti import evaluate_transfer, response
+from robust.lti.lti import evaluate_transfer
 from robust.models.sets.coprime import coprime_factors
+from tests.support.responses import response
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel
-from robust.lti.lti import response
-from robust.models.sets.forms import FORMS
 from robust.synthesis import feedforward_filter
+from tests.support.forms import FORMS, PERTURBED
+from tests.support.responses import response
 
 LINES = np.array([0.1, 1.0, 10.0])
 LAG, WANTED = control.ss(control.tf([2], [1, 1])), control.tf([1], [0.5, 1])
@@ -26,7 +26,7 @@ def test_the_worst_error_is_that_of_the_set(form, K):
         response(control.ss(part), found.omega) for part in (LAG, found.F, model.weight, WANTED)
     )
     turns = np.exp(1j * np.linspace(0, 2 * np.pi, 721))[:, None]
-    G_p = FORMS[form].perturbed(G, w, turns)
+    G_p = PERTURBED[form](G, w, turns)
     for f, worst in ((F, found.error_worst), (0 * F, found.error_without)):
         made = np.max(np.abs((T_ref - G_p * f) / (1 + G_p * K)), axis=0)
         assert worst == pytest.approx(made, rel=1e-3, abs=1e-9)

@@ -8,8 +8,8 @@ import pytest
 
 from robust import UncertaintyModel, check
 from robust.lti import discretize
-from robust.lti.lti import response
 from robust.synthesis import prefilter
+from tests.support.responses import response
 
 LAG, W = control.tf([1], [1, 1]), control.tf([0.3, 0.1], [0.1, 1])
 PI = control.tf([2, 2], [1, 0])  # T = 2/(s + 2)

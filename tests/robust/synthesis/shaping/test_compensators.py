@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import robust
-from robust.lti.lti import response
+from tests.support.responses import response
 
 
 def test_elements_do_what_they_say():
