@@ -10,7 +10,7 @@ import pytest
 from flint import arb, ctx
 
 from robust import UncertaintyModel, check, ncfsyn
-from robust.lti.realisation import from_roots
+from robust.lti.realisation import from_roots, state_space
 from robust.proofs.search.intervals import trusted_responder
 from tests.support.precise_loops import BITS, PreciseLoop, unstable_poles
 
@@ -52,7 +52,7 @@ def loop_of(seed):
         if companion
         else from_roots(zeros, poles, 1.0, 0.0)
     )
-    G = control.ss(made)
+    G = state_space("G", made)
     at = 10 ** rng.uniform(-4, 4)
     if rng.random() < 0.4:
         U, V = (np.linalg.qr(rng.standard_normal((G.nstates,) * 2))[0] for _ in range(2))

@@ -19,10 +19,10 @@ from robust import (
     sampled,
     uncertainty,
 )
-from robust.lti.lti import response
 from robust.synthesis.fixed import cone_program as cones
 from robust.synthesis.fixed import convex_concave as iteration
 from tests.support.bla import make_bla
+from tests.support.responses import response
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))  # SP Example 2.17
 W_P = performance_weight(10, M_S=1.5, A=1e-4)

@@ -10,8 +10,8 @@ import pytest
 
 import robust
 from robust.io.pid import PidGains, advice_on_structure
-from robust.lti.lti import response
 from tests.support.printed import unwrapped
+from tests.support.responses import response
 
 PLANT = control.tf([60.0**2], [1, 36.0, 60.0**2])  # with a delay as long as a third of its period
 ASKED = {"M_S": 1.8, "dt": 5e-3, "delay": 0.02}
