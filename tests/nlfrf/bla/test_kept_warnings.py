@@ -3,7 +3,6 @@ and never less.
 """
 
 import warnings
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +18,6 @@ from nlfrf import (
     join_records,
     multisine,
 )
-from nlfrf._base.arguments import data_warning, keep_warnings
 
 CLIPPED, LOW_CREST = "u seems clipped", "u must have random phases"
 MS = multisine(fs=256, n_samples=256, f_min=1, f_max=100, rms=1, n_realizations=2, rng=1)
@@ -99,19 +97,6 @@ def test_warnings_as_errors_still_raise_and_leave_nothing_behind():
         with pytest.raises(DataWarning, match=LOW_CREST):
             identify(record)
         assert identify(cut()).warnings == ()
-
-
-def test_who_stops_at_a_warning_and_goes_another_way_keeps_the_other_way():
-    @keep_warnings
-    def tried():
-        with warnings.catch_warnings(), suppress(DataWarning):
-            warnings.simplefilter("error", DataWarning)
-            data_warning("first")
-        data_warning("second")
-        return cut()
-
-    with pytest.warns(DataWarning, match="second"):
-        assert tried().warnings == ("second",)
 
 
 def test_of_several_records_each_bla_keeps_its_own():

@@ -11,6 +11,7 @@ from scipy.interpolate import make_interp_spline
 
 import nlfrf
 from benchmarks.sound_records import FS, N, played, without, without_twice
+from nlfrf.records.screening.gaps import find_corrupted_periods, find_slips
 from nlfrf.records.screening.output import align_output
 
 

@@ -452,7 +452,7 @@ def test_refusals_in_one_line(K, more, message, tmp_path):
 
 
 def test_an_actuator_that_only_pushes_may_end_at_zero():
-    rounded = round_controller(robust.shaping.pid(1.0, 2.0, dt=DT), dtype="float32", limit=(0, 5))
+    rounded = rounded_by(robust.shaping.pid(1.0, 2.0, dt=DT), dtype="float32", limit=(0, 5))
     assert rounded.limit.tolist() == [0, 5]
 
 
@@ -615,7 +615,7 @@ def test_a_residue_that_single_precision_cannot_see_leaves_an_integral_compensat
     text = (tmp_path / "controller.st").read_text()
     assert np.array_equal(run_block(text, e[:300], "float32", p[:300]), u[:300])
     for seen, dtype in ((1e-3, "float32"), (1e-15, "float64")):
-        assert "s1_carry" not in round_schedule(turned(seen, scale), dtype=dtype).states
+        assert "s1_carry" not in rounded_by(turned(seen, scale), dtype=dtype).states
 
 
 @pytest.mark.parametrize(

@@ -160,7 +160,8 @@ def test_a_loop_around_what_numba_cannot_compile_runs_as_it_is():
 
 
 def test_results_of_own_functions_are_not_resumed(tmp_path):
-    from nlfrf.rig.bench.simulate import fingerprint
+    import control
 
+    K = Controller(control.ss([], [], [], [[1.0]], 1e-3))
     with pytest.raises(ValueError, match="resume must be left out"):
-        fingerprint(run, Rig(1.0, 80e3, OWN))
+        nlfrf.rig.run_loops(Rig(1.0, 80e3, OWN), np.zeros(10), [K], resume=tmp_path)

@@ -8,6 +8,8 @@ import pytest
 
 import nlfrf
 from robust import UncertaintyModel, check, design_frf, sampled
+from robust.synthesis.fixed import sequential
+from robust.synthesis.fixed.one_loop import design_loop
 from robust.synthesis.fixed.sequential import MatrixOnLines
 from tests.support.responses import response_by_channel
 
@@ -102,19 +104,24 @@ def test_two_axes_meet_their_demands_with_both_closed(form):
     assert np.abs(S[:, 1, 1]).max() <= 2.0 * 1.005
 
 
-def test_what_is_said_of_the_loops_is_what_was_done():
+def test_what_is_said_of_the_loops_is_what_was_done(monkeypatch):
     """Loops that meet their demands with all others closed are not designed again, and not said to
     be.
     """
+    made = []
+
+    def counted(discs, structure, asked):
+        made.append(asked["n_iterations"])
+        return design_loop(discs, structure, asked)
+
+    monkeypatch.setattr(sequential, "design_loop", counted)
     apart = control.ss(np.diag([-60.0, -90.0]), np.diag([60.0, 90.0]), np.eye(2), np.zeros((2, 2)))
-    once, again = (
-        design_frf(set_of(apart, "input", (0.02, 0.02), (1.0, 1.0)), "PI", M_S=2.0, n_iterations=n)
-        for n in (1, 2)
+    design = design_frf(
+        set_of(apart, "input", (0.02, 0.02), (1.0, 1.0)), "PI", M_S=2.0, n_iterations=2
     )
-    assert again.met, again.reason
-    assert "designed again if it failed" in again.reason
-    for part in "ABCD":
-        np.testing.assert_array_equal(getattr(once.K, part), getattr(again.K, part))
+    assert design.met, design.reason
+    assert np.count_nonzero(made) == 2
+    assert "designed again if it failed" in design.reason
 
 
 @pytest.mark.attack
