@@ -173,7 +173,13 @@ def test_family():
     assert one.gamma >= alone.gamma
 
 
-@pytest.mark.parametrize("stiffness", [7.0e4, 7.6e4, 76402.55559780999, 8.3e4])
+@pytest.mark.parametrize(
+    "stiffness",
+    [
+        76402.55559780999,
+        *(pytest.param(one, marks=pytest.mark.attack) for one in (7.0e4, 7.6e4, 8.3e4)),
+    ],
+)
 def test_undamped_modes_are_stabilised_whichever_side_rounding_puts_them(stiffness):
     dt = 1e-3
     springs = [control.ss(control.tf([1], [1, 0, k])) for k in (stiffness, 2.2 * stiffness)]
@@ -286,7 +292,7 @@ def test_lines_too_far_apart_are_never_called_stable():
     assert design is None or stable(sharp, design.K) or not design.met
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(
     st.floats(0.2, 5),
     st.floats(0.05, 1.2),
