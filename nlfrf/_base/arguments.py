@@ -178,7 +178,7 @@ class DataWarning(UserWarning):
 
 
 #: Texts of the warnings so far, in order, for each running function that `keep_warnings` decorates.
-WARNED: ContextVar[tuple[dict[str, None], ...]] = ContextVar("WARNED", default=())
+_WARNED: ContextVar[tuple[dict[str, None], ...]] = ContextVar("WARNED", default=())
 Given = ParamSpec("Given")
 
 
@@ -206,7 +206,7 @@ def data_warning(text: str, category: type[UserWarning] = DataWarning) -> None:
     ):
         level, frame = level + 1, frame.f_back
     warnings.warn(text, category, stacklevel=level)
-    for texts in WARNED.get():  # not reached if the warning is an error
+    for texts in _WARNED.get():  # not reached if the warning is an error
         texts[text] = None
 
 
@@ -214,11 +214,11 @@ def data_warning(text: str, category: type[UserWarning] = DataWarning) -> None:
 def _collect_warnings() -> Iterator[dict[str, None]]:
     """Collect the texts of the warnings issued inside, in order."""
     texts: dict[str, None] = {}
-    token = WARNED.set((*WARNED.get(), texts))
+    token = _WARNED.set((*_WARNED.get(), texts))
     try:
         yield texts
     finally:
-        WARNED.reset(token)
+        _WARNED.reset(token)
 
 
 def keep_warnings(make: Callable[Given, Made]) -> Callable[Given, Made]:

@@ -206,7 +206,7 @@ def second_opinion(
     if grid.odd.size >= n_detection:
         residual = nonlinear_residual(spectra, excited, measured=frm.G, smooth=fit.G.mean(axis=0))
         detected = variance_from_detection_lines(excited, residual, frm) * gamma
-        law = detect_nonlinearity(excited, residual).describe(
+        law = _detect_nonlinearity(excited, residual).describe(
             residual.gain_varies[0], record.n_periods < 2
         )
     window = index.excited_windows
@@ -261,10 +261,10 @@ class _NonlinearityOrder:
         }.get(self.order, "")
 
 
-UNKNOWN_ORDER = _NonlinearityOrder()
+_UNKNOWN_ORDER = _NonlinearityOrder()
 
 
-def detect_nonlinearity(excited: Spectra, residual: NonlinearResidual) -> _NonlinearityOrder:
+def _detect_nonlinearity(excited: Spectra, residual: NonlinearResidual) -> _NonlinearityOrder:
     """Find the power of the input, or of the output, whose phases match those of the odd detection
     lines.
 
@@ -284,12 +284,12 @@ def detect_nonlinearity(excited: Spectra, residual: NonlinearResidual) -> _Nonli
     Y = residual.Y[0, : len(U)].take(index.odd, axis=1)
     n = Y.size
     if index.odd.size < _MIN_DETECTION_LINES or not Y.any():
-        return UNKNOWN_ORDER
+        return _UNKNOWN_ORDER
     candidates = np.empty(
         (2, 2, 2, *Y.shape), dtype=complex
     )  # by G or behind it; input, output; cube, fifth power
     G = residual.G[0, 0]
-    candidates[1] = odd_powers_on_lines(
+    candidates[1] = _odd_powers_on_lines(
         index.lines[index.odd], [U, G.take(index.excited) * U], excited.lines
     )
     np.multiply(G.take(index.odd), candidates[1], out=candidates[0])
@@ -298,14 +298,14 @@ def detect_nonlinearity(excited: Spectra, residual: NonlinearResidual) -> _Nonli
     signal_share = np.maximum(1 - noise / level, 0.0)  # weight of a line: its share above the noise
     share = float(signal_share.mean())
     if share < _MIN_SIGNAL_SHARE:
-        return UNKNOWN_ORDER
+        return _UNKNOWN_ORDER
     y = Y / np.sqrt(level)
     levels = _smooth_power(np.add.reduce(squared_modulus(candidates), axis=-2))
     x = candidates * np.sqrt(signal_share / levels)[..., None, :]
     common = squared_modulus(np.add.reduce(np.vecdot(x, y), axis=-1))
     common /= np.add.reduce(power(x), axis=-1) * power(y).sum() + TINY
     if common.max() < chance_correlation(_FALSE_ALARM_PROBABILITY, n):
-        return UNKNOWN_ORDER
+        return _UNKNOWN_ORDER
     common = np.clip((common * n - 1) / (n - 1) / share, 0.0, 1.0)
     cubes, fifths = common[..., 0].ravel(), common[..., 1].ravel()
     reading = int(cubes.argmax())
@@ -332,7 +332,7 @@ def _smooth_power(power: np.ndarray) -> np.ndarray:
     )
 
 
-def odd_powers_on_lines(
+def _odd_powers_on_lines(
     lines: np.ndarray, sources: list[np.ndarray], excited: np.ndarray
 ) -> np.ndarray:
     """Return (sources, 2, M, K) third and fifth powers of multisines of amplitudes (M, F), on

@@ -51,7 +51,7 @@ class NonlinearResidual(NamedTuple):
         return local_mean(noise, NOISE_SMOOTHING_LINES)
 
 
-def gain_varies(gain: np.ndarray) -> bool:
+def _gain_varies(gain: np.ndarray) -> bool:
     """Return whether |G|^2 (F,) changes over the band by more than scatter."""
     ratio = gain.max() / max(gain.min(), TINY)
     if ratio > _CLEAR_GAIN_VARIATION or ratio <= _MIN_GAIN_VARIATION:
@@ -86,7 +86,7 @@ def nonlinear_residual(
         G=G,
         gain=gain,
         # of the smoothed matrix: one realisation scatters more than a static gain changes
-        gain_varies=tuple(map(gain_varies, of_smooth)),
+        gain_varies=tuple(map(_gain_varies, of_smooth)),
         Y=spectra.Y - linear,
         noise=noise,
     )

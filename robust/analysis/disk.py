@@ -247,7 +247,7 @@ def disk_margin(
     """
     skew = require_real("skew", skew)
     n_unstable = require_integer("n_unstable", n_unstable, least=0)
-    S, reason = sensitivity_if_stable(L, n_unstable)
+    S, reason = _sensitivity_if_stable(L, n_unstable)
     return _margin_of_sensitivity(
         S,
         reason,
@@ -307,7 +307,7 @@ def disk_margins(
     K = multivariable("K", K)
     n_y, n_u = G.noutputs, G.ninputs
     require_shape(K, n_y, n_u)
-    S, reason = sensitivity_if_stable(
+    S, reason = _sensitivity_if_stable(
         _loop_broken_everywhere(G, K), require_integer("n_unstable", n_unstable, least=0)
     )
     skew = require_real("skew", skew)
@@ -420,7 +420,7 @@ def _margin_of_sensitivity(
             reason=reason,
         )
     some = range(S.ninputs) if channels is None else channels
-    omega, alpha = smallest_margin(S, np.ix_(some, some), skew)
+    omega, alpha = _smallest_margin(S, np.ix_(some, some), skew)
     if np.isinf(
         alpha
         # a loop that is a number allows every gain except one; a loop that is zero allows every gain
@@ -457,7 +457,7 @@ def _margin_of_sensitivity(
 
 
 @singledispatch
-def smallest_margin(
+def _smallest_margin(
     S: control.StateSpace, block: tuple[np.ndarray, ...], skew: float
 ) -> tuple[float, float]:
     """Return frequency and value of the smallest margin of a block of the sensitivity, a system or
@@ -469,7 +469,7 @@ def smallest_margin(
     return _margin_of_mu(*refine_grid(M, blocks, omega=structure_grid(M)))
 
 
-@smallest_margin.register(control.FrequencyResponseData)
+@_smallest_margin.register(control.FrequencyResponseData)
 def _smallest_margin_on_lines(
     S: control.FrequencyResponseData, block: tuple[np.ndarray, ...], skew: float
 ) -> tuple[float, float]:
@@ -492,7 +492,7 @@ def _margin_of_mu(omega: np.ndarray, mu: np.ndarray) -> tuple[float, float]:
 
 
 @singledispatch
-def sensitivity_if_stable(
+def _sensitivity_if_stable(
     L: AnySystem, n_unstable: int
 ) -> tuple[control.StateSpace | control.FrequencyResponseData, str]:
     """Return (1 + L)^-1, scaled by `_balancing_scales`, and the reason why there is no margin,
@@ -513,7 +513,7 @@ def sensitivity_if_stable(
     return S, "" if nominal.stable else f"the loop is {nominal}"
 
 
-@sensitivity_if_stable.register(control.FrequencyResponseData)
+@_sensitivity_if_stable.register(control.FrequencyResponseData)
 def _sensitivity_on_lines(
     L: control.FrequencyResponseData, n_unstable: int
 ) -> tuple[control.FrequencyResponseData, str]:

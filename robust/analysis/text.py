@@ -453,7 +453,7 @@ def _explain_open(below: str, proofs: Proofs, certify: bool) -> str:
 
 
 #: Meaning of each verdict for the machine, in at most 20 words.
-VERDICT_MEANINGS = {
+_VERDICT_MEANINGS = {
     Verdict.ROBUST: "this controller keeps every plant of the set stable, which is proved",
     Verdict.STATISTICALLY_ROBUST: (
         "this controller keeps every linear plant of the set stable; for the nonlinear machine"
@@ -468,7 +468,7 @@ VERDICT_MEANINGS = {
 }
 #: Meaning for a set from a radius or from plants of the user, if no class of perturbation was
 #: named.
-WITHOUT_CONFIDENCE = (
+_WITHOUT_CONFIDENCE = (
     "this controller keeps every linear plant of the set stable; the probability that the set"
     " contains the machine is unknown"
 )
@@ -527,8 +527,8 @@ def explain_mu(
 def describe_meaning(verdict: Verdict, confidence: tuple[str, ...]) -> str:
     without = verdict is Verdict.STATISTICALLY_ROBUST and not confidence
     if without:
-        return WITHOUT_CONFIDENCE
-    return VERDICT_MEANINGS[verdict]
+        return _WITHOUT_CONFIDENCE
+    return _VERDICT_MEANINGS[verdict]
 
 
 def describe_thin_margins(margins: Margins, limit: float, *, phase: float) -> str:

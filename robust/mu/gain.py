@@ -394,7 +394,7 @@ def _ascend_gain(
     for _ in range(_MAX_ASCENT):
         N, now = M[todo], delta[todo]
         with np.errstate(all="ignore"):
-            U, sizes, Vh = np.linalg.svd(np.nan_to_num(closed_gain(N, now)))
+            U, sizes, Vh = np.linalg.svd(np.nan_to_num(_closed_gain(N, now)))
             right = np.linalg.solve(
                 np.eye(rows) - N[:, :rows, :cols] @ now,
                 N[:, :rows, cols:] @ conjugate_transpose(Vh[:, :1]),
@@ -407,7 +407,7 @@ def _ascend_gain(
             best, moved = sizes[:, 0].copy(), now.copy()
             for share in MOVES:
                 candidate = (1 - share) * now + share * corner
-                reached = np.linalg.norm(np.nan_to_num(closed_gain(N, candidate)), 2, axis=(1, 2))
+                reached = np.linalg.norm(np.nan_to_num(_closed_gain(N, candidate)), 2, axis=(1, 2))
                 better = reached > best
                 best, moved[better] = np.maximum(best, reached), candidate[better]
         delta[todo], gain[todo] = moved, best
@@ -417,7 +417,7 @@ def _ascend_gain(
     return gain, delta
 
 
-def closed_gain(M: np.ndarray, delta: np.ndarray) -> np.ndarray:
+def _closed_gain(M: np.ndarray, delta: np.ndarray) -> np.ndarray:
     """Return F_u(M, delta) for every matrix."""
     cols, rows = delta.shape[1:]
     loop = np.linalg.solve(np.eye(rows) - M[:, :rows, :cols] @ delta, M[:, :rows, cols:])

@@ -144,7 +144,7 @@ def read_header(layout: Layout, columns: Mapping[int, np.ndarray]) -> Header:
     placed, stated, unplaced = _place_names_and_units(names, units, kinds)
     stated = stated or _spread(labelled.get(Role.UNITS, []), kinds)
     abscissa = [*labelled.get(Role.ABSCISSA_UNIT, []), "", ""][1].strip("[]()")
-    clock = find_clock((*preamble, *constants), layout.delimiter, layout.decimal)
+    clock = _find_clock((*preamble, *constants), layout.delimiter, layout.decimal)
     if clock.fs and not clock.unit and (scale := seconds_per_unit(abscissa)):
         clock = _Clock(
             clock.fs / scale, clock.label, abscissa
@@ -484,18 +484,20 @@ def _is_units_row(row: list[str], above: list[str]) -> bool:
     return names and all(above) and units > len(filled) / 2 and _is_unit(row[0])
 
 
-def find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -> _Clock:
+def _find_clock(lines: Sequence[str], delimiter: str = ",", decimal: str = ".") -> _Clock:
     """Find the sampling frequency in the lines above a table; a rate in an unknown unit is ignored.
 
     A sampling time in seconds may be the duration of the record. If there are several rates, that
     of the output counts, and a rate before a decimation is divided by its factor.
 
-    >>> find_clock(("Device: A1", "Sample rate: 2 kHz"))
+    >>> _find_clock(("Device: A1", "Sample rate: 2 kHz"))
     _Clock(fs=2000.0, label='Sample rate', unit='s', rates=())
-    >>> find_clock(("Sampling time,125,[us]",)).fs, find_clock(("dt,0.25",)).unit, find_clock(("Notes",)).fs
+    >>> _find_clock(("Sampling time,125,[us]",)).fs, _find_clock(("dt,0.25",)).unit, _find_clock(("Notes",)).fs
     (8000.0, '', 0.0)
-    >>> find_clock(("ADC sample rate: 10 kHz", "Output sample rate: 1 kHz")).fs, find_clock(("fs = 10", "dt = 1")).rates
-    (1000.0, (('line 1', 10.0), ('line 2', 1.0)))
+    >>> _find_clock(("ADC sample rate: 10 kHz", "Output sample rate: 1 kHz")).fs
+    1000.0
+    >>> _find_clock(("fs = 10", "dt = 1")).rates
+    (('line 1', 10.0), ('line 2', 1.0))
     """
     clocks: dict[str, _Clock] = {}
     for i, line in enumerate(lines):

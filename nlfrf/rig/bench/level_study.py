@@ -22,7 +22,7 @@ from nlfrf.signals.multisine import Multisine
 
 
 @value
-class LevelStudy:
+class _LevelStudy:
     """Best linear approximations of a machine at several levels (rms values of the excitation).
 
     Fields
@@ -79,7 +79,7 @@ def level_study(
     executor: Executor | None = None,
     progress: Callable[[int, int], object] | None = None,
     resume: str | PathLike[str] | None = None,
-) -> LevelStudy:
+) -> _LevelStudy:
     """Simulate the same multisine on a machine at several levels (rms values), and identify the
     best linear approximation (BLA) at each.
 
@@ -98,7 +98,7 @@ def level_study(
 
     Returns
     -------
-    LevelStudy
+    _LevelStudy
 
     Raises
     ------
@@ -144,4 +144,4 @@ def level_study(
             resume=resume,
         )
         blas.append(identify(record))
-    return LevelStudy(rms=levels, blas=tuple(blas))
+    return _LevelStudy(rms=levels, blas=tuple(blas))

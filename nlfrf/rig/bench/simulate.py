@@ -108,7 +108,7 @@ def run_each(
     if folder is None:
         files = []
     else:
-        files = [folder / f"{fingerprint(task, value)}.npz" for value in values]
+        files = [folder / f"{_fingerprint(task, value)}.npz" for value in values]
     todo, total = list(range(len(values))), len(values)
     for i, file in enumerate(files):
         if (found := _load_result(file)) is not None:
@@ -173,7 +173,7 @@ def _load_result(path: Path) -> Arrays | None:
         return None
 
 
-def fingerprint(task: Callable[[Input], Arrays], value: Input) -> str:
+def _fingerprint(task: Callable[[Input], Arrays], value: Input) -> str:
     """Return a hash of task, value and integrator, the file name of the result."""
     from hashlib import sha256
 

@@ -44,7 +44,7 @@ def random_delta(
     """
     blocks = []
     for n, m in structure:
-        passes = [random_perturbation(rng, *band, dt) for _ in range(min(n, m))]
+        passes = [_random_perturbation(rng, *band, dt) for _ in range(min(n, m))]
         if (n, m) != (1, 1):
             reads, drives = (
                 np.linalg.qr(rng.normal(size=(size, size)))[0][:, : len(passes)] for size in (n, m)
@@ -59,7 +59,7 @@ def random_delta(
     return block_diagonal(blocks, dt)
 
 
-def random_perturbation(
+def _random_perturbation(
     rng: np.random.Generator, low: float, high: float, dt: float
 ) -> control.StateSpace:
     """Return a random stable all-pass with one to three sections over the band [rad/s], with gain
@@ -75,10 +75,10 @@ def random_perturbation(
         else:
             poles.append(complex(-w))
     gain = rng.choice([-1.0, 1.0]) * (1.0 if rng.random() < 0.5 else rng.random())
-    return all_pass_of_poles(np.array(poles), gain, dt)
+    return _all_pass_of_poles(np.array(poles), gain, dt)
 
 
-def all_pass_of_poles(poles: np.ndarray, gain: float, dt: float) -> control.StateSpace:
+def _all_pass_of_poles(poles: np.ndarray, gain: float, dt: float) -> control.StateSpace:
     """Return gain prod (s + p*)/(s - p), or its bilinear image."""
     if not dt:
         return from_roots(-poles.conj(), poles, gain, 0.0)
@@ -105,7 +105,7 @@ def with_phase(omega: float, value: complex, dt: float) -> control.StateSpace:
     else:
         phase = angle + np.pi
     b = x / np.tan(np.clip((np.pi - phase) / 2, 1e-9, np.pi / 2 - 1e-9))
-    return all_pass_of_poles(np.array([complex(-b)]), sign * abs(value), dt)
+    return _all_pass_of_poles(np.array([complex(-b)]), sign * abs(value), dt)
 
 
 def with_phases(
@@ -134,4 +134,4 @@ def with_phases(
             wanted = (phases[k] - every.sum() + every[k]) % (2 * np.pi)
             centre[k] = w - half[k] / np.tan(np.clip(wanted / 2, 1e-6, np.pi - 1e-6))
     p = -half + 1j * centre
-    return all_pass_of_poles(np.concatenate([[a, a.conjugate()] for a in p]), 1.0, 0.0)
+    return _all_pass_of_poles(np.concatenate([[a, a.conjugate()] for a in p]), 1.0, 0.0)

@@ -327,7 +327,7 @@ def _best_proved(
     machines, friction = machines_of(*(prove if isinstance(prove, tuple) else (prove, None)))
     proved = []
     for theta, history, why in found:
-        if gain := largest_proved_gain(
+        if gain := _largest_proved_gain(
             task.basis.controller(theta), machines, friction=friction, delay=delay
         ):
             lowered = theta.copy()
@@ -344,7 +344,7 @@ def _best_proved(
     return min(proved, key=lambda one: task.merit(one[0]))
 
 
-def largest_proved_gain(
+def _largest_proved_gain(
     K: control.StateSpace,
     machines: tuple[FrictionPlant, ...],
     *,

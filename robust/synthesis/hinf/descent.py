@@ -43,7 +43,7 @@ def descend(
     """
     dt = timebase(scaling[0])
     groups = _equal_scalings(scaling)
-    shapes = [sections_of(scaling[group[0]]) for group in groups]
+    shapes = [_sections_of(scaling[group[0]]) for group in groups]
     x = np.concatenate([part for part, _ in shapes])
     if not np.isfinite(x).all():
         return
@@ -53,7 +53,7 @@ def descend(
         found = list(scaling)
         for group, (_, n), start, end in zip(groups, shapes, ends, ends[1:], strict=False):
             for k in group:
-                found[k] = system_of_sections(x[start:end], n, dt)
+                found[k] = _system_of_sections(x[start:end], n, dt)
         return found
 
     def norm(x: np.ndarray) -> float:
@@ -138,7 +138,7 @@ def _equal_scalings(scaling: list[control.StateSpace]) -> list[list[int]]:
     return groups
 
 
-def sections_of(system: control.StateSpace) -> tuple[np.ndarray, int]:
+def _sections_of(system: control.StateSpace) -> tuple[np.ndarray, int]:
     """Return the parameters of a stable minimum-phase system (log gain, zeros, poles) and its
     order.
     """
@@ -148,7 +148,7 @@ def sections_of(system: control.StateSpace) -> tuple[np.ndarray, int]:
     return np.concatenate(parts), len(A)
 
 
-def system_of_sections(parameters: np.ndarray, order: int, dt: float) -> control.StateSpace:
+def _system_of_sections(parameters: np.ndarray, order: int, dt: float) -> control.StateSpace:
     roots = zeros_and_poles(parameters[1:], order)
     return from_roots(
         *map_to_model_plane(*roots, float(np.exp(parameters[0])), 2.0 if dt else 0.0, 0), dt

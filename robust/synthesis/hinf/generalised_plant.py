@@ -80,7 +80,7 @@ def prepare_plant(P: control.StateSpace, n_y: int, n_u: int) -> Plant:
             C[:z], D[:z, :w] = C[:z] + change[n:, :n], D[:z, :w] + change[n:, n:]
         A, B, C, D = to_continuous(A, B, C, D)
     A, B, C, speed = _scale_plant(A, B, C)
-    return compress_channels(
+    return _compress_channels(
         Plant(
             A=A,
             B1=B[:, :w],
@@ -101,7 +101,7 @@ def prepare_plant(P: control.StateSpace, n_y: int, n_u: int) -> Plant:
     )
 
 
-def compress_channels(plant: Plant) -> Plant:
+def _compress_channels(plant: Plant) -> Plant:
     """Return the plant with only those combinations of u and y that act and measure independently.
 
     Two equal actuators become one; a measurement without content is left out.

@@ -21,10 +21,10 @@ def unchangeable_gain(plant: Plant, omega: np.ndarray) -> float:
     it loses rank: especially at poles of the plant on the axis and at infinity. The same holds for
     the transposed plant.
     """
-    return max(unmeasured_gain(side, omega) for side in (plant, dual_plant(plant)))
+    return max(_unmeasured_gain(side, omega) for side in (plant, dual_plant(plant)))
 
 
-def unmeasured_gain(plant: Plant, omega: np.ndarray) -> float:
+def _unmeasured_gain(plant: Plant, omega: np.ndarray) -> float:
     """Return `unchangeable_gain` for disturbances that do not show in y."""
     if plant.A.size:
         poles = np.linalg.eigvals(plant.A)
