@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf._base.values import value
+from nlfrf._base.types import Json
+from nlfrf._base.values import to_plain, value
 from robust._base.states import Demand, Verdict
 from robust.analysis.disk import LoopMargins
 from robust.analysis.findings import Findings, Given
@@ -279,7 +280,7 @@ class RobustnessReport(Findings):
     @property
     def details(self) -> list[Fact]:
         """Numbers beside the verdict: certificates, margins of the nominal loop, the loop in one
-        line. They are in the whole text only.
+        line. They are in the whole text, and not in `summary`.
         """
         return [
             *(Fact("certificate", describe_certificate(one)) for one in self.proofs.certificates),
@@ -304,3 +305,12 @@ class RobustnessReport(Findings):
 
     def __str__(self) -> str:
         return format_facts([*self.claims, *self.findings, *self.details])
+
+
+@to_plain.register
+def _report_to_plain(thing: RobustnessReport, most: float = np.inf) -> Json:
+    """Return a report in terms of JSON: fields, and every fact of its text."""
+    plain = to_plain.dispatch(object)(thing, most)
+    assert isinstance(plain, dict)
+    facts = [fact for fact in (*thing.findings, *thing.details) if fact.amount]
+    return plain | {"facts": to_plain(facts, most)}

@@ -2,12 +2,14 @@
 refusal.
 """
 
+import json
 import re
 
 import control
 import numpy as np
 import pytest
 
+from nlfrf._base.values import to_json
 from robust import UncertaintyModel, check, fit_nominal, frd, performance_weight, uncertainty
 from robust.lti.sampling import sampled
 from tests.support.bla import make_bla
@@ -479,3 +481,18 @@ def test_the_worst_performance_stands_with_its_own_frequency():
         )
         == 1
     )
+
+
+def test_text_and_json_have_the_same_facts():
+    """A fact that the text has, without an empty one, is in the JSON with its number and text."""
+    report = check(simple(), control.tf([1], [1, 0]), w_P=control.tf([0.5], [1, 0.01]))
+    told = json.loads(to_json(report))["facts"]
+    text = " ".join(str(report).split())
+    facts = [fact for fact in (*report.findings, *report.details) if fact.amount]
+    assert [fact["name"] for fact in told] == [fact.name for fact in facts]
+    assert {"max rs", "max |S|", "disk margin", "phase margin"} <= {fact["name"] for fact in told}
+    for fact, plain in zip(facts, told, strict=True):
+        assert plain["amount"] == fact.amount
+        assert f"{fact.name}: {fact.amount}" in text
+    largest = next(fact for fact in told if fact["name"] == "max |S|")
+    assert largest["value"]["value"] == report.margins.S_worst
