@@ -75,12 +75,14 @@ class _LostRows:
         )
 
     def describe(self, n_samples: int) -> str:
-        """Describe the lost rows and list the whole periods.
+        """Describe the lost rows and list the whole periods; without a period (0) the rows alone.
 
         >>> place = np.delete(np.arange(30), 14)
         >>> _LostRows(place=place, moments=place / 10, fs=10.0).describe(10)
         'time jumps by two samples at 1.4 s: one sample lost; periods 1 and 3 are whole'
         """
+        if not n_samples:
+            return str(self)
         whole = [str(j + 1) for j in self.whole_periods(n_samples)]
         if not whole:
             return f"{self}; no period is whole"

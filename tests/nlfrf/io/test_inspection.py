@@ -257,3 +257,16 @@ def test_several_inputs_of_files_make_a_matrix(nlfrf_command, tmp_path):  # noqa
     np.testing.assert_allclose(table["Re_yfy"], 2.0, rtol=1e-9)
     with pytest.raises(ValueError, match="u, y and r must be lists of names"):
         nlfrf.load_record(paths, u=["fx", "fy"], y=[])
+
+
+def test_lost_rows_are_named_where_no_period_is_found(tmp_path):
+    rng, n = np.random.default_rng(0), 3000
+    rows = [
+        f"{k / 1000:.3f},{rng.standard_normal():.9f},{rng.standard_normal():.9f}"
+        for k in range(n)
+        if not 1000 <= k < 1004
+    ]
+    (tmp_path / "run.csv").write_text("\n".join(["t [s],u [N],y [m]", *rows]) + "\n")
+    found = nlfrf.inspect_file(tmp_path / "run.csv")
+    assert found.period == 0
+    assert found.lost == "time jumps by five samples at 1 s: four samples lost"
