@@ -136,7 +136,6 @@ def _suggest_lines(ms: nlfrf.Multisine, kind: str, f_min: float) -> str:
     # six lines from two octaves below f_min on: the gap is nearly always among them
     listed = ", ".join(f"{k * ms.f0:g}" for k in lines[lines * ms.f0 > f_min / 4][:6])
     below = lines[lines * ms.f0 <= f_min] * ms.f0
-    finer = int(np.ceil(lines[0] * ms.fs / f_min))
     if below.size:
         other = (
             f", or --f-min {below[-1]:g}, which leaves a gap in the lines from {below[-1]:g} to"
@@ -146,5 +145,5 @@ def _suggest_lines(ms: nlfrf.Multisine, kind: str, f_min: float) -> str:
         other = ""
     return (
         f"a {kind} grid has the lines {listed}, ... Hz at this resolution of {ms.f0:g} Hz: give a"
-        f" longer period, such as --period {max(finer, 2 * ms.n_samples)}{other}"
+        f" longer period, such as --period {2 * ms.n_samples}{other}"
     )
