@@ -10,6 +10,9 @@ from robust._base.types import Weight
 from robust.lti.lti import response, timebase, to_s_plane
 from robust.lti.realisation import state_space
 
+#: Relative imaginary part that rounding gives to a double root: the root of 1e-16, with a margin.
+_DOUBLE_ROOT = 1e-7
+
 
 def rows_of_value(thing: object) -> str:
     """Return the text of a value without indents."""
@@ -29,7 +32,9 @@ def describe_roots(roots: np.ndarray, dt: float) -> str:
     """Return poles or zeros as frequency and damping; a root at s = 0 is an integrator."""
     if not roots.size:
         return "none"
-    s = to_s_plane(roots, dt)
+    # rounding makes a pair of a double root z < 0, which is no oscillation: both are listed
+    real = (roots.real < 0) & (np.abs(roots.imag) < _DOUBLE_ROOT * np.abs(roots))
+    s = to_s_plane(np.where(real & (dt > 0), roots.real, roots), dt)
     text = []
     for root in sorted(s[s.imag >= -1e-9 * np.abs(s)], key=abs):
         size = abs(root)

@@ -256,6 +256,8 @@ def holds(text, *values):
 
 def in_hertz(roots, dt):
     """Frequency [Hz], and damping where it is a pair, of roots sorted by size."""
+    if dt:
+        roots = np.where((roots.real < 0) & (np.abs(roots.imag) < 1e-7), roots.real + 0j, roots)
     with np.errstate(divide="ignore"):
         s = np.log(roots.astype(complex)) / dt if dt else roots.astype(complex)
     out = []

@@ -117,7 +117,7 @@ def test_it_comes_back_from_its_file(form, tmp_path):
     assert len(back.records) == 2
     frm = measured(HIGH, 12)
     one, other = robust.validate(around(form), frm), robust.validate(back, frm)
-    assert (one.p_value, one.level) == (other.p_value, other.level)
+    assert (one.p_value, one.change.level) == (other.p_value, other.change.level)
 
 
 def test_a_picture_shows_both(tmp_path):
