@@ -151,7 +151,7 @@ PRINTED = {
     "24_schedule_over_position": [
         r"left-out point: 0\.\d+ of the weight",
         r"tuned two blocks: met",
-        r"coefficients in float32 change \|K\| by at most \d\.\de-0[67] of itself",
+        r"coefficients in float32 change \|K\| by at most \d(\.\d)?e-0[67] of itself",
         r"stability on every trajectory, for every operator within the weight: proved, rigorous",
         r"grows at \d+\.?\d* m/s(?: with Delta = [+-]1)?: to and fro",
         r"stability on every trajectory: proved, rigorous\n",
