@@ -123,7 +123,7 @@ def bla_from_frf(
     rate = _checked_rate(fs, hold)
     several = G.ndim == 3
     n_y, n_u = G.shape[:-1] or (1, 1)
-    # noise and distortion are not told apart: what scattered counts as the total
+    # noise and distortion cannot be separated: the scatter counts as the total
     levels = levels_without_detection(f, np.full(f.size, np.nan))
     if coherence is None or several:
         measured_coherence = None

@@ -145,7 +145,7 @@ def _require_clock(wanted: str, file: Channels, *, t: np.ndarray, dt: float) -> 
 
 
 def _choose_column(file: Channels, signal: str) -> str:
-    """Return the column of a signal: the only one beside times and counters, else by its name."""
+    """Return the column of a signal: the only one other than times and counters, else by its name."""
     names = [
         name
         for name in file.signals

@@ -279,7 +279,7 @@ class RobustnessReport(Findings):
 
     @property
     def details(self) -> list[Fact]:
-        """Numbers beside the verdict: certificates, margins of the nominal loop, the loop in one
+        """Further numbers: certificates, margins of the nominal loop, the loop in one
         line. They are in the whole text, and not in `summary`.
         """
         return [

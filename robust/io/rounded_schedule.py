@@ -8,7 +8,7 @@ not while theta moves. With F = A - I in the rows of slow states,
 
 keeps the digits of poles near 1, as sections in powers of z - 1 do. The sum of a state that only
 integrates is compensated (Kahan 1965), as in `robust.io.rounded`. A state only integrates if what
-other states and itself add to it cannot be seen in the target's arithmetic beside B_j e: a residue
+other states and itself add to it is lost in the rounding of B_j e in the target's arithmetic: a residue
 of 1e-15 in A, as from a change of states, does not count. It stays in the statement.
 """
 

@@ -14,7 +14,7 @@ _MIN_OFFSET_DRIFT = (
 # periods that separate a drift from a transient; share that fewer periods must explain
 FEW = 4
 ALONE = 0.9
-_CLEAR_SHARE = 0.3  # largest rest beside a clear change, as a share of it
+_CLEAR_SHARE = 0.3  # largest remainder of a clear change, as a fraction of it
 _DRIFT_CURE = "let the machine settle, or cut the record into shorter ones (n_discard)"
 
 

@@ -435,7 +435,7 @@ def _given_scaling(*scaling: Weight | None) -> tuple[Weight | None, ...]:
 
 
 def _require_none_of_records(given: Mapping[str, object]) -> None:
-    """Refuse options of a measurement beside plants, which have no statistics."""
+    """Refuse options of a measurement given with plants, which have no statistics."""
     for name, option in given.items():
         if option is not None:
             raise ValueError(

@@ -9,7 +9,7 @@ judge       the entry point: gains checked against traces
 linear      the linear loop: the set of a BLA, the controller of the gains, reasons to distrust it
 machine     the machine without delay and lag of the drive, and its fit
 read        traces as records in the units of the velocity loop
-rest        the motion beside the proof of rest: a bound of the error, a simulation
+rest        the motion of the axis: a bound of the error, a simulation
 simulation  simulation of the identified axis under its drive: rest or hunting, and the gain to change
 traces      the traces: each with its name, its conditions, its BLA and its warnings
 """

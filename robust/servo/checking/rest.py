@@ -1,4 +1,4 @@
-"""What is known of the motion beside the proof of rest: a bound of the error, and a simulation."""
+"""The motion of the axis: a bound of the error, and a simulation."""
 
 from __future__ import annotations
 

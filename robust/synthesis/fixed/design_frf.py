@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, cast
+from typing import cast
 
 from nlfrf import Bla
 from nlfrf._base.arguments import as_list, require_kind
@@ -154,10 +154,34 @@ def design_frf(
     >>> design.K.nstates, bool(design.gamma < 1.41)
     (2, True)
     """
-    asked: dict[str, Any] = dict(locals())  # every demand and option, by its name
-    del asked["plant"], asked["structure"]
     require_kind("positive", positive, bool)
-    asked["y_rises"] = positive
+    asked = {
+        "w_P": w_P,
+        "w_T": w_T,
+        "w_u": w_u,
+        "M_S": M_S,
+        "M_T": M_T,
+        "M_u": M_u,
+        "omega_c": omega_c,
+        "gain": gain,
+        "aim": aim,
+        "dt": dt,
+        "delay": delay,
+        "fixed": fixed,
+        "end_gain": end_gain,
+        "integrators": integrators,
+        "filter_time": filter_time,
+        "stable": stable,
+        "positive": positive,
+        "y_rises": positive,
+        "start": start,
+        "n_starts": n_starts,
+        "n_unstable": n_unstable,
+        "plant_integrators": plant_integrators,
+        "prove": prove,
+        "n_iterations": n_iterations,
+        "progress": progress,
+    }
     matrices = [
         one
         for one in as_list(plant)
