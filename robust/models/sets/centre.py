@@ -18,10 +18,9 @@ from robust.lti.grids import interpolate_frf
 from robust.lti.lti import frf_on_lines, response, response_by_channel, timebase
 from robust.lti.realisation import frequency_response
 from robust.models.fit.measurement import bla_behind_hold
-from robust.models.sets.delta import Delta
+from robust.models.sets.delta import Delta, Systems
 from robust.models.sets.forms import FORMS
 
-Systems: TypeAlias = tuple[control.StateSpace, ...]
 Plant: TypeAlias = "control.StateSpace | control.FrequencyResponseData"
 
 
