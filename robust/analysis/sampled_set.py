@@ -202,8 +202,7 @@ def _sampled_grid(model: UncertaintyModel, nominal: control.StateSpace, dt: floa
     found = loop_grid(
         lines, poles(nominal), systems=[], dt=dt, delay=0.0, folded=modes.real + 1j * folded
     )
-    found = found[(found >= _GRID_START_RATIO * lines[0]) & (found < top * (1 - 1e-9))]
-    return np.append(found, top * (1 - 1e-9))
+    return found[found >= _GRID_START_RATIO * lines[0]]
 
 
 def _alias_indices_and_tails(model: UncertaintyModel, dt: float) -> tuple[np.ndarray, np.ndarray]:

@@ -23,6 +23,8 @@ _NEARLY, _MOST_MAXIMA = 0.9, 40
 #: Distance of the first point from the peak of a mode in half-widths; points a decade; least
 #: half-width [relative].
 _FROM_PEAK, _A_DECADE, _NARROWEST = 0.1, 8, 1e-12
+#: Last frequency of a sampled loop over Nyquist, where a response has no more than its real part.
+_BELOW_NYQUIST = 1 - 1e-9
 #: Number of refinements of the brackets of maxima, each to a fourth or less.
 _N_ZOOMS = 5
 
@@ -40,12 +42,15 @@ def loop_grid(
     systems.
 
     The poles of the loop are given on its time base dt, each system has its own. A delay [s] makes
-    ripples. `folded` : poles in the s plane at the alias frequencies of modes above Nyquist.
+    ripples. `folded` : poles in the s plane at the alias frequencies of modes above Nyquist. The
+    grid of a sampled loop ends just below Nyquist, where its gain is real: a gain margin may stand
+    there and nowhere else.
     """
     if dt:
         top = np.pi / dt
+        ends = [top * _BELOW_NYQUIST]
     else:
-        top = np.inf
+        top, ends = np.inf, []
     roots = [to_s_plane(loop_poles, dt)]
     for system in systems:
         if system.nstates:
@@ -75,9 +80,9 @@ def loop_grid(
         (np.abs(s) <= centre / _MAX_MODE_RATIO) | (np.abs(s) >= _MAX_MODE_RATIO * centre)
     ]
     omega = np.concatenate(
-        [omega[(omega >= low) & (omega <= high)], np.outer(far, _MODE_OFFSETS).ravel()]
+        [omega[(omega >= low) & (omega <= high)], np.outer(far, _MODE_OFFSETS).ravel(), ends]
     )
-    return np.unique(omega[(omega > 1e-150) & (omega < min(1e150, top * (1 - 1e-9)))])
+    return np.unique(omega[(omega > 1e-150) & (omega <= min(1e150, top * _BELOW_NYQUIST))])
 
 
 def structure_grid(N: control.StateSpace) -> np.ndarray:

@@ -206,3 +206,18 @@ def test_the_delay_margin_is_the_least_of_all_crossovers():
     wanted = min((np.angle(L[k]) + np.pi) % (2 * np.pi) / fine[k] for k in crossing)
     assert found.delay_margin == pytest.approx(wanted, rel=1e-3)
     assert wanted < 0.2
+
+
+@pytest.mark.parametrize("gain", [0.5, 1e-4])
+def test_a_gain_margin_may_stand_at_nyquist(gain):
+    """g/(z - 1) is stable up to g = 2, where its pole leaves at z = -1: no phase crosses 180
+    degrees below Nyquist.
+    """
+    T = 0.1
+    integrator = control.ss(control.tf([1.0], [1, -1], T))
+    model = robust.UncertaintyModel(
+        integrator, 1e-3, "multiplicative", np.array([1.0]), np.array([1e-3]), perturbation="LTI"
+    )
+    found = robust.check(model, control.ss([], [], [], [[gain]], T)).classical
+    assert found.gain_margin == pytest.approx(2 / gain, rel=1e-6)
+    assert found.omega_gain == pytest.approx(np.pi / T)
