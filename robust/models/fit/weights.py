@@ -224,7 +224,8 @@ class _Demand:
         """
         log_w, log_r = np.log(self.omega), np.log(self.radius)
         gaps = np.diff(log_w)
-        n = np.minimum(np.ceil(gaps / _LARGEST_STEP), _MOST_BETWEEN + 1).astype(int) - 1
+        # two frequencies that differ by rounding have one logarithm, and no point between them
+        n = np.clip(np.ceil(gaps / _LARGEST_STEP), 1, _MOST_BETWEEN + 1).astype(int) - 1
         at = np.repeat(np.arange(n.size), n)  # the line before each point
         part = (np.arange(at.size) - np.repeat(np.cumsum(n) - n, n) + 1) / (n[at] + 1)
         order = np.argsort(np.r_[log_w, log_w[at] + part * gaps[at]], kind="stable")

@@ -79,7 +79,7 @@ def assert_covers(fit, omega, radius, dt=0.0):
 def test_nothing_is_left_uncovered(shape, order):
     radius = SHAPES[shape](OMEGA)
     if "resonance" in shape and order == 1:
-        with pytest.raises(ValueError, match="would do"):
+        with pytest.raises(ValueError, match="Order 2 is enough"):
             fit_weight(OMEGA, radius, order=order)
         return
     fit = fit_weight(OMEGA, radius, order=order)
@@ -290,6 +290,14 @@ def test_random_radii_are_covered_everywhere(rng, n, scatter, order, dt):
 def test_a_radius_over_decades_of_decibels_is_refused():
     with pytest.raises(ValueError, match=r"got order 8 with .* dB"):
         fit_weight(np.geomspace(1, 1e4, 200), 10.0 ** (3 * np.tile([0, 1], 100)), order=8)
+
+
+@pytest.mark.parametrize("omega", [10.0, 4321.0])
+def test_two_frequencies_that_differ_by_rounding_are_one(omega):
+    """Their logarithms are equal: minus one point was asked for between them."""
+    twice = np.sort(np.r_[OMEGA[::50], omega, np.nextafter(omega, np.inf)])
+    radius = 0.1 + twice / 1e3
+    assert_covers(fit_weight(twice, radius, order=2), twice, radius)
 
 
 def test_two_points_and_ten_thousand():
