@@ -561,7 +561,7 @@ def _squared_gains(curves: Curves, form: str, name: str) -> np.ndarray:
 
 def encoder_noise(loop: Loop) -> float:
     """Return the rms of u over the step of an encoder that rounds y [unit of u over y]; nan for a
-    continuous loop.
+    continuous loop and for a loop beside the stability boundary.
 
     While y moves over many steps, rounding is white noise of rms step / sqrt(12) (Widrow & Kollár,
     *Quantization Noise*, 2008), filtered by K S. The Gramian of a sampled loop is that of its
@@ -581,7 +581,10 @@ def encoder_noise(loop: Loop) -> float:
             X = solve_continuous_lyapunov(A, -B @ B.T)
         else:
             X = np.zeros((0, 0))
-    return float(np.sqrt((system.C @ X @ system.C.T + system.D @ system.D.T)[0, 0] / 12))
+    power = float((system.C @ X @ system.C.T + system.D @ system.D.T)[0, 0])
+    if not power >= 0:
+        return float("nan")  # beside the boundary rounding is larger than the Gramian
+    return float(np.sqrt(power / 12))
 
 
 def describe_encoder_noise(gain: float, unit: str) -> str:
