@@ -452,7 +452,7 @@ def test_drive_check_judges_friction_at_motor_and_load(belt):
     assert "proved" in str(integral.cures[0])
     at_load = judge_friction([], replace(settings, encoder="load"), **given)
     assert at_load.assumed is None
-    assert "encoder of the motor" in at_load.note
+    assert "only with the encoder on the motor" in at_load.note
 
 
 def test_the_reaction_of_a_load_without_friction_is_linear():

@@ -69,6 +69,7 @@ def write_files(patch):
     robust.save(control.ss([], [], [], [[1e3]], 1e-3), "K.json")
     for how in (
         "default.json",
+        "three.json --zeros 3",
         "sampled.json --zeros 2 --sample-time 0.002",
         "good.json --zeros 2",
     ):
@@ -103,11 +104,8 @@ def commands_in(refusal):
 @pytest.mark.parametrize(
     ("asked", "word"),
     [
-        ("default.json K.json", "--nominal default.json"),  # 4aa289a did not name it
-        (
-            "default.json K.json --stiffness 5e4",
-            "at least two poles more than zeros",
-        ),  # 4aa289a: n_zeros <= n_poles - 2
+        ("default.json K.json", "--nominal default.json"),
+        ("three.json K.json --stiffness 5e4", "at least two poles more than zeros"),
         ("sampled.json K.json --stiffness 5e4", "must be a continuous model"),
         ("low.npz K.json", "got 1 BLA"),
         ("low.npz mid.npz K.json", "got 2 BLAs"),

@@ -60,7 +60,7 @@ def test_without_a_proof_the_number_of_frequencies_is_said():
     assert worst.achieved <= proved.peak.value
 
 
-@pytest.mark.filterwarnings("ignore:weights must be diagonal")
+@pytest.mark.filterwarnings("ignore:weights were made diagonal")
 @pytest.mark.parametrize(
     ("draw", "seeds"),
     [(try_set, range(3)), pytest.param(try_family, range(3), marks=pytest.mark.attack)],

@@ -25,7 +25,8 @@ def test_an_axis_of_any_friction_gets_a_verdict(law, tmp_path):
     axis = rig.Axis(law=law)
     bench_stranger.play(rig, axis, tmp_path)
     code, found, said, _ = bench_stranger.check(tmp_path)
-    assert code == 3, said
+    # the simulation needs no proof: gains with which it hunts are not passed
+    assert code == {"rests": 3, "hunts": 1}[found["friction"]["simulated"]], said
     assert found["linear"]["verdict"] == "statistically robust"
     assert 1 < found["linear"]["max_S"] < 2
     friction = found["friction"]
@@ -72,11 +73,11 @@ def test_a_delay_that_is_too_long_for_a_proof_keeps_the_linear_verdict(tmp_path)
     axis = rig.Axis(law="maxwell", Fs=25.0, fs=8000.0, delay_periods=25, kp=12.0, kv=12.0, tn=0.1)
     bench_stranger.play(rig, axis, tmp_path)
     code, found, said, _ = bench_stranger.check(tmp_path)
-    assert code == 3, said
+    # the simulation needs no proof: gains with which it hunts are not passed
+    assert code == {"rests": 3, "hunts": 1}[found["friction"]["simulated"]], said
     assert found["linear"]["verdict"] == "statistically robust"
     assert found["friction"]["outcome"] == "open"
     assert "No bound: delay must be at most 20 samples" in found["friction"]["reason"]
-    assert found["friction"]["simulated"] in ("rests", "hunts")
     low, high = found["friction"]["Fs_interval"]
     assert low < axis.Fs < high
 

@@ -84,7 +84,7 @@ def refusing(response):
 
 @pytest.mark.attack
 def test_what_is_wanted_is_found_in_the_worker_and_no_response_comes_back(here, monkeypatch):
-    monkeypatch.setattr(loop_results, "to_trajectories", None)  # here, not there
+    monkeypatch.setattr(loop_results, "_to_trajectories", None)  # here, not there
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
         assert run_loops(**arguments(), executor=executor, of=last) == [
             last(response) for response in here

@@ -18,7 +18,7 @@ ASKED = {"M_S": 2.0, "dt": 1e-3}
 def test_where_no_gain_is_proved_the_class_is_refused():
     undamped = friction_plant(1.0, 80e3)  # an integrator alone makes it unstable at every gain
     with pytest.raises(
-        ValueError, match="prove must be a class for which some gain of the controller is proved"
+        ValueError, match="prove must be a class for which the proof holds with some gain"
     ):
         design_frf(STUCK, "I", prove=(undamped, CLASS), **ASKED)
 
