@@ -12,6 +12,7 @@ import nlfrf
 import robust
 from benchmarks.soundness_matrix import random_case, trial
 from robust import UncertaintyModel
+from robust.models.sets.records import JointProbability
 from tests.support.printed import unwrapped
 
 OMEGA = np.array([1.0, 3.0])
@@ -245,6 +246,18 @@ def test_two_forms_may_be_tried_for_their_price(tmp_path):
         ValueError, match=r"alternative_form must have confidence 0\.975 as this set, got 0\.95"
     ):
         replace(model, alternative_form=alone["additive"])
+
+
+def test_the_errors_of_two_forms_add_up():
+    """Both sets hold the truth with at least 1 - 0.05 - 0.05, and all lines with 1 - 0.2 - 0.1."""
+    G, w = plant(), (number(0.1),) * 2
+    additive = replace(made("additive", G, w, w), joint=JointProbability(frf=0.9))
+    both = made("elements", G, (), w * 2, joint=JointProbability(frf=0.8))
+    said = " ".join(
+        robust.check(replace(both, alternative_form=additive), 0.01 * np.eye(2)).confidence
+    )
+    assert "within the radius with 90 % probability" in said
+    assert "a whole FRF lies under the weight with about 70 %" in said
 
 
 def test_refusals():
