@@ -143,11 +143,11 @@ def delayed(
             np.eye(whole, k=-1), np.eye(whole, 1), np.eye(1, whole, whole - 1), [[0.0]], dt
         )
     else:
-        one = pade(delay, order)
+        one = _pade(delay, order)
     return in_series(block_diagonal([one] * system.ninputs, one.dt), system)
 
 
-def pade(delay: float, order: int) -> control.StateSpace:
+def _pade(delay: float, order: int) -> control.StateSpace:
     """Return the all-pass Padé approximation of exp(-s delay) with equal degrees, realised section
     by section.
 
@@ -175,7 +175,7 @@ def without_pade(system: control.StateSpace) -> tuple[control.StateSpace, float]
     The all-pass factor is found by zeros that mirror poles. It counts as a delay only if its poles
     are those of the approximation of its order. A system without one is returned unchanged.
 
-    >>> late = in_series(pade(5e-4, 4), control.ss(control.tf([1], [1, 4, 80e3])))
+    >>> late = in_series(_pade(5e-4, 4), control.ss(control.tf([1], [1, 4, 80e3])))
     >>> G, delay = without_pade(late)
     >>> G.nstates, round(1e3 * delay, 9)
     (2, 0.5)
@@ -188,7 +188,7 @@ def without_pade(system: control.StateSpace) -> tuple[control.StateSpace, float]
     )
     n = int(mirrored.sum())
     delay = float(np.sum(-2 * (1 / p[mirrored]).real))
-    if not n or not _roots_match(p[mirrored], poles(pade(delay, n))):
+    if not n or not _roots_match(p[mirrored], poles(_pade(delay, n))):
         return system, 0.0
     kept = np.ones(z.size, bool)
     kept[np.argmin(distance[mirrored], axis=1)] = False

@@ -128,7 +128,7 @@ def eigenvalues_with_rounding(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarra
     their poles are exact.
     """
     poles, moved = [np.zeros(0, complex)], [np.zeros(0)]
-    for part in connected_components(matrix):
+    for part in _connected_components(matrix):
         A = balance_matrix(matrix[np.ix_(part, part)])[0]
         found, left, right = eig(A, left=True, right=True)
         cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
@@ -142,7 +142,7 @@ def eigenvalues_with_rounding(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return np.concatenate(poles), np.concatenate(moved)
 
 
-def connected_components(A: np.ndarray) -> list[np.ndarray]:
+def _connected_components(A: np.ndarray) -> list[np.ndarray]:
     """Return the groups of states of a system that act on each other."""
     reach = ((A != 0) | np.eye(len(A), dtype=bool)).astype(np.float32)
     for _ in range(len(A).bit_length()):  # paths of twice the length each time

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import control
 import numpy as np
 
-from robust.lti.realisation import order_roots
 from robust.models.fit.rational import known_factor, zpk_response
 from robust.models.fit.refinement import refine
 
@@ -45,6 +44,12 @@ class RandomRational:
             factor=lambda tau: known_factor(self.omega, tau, dt=0, excess=0),
             omega=self.omega if free_delay else None,
         )[4]
+
+
+def order_roots(roots):
+    """Real roots, then conjugate pairs, the upper one first."""
+    upper = np.sort(roots[roots.imag > 0])
+    return np.concatenate([np.sort(roots[roots.imag == 0]), np.ravel([upper, upper.conj()], "F")])
 
 
 def random_root_pair(rng, w):

@@ -10,7 +10,6 @@ import pytest
 from scipy.linalg import expm
 
 from robust.analysis import check_structure
-from robust.lti.connections import upper_lft
 from robust.models import Block, interconnection
 
 
@@ -128,7 +127,7 @@ def test_an_interconnection_agrees_with_joining_by_python_control():
         spring = control.ss([], [], [], [[0.4 * d]], inputs="v", outputs="f")
         other = control.interconnect([G, K, error, spring], inputs="r", outputs="y")
         s = 1j * np.array([0.1, 1.0, 10.0])
-        closed = upper_lft(system.N, control.ss([], [], [], [[d]]))
+        closed = control.ss([], [], [], [[d]]).lft(system.N)
         assert closed(s) == pytest.approx(other(s), rel=1e-9)
 
 
@@ -156,7 +155,7 @@ def test_the_worst_perturbation_does_break_the_loop():
     assert report.margins.rs <= report.margins.broken * (1 + 1e-9)
     assert report.margins.broken < 1.05 * report.margins.rs
     values = {name: number * report.margins.broken for name, number in report.margins.worst.items()}
-    poles = upper_lft(system.N, control.ss([], [], [], np.diag(list(values.values())))).poles()
+    poles = control.ss([], [], [], np.diag(list(values.values()))).lft(system.N).poles()
     assert np.min(np.abs(poles.real)) < 1e-3 * np.abs(poles).max()
 
 

@@ -10,9 +10,9 @@ import pytest
 from flint import arb, ctx
 
 from robust import UncertaintyModel, check, ncfsyn
-from robust.lti.realisation import from_roots, state_space
 from robust.proofs.search.intervals import trusted_responder
 from tests.support.precise_loops import BITS, PreciseLoop, unstable_poles
+from tests.support.sets import from_roots, set_around
 
 FORMS = ("multiplicative", "additive", "inverse-multiplicative", "inverse-additive")
 
@@ -47,12 +47,8 @@ def loop_of(seed):
     zeros, poles = roots(rng)
     num = np.real(np.poly(zeros)) if len(zeros) else [1.0]
     companion = rng.random() < 0.5
-    made = (
-        control.tf(num, np.real(np.poly(poles)))
-        if companion
-        else from_roots(zeros, poles, 1.0, 0.0)
-    )
-    G = state_space("G", made)
+    made = control.tf(num, np.real(np.poly(poles))) if companion else from_roots(zeros, poles, 1.0)
+    G = set_around(made).nominal
     at = 10 ** rng.uniform(-4, 4)
     if rng.random() < 0.4:
         U, V = (np.linalg.qr(rng.standard_normal((G.nstates,) * 2))[0] for _ in range(2))

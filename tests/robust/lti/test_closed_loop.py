@@ -6,22 +6,14 @@ import control
 import numpy as np
 import pytest
 
-from robust.lti.connections import (
-    closed_loop,
-    largest_allowed_factor,
-    weighted_plant,
-    worst_perturbation,
-    worst_sensitivity,
-)
-from robust.lti.grids import find_peak, loop_grid, refine_peaks, structure_grid
-from robust.lti.stability import assess_stability as instability
-from robust.lti.stability import (
-    connected_components,
-    delay_pole_count,
-    poles_with_rounding,
-    winding_number,
-)
+import robust
+from robust.analysis import loop_gains
+from robust.lti.connections import closed_loop
+from robust.lti.grids import refine_peaks
+from robust.lti.stability import assess_stability
+from tests.support.forms import DEVIATION, PERTURBED, worst_sensitivity
 from tests.support.printed import unwrapped
+from tests.support.sets import set_around, unstable_poles
 
 OMEGA = np.geomspace(1e-2, 1e2, 50)
 G = control.ss(control.tf([3, 1], [1, 0.4, 2]))
@@ -48,8 +40,8 @@ def test_ports_of_the_loop():
         assert loop(1j * OMEGA) == pytest.approx(curve, rel=1e-9)
 
 
-def random_system(rng, n, n_out, n_in):
-    A = rng.standard_normal((n, n)) - 2 * np.eye(n)
+def random_system(rng, n, n_out, n_in, slowest=2):
+    A = rng.standard_normal((n, n)) - slowest * np.eye(n)
     return control.StateSpace(
         A,
         rng.standard_normal((n, n_in)),
@@ -81,42 +73,18 @@ def test_ports_of_a_loop_of_three_outputs_and_two_inputs():
 
 
 def test_a_plant_with_its_weights_is_the_loop_with_them():
-    """Closed by any K it is [w_P S; w_u K S; w_T T], and what d, z of the plant see."""
+    """gamma of a design is the largest gain of [w_P S; w_u K S; w_T T], weights of several channels
+    and a plant that is not square.
+    """
     rng = np.random.default_rng(1)
-    # (d, u) of 1 + 2 to (z, y) of 1 + 3
-    P = random_system(rng, 3, 4, 3)
-    K = random_system(rng, 2, 3, 2)
-    K = control.StateSpace(K.A, K.B[:, [0, 1, 1]], K.C[:2], 0.1 * np.ones((2, 3)), 0)
-    weights = [
-        ("e", random_system(rng, 1, 2, 3)),
-        ("u", random_system(rng, 1, 2, 2)),
-        ("y", random_system(rng, 0, 3, 3)),
-    ]
-    whole = weighted_plant(P, 3, n_u=2, weights=weights).lft(K)
-    bare = weighted_plant(P, 3, n_u=2, weights=[], reference=False).lft(K)
-    for s in (0.3j, 2j):
-        p, k = P(s), K(s)
-        g_zd, g_zu, g_yd, g_yu = p[:1, :1], p[:1, 1:], p[1:, :1], p[1:, 1:]
-        S = np.linalg.inv(np.eye(3) + g_yu @ k)
-        from_d, from_r = (-S @ g_yd, -k @ S @ g_yd), (S, k @ S)
-        columns = []
-        for e, u, direct, output in (
-            (*from_d, g_zd, g_yd),
-            (*from_r, np.zeros((1, 3)), np.zeros((3, 3))),
-        ):
-            y = output + g_yu @ u
-            columns.append(
-                np.vstack(
-                    [
-                        direct + g_zu @ u,
-                        weights[0][1](s) @ e,
-                        weights[1][1](s) @ u,
-                        weights[2][1](s) @ y,
-                    ]
-                )
-            )
-        np.testing.assert_allclose(whole(s), np.hstack(columns), rtol=1e-9, atol=1e-11)
-        np.testing.assert_allclose(bare(s, squeeze=False), columns[0][:1], rtol=1e-9, atol=1e-11)
+    G = random_system(rng, 3, 3, 2)
+    w_P, w_u, w_T = (random_system(rng, *size, slowest=4) for size in ((1, 2, 3), (1, 2, 2), (0, 3, 3)))  # fmt: skip
+    design = robust.mixsyn(G, w_P, w_u=w_u, w_T=w_T)
+    s = 1j * np.r_[0.0, np.geomspace(1e-4, 1e4, 4000)]
+    g, k, P, U, T = (np.moveaxis(part(s), 2, 0) for part in (G, design.K, w_P, w_u, w_T))
+    S = np.linalg.inv(np.eye(3) + g @ k)
+    sizes = np.linalg.norm(np.hstack([P @ S, U @ k @ S, T @ g @ k @ S]), 2, axis=(1, 2))
+    assert design.gamma == pytest.approx(sizes.max(), rel=1e-3)
 
 
 def test_a_controller_of_another_shape_is_refused():
@@ -134,81 +102,105 @@ def test_a_loop_without_a_solution_is_refused():
         closed_loop(one, minus, ("e",), ("r",))
 
 
-def test_worst_sensitivity_over_the_disc_by_brute_force():
+def random_set(rng, form):
+    """A set around a stable loop, with G, K and w, and frequencies that resolve all of them."""
+    G = control.tf([rng.uniform(0.5, 2)], [1, 2 * rng.uniform(0.1, 0.7), 1])
+    K = control.tf([rng.uniform(0.1, 0.5), 0.2], [1, rng.uniform(1, 3)])
+    w = control.tf(rng.uniform(0.05, 0.3) * np.array([0.01, 1]), [rng.uniform(0.2, 2), 1])
+    return set_around(G, w, form), G, K, w
+
+
+@pytest.mark.parametrize("form", list(PERTURBED)[:4])
+def test_worst_sensitivity_over_the_disc_by_brute_force(form):
     rng = np.random.default_rng(2)
-    S, a, b = (rng.standard_normal(200) + 1j * rng.standard_normal(200) for _ in range(3))
-    b = b / np.abs(b) * rng.uniform(0, 0.95, 200)
-    Delta = np.exp(2j * np.pi * np.arange(2000) / 2000)[:, None]
-    found = np.abs(S * (1 + a * Delta) / (1 + b * Delta)).max(axis=0)
-    worst = worst_sensitivity(S, a, b)
-    assert np.all(found <= worst * (1 + 1e-12))
-    assert found == pytest.approx(worst, rel=2e-3)
-    there = worst_perturbation(a, b)
-    assert np.abs(there) == pytest.approx(1.0)
-    assert np.abs(S * (1 + a * there) / (1 + b * there)) == pytest.approx(worst, rel=1e-9)
+    for _ in range(3):
+        model, G, K, w = random_set(rng, form)
+        report = robust.check(model, K, w_P=0.1, certify=False)
+        s = 1j * report.curves.omega
+        rim = np.array([worst_sensitivity(form, w(x), G=G(x), K=K(x), n=2000).item() for x in s])
+        bounded = np.isfinite(rim)
+        assert bounded.sum() > 100
+        assert np.all(0.1 * rim[bounded] <= report.curves.rp[bounded] * (1 + 1e-9))
+        assert 0.1 * rim == pytest.approx(report.curves.rp, rel=2e-3)
+        worst = robust.worst_case(model, K)
+        s = 1j * worst.omega_worst
+        reached = np.abs(1 / (1 + K(s) * PERTURBED[form](G(s), w(s), worst.delta)))
+        assert abs(worst.delta) == pytest.approx(1.0)
+        rim = worst_sensitivity(form, w(s), G=G(s), K=K(s), n=20_000).item()
+        assert rim * (1 - 1e-12) <= reached <= rim * (1 + 1e-6)
+        assert reached == pytest.approx(report.margins.S_worst, rel=1e-3)
 
 
-def test_factor_allowed_takes_the_worst_case_to_one():
+@pytest.mark.parametrize("form", list(PERTURBED)[:4])
+def test_factor_allowed_takes_the_worst_case_to_one(form):
     rng = np.random.default_rng(3)
-    size = rng.uniform(0.05, 0.9, 100)
-    a, b = (rng.standard_normal(100) + 1j * rng.standard_normal(100) for _ in range(2))
-    k = largest_allowed_factor(size, a, b)
-    assert worst_sensitivity(size + 0j, k * a, k * b) == pytest.approx(1.0, rel=1e-9)
+    for _ in range(3):
+        model, G, K, w = random_set(rng, form)
+        factor = robust.check(model, K, w_P=0.4, certify=False).margins.rp
+        grown = robust.check(set_around(G, factor * w, form), K, w_P=0.4, certify=False)
+        assert 0.4 * grown.margins.S_worst == pytest.approx(1.0, rel=1e-6)
+        s = 1j * grown.curves.omega
+        assert np.all(DEVIATION[form](-1 / K(s), G(s)) > factor * np.abs(w(s)))
 
 
-@pytest.mark.parametrize(("product", "poles"), [(1.5, 0), (1.6, 2), (7.8, 2), (7.9, 4), (14.2, 6)])
+@pytest.mark.parametrize(
+    ("product", "poles"),
+    [(1.5, 0), (1.6, 2), (7.8, 2), (7.9, 4), (14.2, 6)]
+    + [(angle * share, poles)
+       for angle, before in ((np.pi / 2, 0), (5 * np.pi / 2, 2))
+       for share, poles in ((1 - 1e-6, before), (1 + 1e-6, before + 2))],
+)  # fmt: skip
 def test_a_delay_in_a_loop_of_an_integrator(product, poles):
     """s + k exp(-s tau) has a pair more in the right half plane at each k tau = pi/2 + 2 pi n."""
-    lag = control.ss(control.tf([2.0], [1, 1e-9]))
-    assert delay_pole_count(lag, product / 2.0) == poles
+    lag = control.tf([2.0], [1, 1e-9])
+    found = robust.check(set_around(lag, 1e-9), 1.0, delay=product / 2.0, certify=False)
+    assert unstable_poles(found) == poles
 
 
 def test_poles_on_the_boundary_are_not_decided():
     undamped = control.StateSpace([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], [[0]], 0)
-    found, moved = poles_with_rounding(undamped)
-    assert np.all(np.abs(found.real) <= moved)
-    assert instability(undamped).state != "stable"
-    assert instability(control.StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]], 0)).stable
-    found = instability(control.StateSpace([[1.0]], [[0.0]], [[0.0]], [[0.0]], 0))
+    assert assess_stability(undamped).state == "undecided"
+    assert assess_stability(control.StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]], 0)).stable
+    found = assess_stability(control.StateSpace([[1.0]], [[0.0]], [[0.0]], [[0.0]], 0))
     assert (found.state, found.pole) == ("unstable", 1)
     assert "pole at 1" in unwrapped(found)
+    assert assess_stability(control.ss([], [], [], [[1.0]])).stable
 
 
 @pytest.mark.parametrize("gain", [0.5, 0.9, 1.1, 3.0])
 def test_winding_number_counts_what_polynomials_say(gain):
     """8 k/(s + 1)^3 is stable up to k = 1; P/(s - 1) needs gain above one: one turn less."""
     omega = np.geomspace(1e-2, 1e2, 800)
-    three = control.ss(control.tf([8.0], [1, 3, 3, 1]))
-    turns, clear = winding_number(
-        omega, three(1j * omega), K=control.ss([], [], [], [[gain]]), dt=0.0
-    )
     unstable = np.sum(np.roots([1, 3, 3, 1 + 8 * gain]).real > 0)
-    assert turns == -unstable
-    assert clear
-    one = control.ss(control.tf([1.0], [1, -1]))
-    turns, clear = winding_number(
-        omega, one(1j * omega), K=control.ss([], [], [], [[3 * gain]]), dt=0.0
-    )
-    assert clear
-    assert turns == 1 - (3 * gain < 1)
+    for num, den, K, n_poles, turns in (
+        ([8.0], [1, 3, 3, 1], gain, 0, -unstable),
+        ([1.0], [1, -1], 3 * gain, 1, 1 - (3 * gain < 1)),
+    ):
+        frf = control.FrequencyResponseData(control.tf(num, den)(1j * omega), omega)
+        found = robust.check(frf, K, n_unstable=n_poles)
+        assert found.nominally_stable == (turns == n_poles)
+        if turns != n_poles:
+            assert f"1 + L winds {turns} times about zero" in unwrapped(found)
 
 
-def test_a_mode_that_no_log_grid_sees_is_on_the_grid():
+@pytest.mark.parametrize("dt", [0.0, 0.01])
+def test_a_mode_that_no_log_grid_sees_is_on_the_grid(dt):
     sharp = control.ss([[-1e-7, 3.0], [-3.0, -1e-7]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
-    omega = loop_grid(np.array([1.0, 10.0]), np.zeros(0, complex), systems=[sharp], dt=0.0)
+    sharp = robust.sampled(sharp, dt) if dt else sharp
+    omega = robust.check(set_around(sharp), 1e-12, certify=False).curves.omega
     assert np.abs(omega / 3 - 1).min() < 1e-7
-    assert np.abs(structure_grid(sharp) / 3 - 1).min() < 1e-7
+    assert np.abs(loop_gains(sharp, 1e-12).omega / 3 - 1).min() < 1e-7
 
 
 def test_the_highest_of_a_curve_is_found_between_the_points():
-    peak, where = find_peak(
-        lambda w: 1 / np.hypot(1 - w**2, 0.1 * w),
-        np.geomspace(0.01, 100, 60),
-        band=(0.01, 100),
-        top=np.inf,
+    """rs is |w|/2 of a loop of ones; |w| a resonance."""
+    w = control.tf([0.1], [1, 0.1, 1])
+    found = robust.check(set_around(1.0, w), 1.0, certify=False).margins.peak_rs
+    assert found.value == pytest.approx(0.05 / (0.1 * np.sqrt(1 - 0.05**2)), rel=1e-6)
+    assert found.omega == pytest.approx(np.sqrt(1 - 0.1**2 / 2), rel=1e-3)
+    assert robust.worst_case(set_around(1.0, w), 1.0).omega_worst == pytest.approx(
+        found.omega, rel=1e-3
     )
-    assert peak == pytest.approx(1 / (0.1 * np.sqrt(1 - 0.05**2)), rel=1e-6)
-    assert where == pytest.approx(np.sqrt(1 - 0.1**2 / 2), rel=1e-3)
 
 
 def test_several_curves_are_climbed_together_as_each_alone():
@@ -230,12 +222,24 @@ def test_several_curves_are_climbed_together_as_each_alone():
     assert corner == pytest.approx((1.0, 5.0), rel=1e-4)
 
 
-def test_states_that_act_on_each_other_are_one_part():
-    """A ring of three, a pair behind it, and one alone, against the definition by powers of the
-    graph.
+@pytest.mark.parametrize(
+    ("place", "above", "pole"),
+    [((0, 0), 2e-2, 1e-2), ((3, 3), 2e-2, 1e-2), ((5, 5), 2e-15, 1e-15), ((0, 0), 0.0, None)],
+)
+def test_states_that_act_on_each_other_are_one_part(place, above, pole):
+    """A ring of three, a pair behind it, and one alone, driven by all: its slow pole is exact, those
+    of the ring are moved by rounding.
     """
     A = np.zeros((6, 6))
-    A[[1, 2, 0], [0, 1, 2]] = 1.0  # a ring
+    A[[1, 2, 0], [0, 1, 2]] = 1.0  # a ring, with the roots of one
     A[3, 2] = A[3, 4] = A[4, 3] = 1.0  # a pair that the ring drives
-    assert [part.tolist() for part in connected_components(A)] == [[0, 1, 2], [3, 4], [5]]
-    assert connected_components(np.zeros((0, 0))) == []
+    A[5, :5] = 1e6
+    A -= np.diag([1.01, 1.01, 1.01, 1.01, 1.01, 1e-15])
+    group = {0: [0, 1, 2], 3: [3, 4], 5: [5]}[place[0]]
+    A[group, group] += above
+    found = assess_stability(control.StateSpace(A, np.zeros((6, 1)), np.zeros((1, 6)), [[0.0]], 0))
+    if pole is None:
+        assert found.stable
+    else:
+        assert found.unstable
+        assert found.pole == pytest.approx(pole, rel=1e-9)

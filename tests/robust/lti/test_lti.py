@@ -1,4 +1,8 @@
-"""Response, poles, zeros, connections: against polynomials and against one another."""
+"""Response, zeros, connections, realisation, through the sets that hold a system: against polynomials
+and formulas.
+"""
+
+import warnings
 
 import control
 import numpy as np
@@ -6,18 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robust.lti.connections import (
-    block_diagonal,
-    feedback,
-    in_parallel,
-    in_series,
-    inverse_system,
-    lower_lft,
-    one_plus,
-    upper_lft,
-)
-from robust.lti.lti import balance_matrix, evaluate_transfer, poles, response, to_s_plane, zeros
-from robust.lti.realisation import from_roots, multivariable, state_space
+import robust
+from robust.lti.lti import zeros
+from tests.support.forms import PERTURBED
+from tests.support.sets import from_roots, realised, set_around
 
 OMEGA = np.geomspace(1e-2, 1e2, 60)
 
@@ -40,7 +36,8 @@ def test_response_is_that_of_the_definition(n, dt):
     for omega in (0.1, 3.0, 200.0):
         x = np.exp(1j * omega * dt) if dt else 1j * omega
         wanted = G.C @ np.linalg.solve(x * np.eye(n) - G.A, G.B) + G.D
-        assert response(G, np.array([omega]))[0] == pytest.approx(wanted[0, 0], rel=1e-9)
+        found = set_around(G).at(np.array([omega] * 6))
+        assert found == pytest.approx(wanted[0, 0], rel=1e-9)
 
 
 def test_response_over_many_decades():
@@ -48,78 +45,92 @@ def test_response_over_many_decades():
     z, p = -np.geomspace(1e-3, 1e3, 9), -np.geomspace(3e-4, 3e3, 10)
     s = 1j * np.geomspace(1e-5, 1e5, 50)
     wanted = np.prod(s[:, None] - z, axis=1) / np.prod(s[:, None] - p, axis=1)
-    assert response(from_roots(z, p, 1.0, 0.0), s.imag) == pytest.approx(wanted, rel=1e-6)
+    G = from_roots(z, p, 1.0)
+    assert set_around(G).at(s.imag) == pytest.approx(wanted, rel=1e-6)
 
 
 def test_poles_and_zeros():
     z, p = np.array([-1 + 2j, -1 - 2j, 3.0]), np.array([-4.0, -0.1 + 5j, -0.1 - 5j, -7.0])
-    G = from_roots(z, p, 2.5, 0.0)
-    assert np.sort_complex(poles(G)) == pytest.approx(np.sort_complex(p), rel=1e-9)
+    G = from_roots(z, p, 2.5)
+    assert np.sort_complex(np.linalg.eigvals(G.A)) == pytest.approx(np.sort_complex(p), rel=1e-9)
     found = zeros(G)
     assert found.size == z.size
     assert np.abs(found[:, None] - z).min(axis=0) == pytest.approx(0, abs=1e-8)
-    assert to_s_plane(np.exp(p * 0.01), 0.01) == pytest.approx(p, rel=1e-9)
 
 
-@given(seed=st.integers(0, 2**20), dt=st.sampled_from([0.0, 0.1]))
-def test_connections_are_what_their_formulas_say(seed, dt):
+def points(omega, dt):
+    return np.exp(1j * omega * dt) if dt else 1j * omega
+
+
+@given(
+    seed=st.integers(0, 2**20),
+    dt=st.sampled_from([0.0, 0.1]),
+    form=st.sampled_from([form for form in PERTURBED if form != "coprime"]),
+)
+def test_connections_are_what_their_formulas_say(seed, dt, form):
+    """Plants of a set: products, sums, inverses and loops of three systems."""
     rng = np.random.default_rng(seed)
-    F, G = random_plant(rng, 2, dt), random_plant(rng, 3, dt)
-    omega = OMEGA[OMEGA * dt < np.pi]
-    f, g = response(F, omega), response(G, omega)
-    for system, wanted in (
-        (in_series(F, G), f * g),
-        (in_parallel(F, G), f + g),
-        (one_plus(G), 1 + g),
-        (inverse_system(G), 1 / g),
-        (feedback(G, F), g / (1 + f * g)),
-    ):
-        assert response(system, omega) == pytest.approx(
-            wanted, rel=1e-6, abs=1e-9 * np.abs(wanted).max()
-        )
+    G, w, Delta = (random_plant(rng, n, dt) for n in (3, 2, 2))
+    s = points(OMEGA[OMEGA * dt < np.pi], dt)
+    plant = set_around(G, w, form).perturbed(Delta)
+    wanted = PERTURBED[form](G(s), w(s), Delta(s))
+    assert plant(s) == pytest.approx(wanted, rel=1e-6, abs=1e-9 * np.abs(wanted).max())
 
 
 def test_an_improper_inverse_is_refused():
+    lag = control.StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
     with pytest.raises(ValueError, match="form must leave the perturbed plant proper"):
-        inverse_system(control.StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]]))
+        set_around(lag, form="inverse-multiplicative").perturbed(-1.0)
+
+
+def random_matrix(rng, n, n_y, n_u, dt):
+    parts = control.append(*(random_plant(rng, n, dt) for _ in range(2)))
+    mix, back = 0.3 * rng.standard_normal((n_y, 2)), rng.standard_normal((2, n_u))
+    return control.StateSpace(parts.A, parts.B @ back, mix @ parts.C, mix @ parts.D @ back, dt)
 
 
 @pytest.mark.parametrize("dt", [0.0, 0.1])
 def test_linear_fractional_transformations(dt):
-    """F_l(P, K) = P11 + P12 K (I - P22 K)^-1 P21, and the upper one, frequency by frequency."""
+    """The upper one makes a plant of a set, the lower one its loop; all parts have direct terms."""
     rng = np.random.default_rng(7)
-    parts = [random_plant(rng, 2, dt) for _ in range(4)]
-    beside = block_diagonal(parts, dt)
-    mix, back = 0.3 * rng.standard_normal((3, 4)), rng.standard_normal((4, 3))
-    P = control.StateSpace(beside.A, beside.B @ back, mix @ beside.C, mix @ beside.D @ back, dt)
-    K = random_plant(rng, 2, dt)
-    for omega in (0.05, 1.0, 12.0):
-        s = np.array([np.exp(1j * omega * dt) if dt else 1j * omega])
-        p = evaluate_transfer(P.A, P.B, P.C, P.D, s)[0]
-        k = evaluate_transfer(K.A, K.B, K.C, K.D, s)[0]
-        low = p[:2, :2] + p[:2, 2:] @ k @ np.linalg.inv(np.eye(1) - p[2:, 2:] @ k) @ p[2:, :2]
-        high = p[1:, 1:] + p[1:, :1] @ k @ np.linalg.inv(np.eye(1) - p[:1, :1] @ k) @ p[:1, 1:]
-        for system, wanted in ((lower_lft(P, K), low), (upper_lft(P, K), high)):
-            assert evaluate_transfer(system.A, system.B, system.C, system.D, s)[0] == pytest.approx(
-                wanted, rel=1e-7, abs=1e-9
-            )
+    G, W_l, W_r, Delta, K, w_P = (random_matrix(rng, 2, 2, 2, dt) for _ in range(6))
+    model = robust.UncertaintyModel(
+        G, form="inverse-output", left=(W_l,), right=(W_r,), omega=np.array([0.05, 1.0, 12.0])
+    )
+    plant, N, one = model.perturbed(Delta), model.loop(K, w_P=w_P).N, np.eye(2)
+    bare = model.loop(K).N
+    for s in points(model.omega, dt):
+        g, k, left, right = G(s), K(s), W_l(s), W_r(s)
+        perturbed = np.linalg.inv(one + left @ Delta(s) @ right) @ g
+        np.testing.assert_allclose(plant(s), perturbed, rtol=1e-7, atol=1e-9)
+        S = np.linalg.inv(one + g @ k)
+        loop = np.block([[-right @ S @ left, right @ g @ k @ S], [w_P(s) @ S @ left, w_P(s) @ S]])
+        np.testing.assert_allclose(N(s), loop, rtol=1e-7, atol=1e-9)
+        np.testing.assert_allclose(bare(s), loop[:2, :2], rtol=1e-7, atol=1e-9)
 
 
 def test_numbers_polynomials_and_roots_become_the_same_system():
     wanted = (2j * OMEGA + 1) / ((1j * OMEGA) ** 2 + 0.2j * OMEGA + 4)
     for system in (control.tf([2, 1], [1, 0.2, 4]), control.ss(control.tf([2, 1], [1, 0.2, 4]))):
-        assert response(state_space("G", system), OMEGA) == pytest.approx(wanted, rel=1e-9)
-    assert response(state_space("G", 3), OMEGA) == pytest.approx(3.0)
+        assert set_around(system).at(OMEGA) == pytest.approx(wanted, rel=1e-9)
+    assert set_around(3).at(OMEGA) == pytest.approx(3.0)
 
 
 def test_states_of_sizes_beyond_any_integer_are_scaled_in_silence():
     """A plant of a set with a weight far away: scipy casts scales of 1e23 to integers, and
     warns.
     """
-    A = np.array([[-1.0, 1e60, 0.0], [1e-60, -2.0, 1.0], [0.0, 1.0, -3.0]])
-    scaled, weights = balance_matrix(A)
-    np.testing.assert_allclose(scaled * weights[:, None] / weights, A, rtol=1e-12)
-    assert np.abs(scaled).max() < 1e3
+    T = np.diag([1e60, 1.0, 1.0])
+    A = np.array([[-1.0, 1.0, 0.0], [1.0, -2.0, 1.0], [0.0, 1.0, -3.0]])
+    b, c = np.ones((3, 1)), np.array([[0.0, 1.0, 1.0]])
+    s = 1j * OMEGA
+    wanted = [(c @ np.linalg.solve(x * np.eye(3) - A, b)).item() for x in s]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        model = set_around(
+            control.StateSpace(T @ A @ np.linalg.inv(T), T @ b, c @ np.linalg.inv(T), [[0.0]], 0)
+        )
+        assert model.at(OMEGA) == pytest.approx(np.array(wanted), rel=1e-12)
 
 
 @pytest.mark.parametrize("direct", [True, False])
@@ -142,10 +153,10 @@ def test_a_matrix_of_transfer_functions_is_one_minimal_system(dt):
     numerators = [[[1.0], [2.0]], [[3.0, 1.0], [0.5]]]
     denominators = [[[1, -pole], [1, -pole]], [[1, 0.5 - pole, -0.5 * pole], [1, 0.3]]]
     G = control.tf(numerators, denominators, dt, inputs=["a", "b"], outputs=["c", "d"])
-    system = multivariable("P", G)
+    system = realised(G)
     assert (system.input_labels, system.output_labels, system.dt) == (["a", "b"], ["c", "d"], dt)
     assert (
-        np.sum(np.abs(poles(system) - pole) < 1e-6) == 2
+        np.sum(np.abs(system.poles() - pole) < 1e-6) == 2
     )  # of rank two: its residue is a full matrix
     points = np.exp(1j * OMEGA[OMEGA < 3]) if dt else 1j * OMEGA
     for s in points:
@@ -153,12 +164,12 @@ def test_a_matrix_of_transfer_functions_is_one_minimal_system(dt):
 
 
 def test_a_matrix_that_no_state_space_has_is_refused():
-    with pytest.raises(ValueError, match="P must be proper, got degree 2 over degree 1"):
-        multivariable("P", control.tf([[[1, 0, 0], [1]]], [[[1, 1], [1, 1]]]))
+    with pytest.raises(ValueError, match="nominal must be proper, got degree 2 over degree 1"):
+        realised(control.tf([[[1, 0, 0], [1]]], [[[1, 1], [1, 1]]]))
     hidden = control.tf([[[1, -1], [1]]], [[[1, 1, -2], [1, 3]]])  # (s - 1)/((s - 1)(s + 2))
     with pytest.raises(
-        ValueError, match="P must have no hidden unstable mode, got one that cancels at 1"
+        ValueError, match="nominal must have no hidden unstable mode, got one that cancels at 1"
     ):
-        multivariable("P", hidden)
+        realised(hidden)
     shared = control.tf([[[1, -1], [1]]], [[[1, 1, -2], [1, -1]]])  # another entry shows it
-    assert np.isclose(poles(multivariable("P", shared)), 1).any()
+    assert np.isclose(realised(shared).poles(), 1).any()

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robust
-from robust.lti.realisation import multivariable
+from tests.support.sets import realised
 
 PAIR, FAR = [1, 0.1, 1], np.poly([-1e6, -1, -1e-6])
 
@@ -50,7 +50,7 @@ def matrix_of(numerators, denominators, dt=0):
     ],
 )
 def test_a_matrix_has_as_many_states_as_its_modes(G, order):
-    system = multivariable("G", G)
+    system = realised(G)
     assert (system.nstates, system.dt) == (order, G.dt)
     for omega in np.geomspace(1e-3, 1e3, 40):
         s = np.exp(1j * omega * G.dt) if G.dt else 1j * omega
@@ -66,7 +66,7 @@ def test_drawn_systems_have_the_order_they_were_drawn_with(dt):
         A = 0.4 * A if dt else A * 10 ** rng.uniform(-2, 2)
         den = np.poly(A)
         num = [[np.poly(A - np.outer(b, c)) - den for b in B.T] for c in C]
-        system = multivariable("G", control.tf(num, [[den] * n_u] * n_y, dt))
+        system = realised(control.tf(num, [[den] * n_u] * n_y, dt))
         assert system.nstates == n
         p = np.linalg.eigvals(A)
         np.testing.assert_allclose(
@@ -77,7 +77,7 @@ def test_drawn_systems_have_the_order_they_were_drawn_with(dt):
 def test_one_unstable_pole_counts_once_and_names_stay():
     rank_one = matrix_of([[1, 1], [1, 1]], [[[1, -1]] * 2] * 2)
     rank_one.update_names(inputs=["left", "right"], outputs=["up", "down"])
-    assert multivariable("G", rank_one).input_labels == ["left", "right"]
+    assert realised(rank_one).input_labels == ["left", "right"]
     state_space = control.ss([[1.0]], [[1.0, 1.0]], [[1.0], [1.0]], np.zeros((2, 2)))
     assert robust.ncfsyn(rank_one).gamma_min == pytest.approx(
         robust.ncfsyn(state_space).gamma_min, rel=1e-6
@@ -85,7 +85,7 @@ def test_one_unstable_pole_counts_once_and_names_stay():
 
 
 def test_gains_whose_squares_are_none_are_realised():
-    assert multivariable("G", control.tf([1e200], [1, 1]))(0) == pytest.approx(1e200)
+    assert realised(control.tf([1e200], [1, 1]))(0) == pytest.approx(1e200)
 
 
 def test_zeros_near_a_pole_do_not_cancel_it():
@@ -94,4 +94,4 @@ def test_zeros_near_a_pole_do_not_cancel_it():
     """
     num = 1e-3 * np.poly([0.999, 0.9985, 0.998])
     G = matrix_of([[num, 1]], [[np.poly([1.001, 0.9, 0.8, 0.7]), [1, -0.5]]], 1e-3)
-    assert np.any(np.abs(multivariable("G", G).poles() - 1.001) < 1e-9)
+    assert np.any(np.abs(realised(G).poles() - 1.001) < 1e-9)

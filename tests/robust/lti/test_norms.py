@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from robust import certify_norm
-from robust.lti.norms import crossings, stabilising_riccati
+from robust import certify_norm, check
+from robust.lti.norms import stabilising_riccati
 from tests.robust.proofs.search.test_bounded_real import second_order
+from tests.support.sets import set_around, unstable_poles
 
 
 @pytest.mark.parametrize("zeta", [0.5, 1e-2, 1e-6])
@@ -18,11 +19,25 @@ def test_norm_of_a_resonance_in_closed_form(zeta):
     assert below.intervals == pytest.approx(peak, rel=1e-4)
 
 
-def test_crossings_are_where_the_gain_crosses():
-    system, _ = second_order(0.1)
-    omega, _ = crossings((system.A, system.B, system.C, system.D), 2.0)
-    assert np.abs(system(1j * omega)) == pytest.approx(2.0, rel=1e-9)
-    assert omega.size == 2
+@pytest.mark.parametrize("zeta", [0.1, 1e-4])
+@pytest.mark.parametrize("turns", [0, 1])
+def test_a_delay_moves_poles_across_the_axis_where_the_gain_is_one(zeta, turns):
+    """At both frequencies in closed form: with |3^2 - w^2 + 6 j zeta w| = 3^2/2 twice the gain is
+    two. A pair comes in at the upper one and leaves at the lower one.
+    """
+    system, _ = second_order(zeta)
+    middle, size = 9 - 18 * zeta**2, np.sqrt((9 - 18 * zeta**2) ** 2 - 81 + 81 / 4)
+    for sign, moved in ((1, 2), (-1, -2)):
+        omega = np.sqrt(middle + sign * size)
+        assert abs(system(1j * omega)) == pytest.approx(2.0, rel=1e-9)
+        turned = (np.angle(system(1j * omega)) + np.pi) % (2 * np.pi) + 2 * np.pi * turns
+        before, after = (
+            unstable_poles(
+                check(set_around(system, 1e-9), 0.5, delay=turned / omega * share, certify=False)
+            )
+            for share in (1 - 1e-7, 1 + 1e-7)
+        )
+        assert after - before == moved
 
 
 @pytest.mark.parametrize("quick", [False, True])

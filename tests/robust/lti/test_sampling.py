@@ -1,19 +1,18 @@
 """Hold, delay, discretisation, Riccati equations: the matrix exponential, closed forms, SciPy."""
 
+from dataclasses import replace
+from math import factorial
+
 import control
 import numpy as np
 import pytest
 from scipy.linalg import expm, solve_continuous_are
 
-from robust import sampled
+from robust import check, fit_nominal, sampled
 from robust.lti import discretize
 from robust.lti.norms import stabilising_riccati
-from robust.lti.sampling import delay_samples, delayed, pade
-
-
-def response(system, omega):
-    return system(np.exp(1j * omega * system.dt) if system.dt else 1j * omega)
-
+from tests.support.responses import response
+from tests.support.sets import set_around
 
 PLANT = control.StateSpace([[0, 1], [-400, -2]], [[0], [400]], [[1, 0]], [[0]], 0)
 
@@ -48,16 +47,36 @@ def test_hold_seen_in_the_frequency_response():
     assert response(sampled(PLANT, dt), omega) == pytest.approx(wanted, rel=1e-6)
 
 
-def test_a_delay_of_whole_samples_and_by_pade():
-    omega = np.array([0.1, 1.0, 3.0])
+def fit_of(G, delay):
+    """A fit of one channel with this plant and this delay."""
+    omega = np.linspace(1, 10, 20)
+    fit = fit_nominal(control.FrequencyResponseData(1 / (1j * omega + 3), omega), n_poles=1)
+    return replace(fit, G=G, delay=delay)
+
+
+@pytest.mark.parametrize("delay", [0.5, 3e-4])
+def test_a_delay_of_a_continuous_plant_is_the_approximation_of_pade(delay):
+    """Of equal degrees n: sum (2n-k)!/(k! (n-k)!) (-s delay)^k over the same of s delay."""
+    nominal = set_around(fit_of(PLANT, delay)).nominal
+    n = nominal.nstates - 2
+    omega = np.geomspace(0.1, 30, 40) / delay
+    coefficients = [factorial(2 * n - k) / (factorial(k) * factorial(n - k)) for k in range(n + 1)]
+    num, den = (
+        np.polynomial.Polynomial(coefficients)(sign * 1j * omega * delay) for sign in (-1, 1)
+    )
+    assert n >= 3
+    assert response(nominal, omega) == pytest.approx(response(PLANT, omega) * num / den, rel=1e-9)
+
+
+def test_a_delay_of_a_discrete_plant_is_whole_samples():
     discrete = sampled(PLANT, 0.01)
-    assert response(delayed(discrete, 0.03, order=0), omega) == pytest.approx(
+    omega = np.array([0.1, 1.0, 3.0, 300.0])
+    late = set_around(fit_of(discrete, 0.03)).nominal
+    assert response(late, omega) == pytest.approx(
         response(discrete, omega) * np.exp(-0.03j * omega), rel=1e-9
     )
-    assert response(pade(0.5, 8), omega) == pytest.approx(np.exp(-0.5j * omega), rel=1e-9)
-    assert delay_samples("delay", 0.03, 0.01) == 3
-    with pytest.raises(ValueError, match="delay must be"):
-        delay_samples("delay", 0.015, 0.01)
+    with pytest.raises(ValueError, match=r"delay must be a whole number of samples of 0\.01 s"):
+        check(set_around(discrete), 0.1, delay=0.015)
 
 
 def test_tustin_is_exact_where_it_is_prewarped():

@@ -4,9 +4,8 @@ import control
 import numpy as np
 import pytest
 
-from robust import sampled
+from robust import sampled, step_response
 from robust.lti import discretize
-from robust.lti.sampling import delayed
 
 DT = 0.1
 PLANT = control.StateSpace(
@@ -34,13 +33,34 @@ def test_discretize_is_tustin():
     assert K.dt == DT
 
 
-def test_delayed_entry_by_entry():
-    """All inputs behind the same delay: samples in discrete time, an all-pass near exp(-s delay)
-    otherwise.
-    """
-    late = delayed(sampled(PLANT, DT), 2 * DT, order=0)
-    np.testing.assert_allclose(late(Z), sampled(PLANT, DT)(Z) * Z**-2.0, rtol=1e-9, atol=1e-12)
-    s = 1j * np.linspace(0.1, 5, 9)
-    np.testing.assert_allclose(
-        delayed(PLANT, 0.2, order=6)(s), PLANT(s) * np.exp(-0.2 * s), rtol=1e-6, atol=1e-9
-    )
+def test_all_inputs_are_behind_the_same_delay():
+    """A step through the loop, sample by sample: the plant reads u of three samples ago."""
+    G, K = sampled(PLANT, DT), np.array([[0.5, 0.1], [-0.2, 0.4]])
+    for j in range(2):
+        found = step_response(G, K, delay=3 * DT, reference=j)
+        x, u = np.zeros(3), [np.zeros(2)] * 3
+        for k in range(found.t.size):
+            y = G.C @ x + G.D @ u[k]
+            assert found.y[:, k] == pytest.approx(y, abs=1e-9)
+            u.append(K @ (np.eye(2)[j] - y))
+            assert found.u[:, k] == pytest.approx(u[-1], abs=1e-9)
+            x = G.A @ x + G.B @ u[k]
+        assert found.t.size > 20
+
+
+def test_a_continuous_delay_of_all_inputs_is_near_the_delay_itself():
+    """Until twice the delay the loop has not read its own answer: a step of K behind the delay."""
+    K, delay = np.array([[0.5, 0.1], [-0.2, 0.4]]), 0.2
+    plant = control.StateSpace(PLANT.A, PLANT.B, PLANT.C, np.zeros((2, 2)))
+    for j in range(2):
+        found = step_response(plant, K, delay=delay, reference=j)
+        seen = (found.t > 1.2 * delay) & (found.t < 2 * delay)
+        assert seen.sum() > 10
+        late = np.concatenate([[0.0], found.t[seen] - delay])
+        wanted = control.forced_response(
+            control.ss(PLANT.A, PLANT.B @ K, PLANT.C, 0),
+            np.linspace(0, delay, 2001),
+            np.outer(np.eye(2)[j], np.ones(2001)),
+        )
+        for row, curve in zip(found.y, wanted.outputs, strict=True):
+            assert row[seen] == pytest.approx(np.interp(late[1:], wanted.time, curve), abs=1e-3)

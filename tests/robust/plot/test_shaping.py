@@ -11,7 +11,6 @@ matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
 from robust import UncertaintyModel, performance_weight
-from robust.lti.realisation import state_space
 from tests.support.responses import response
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
@@ -36,7 +35,8 @@ def test_the_picture_shows_the_loop_between_its_bounds():
         assert robust.plot.plot_loop_bounds(model, w_P, K, ax=ax) is ax
         assert ax.get_title().startswith("nominally stable; max rs")
         lines = {line.get_label(): line.get_data() for line in ax.get_lines()}
-        L = np.abs(model.at(model.omega) * response(state_space("K", K), model.omega))
+        k = K if np.isscalar(K) else response(K, model.omega)
+        L = np.abs(model.at(model.omega) * k)
         f, drawn = lines["|L|"]
         assert np.interp(model.omega / 2 / np.pi, f, drawn) == pytest.approx(
             20 * np.log10(L), abs=1e-6

@@ -7,7 +7,6 @@ from scipy.linalg import solve_continuous_lyapunov
 
 import robust
 from robust import ncfsyn, sampled
-from robust.lti.lti import evaluate_transfer
 from robust.models.sets.coprime import coprime_factors
 from tests.support.responses import response
 
@@ -100,7 +99,7 @@ def test_least_gamma_of_matrices_from_the_hankel_norm_of_their_factors(shape, dt
     """
     G = matrix_plant(np.random.default_rng(sum(shape)), 4, *shape, dt)
     (A, B, C, D), _ = coprime_factors("G", G)
-    factors = evaluate_transfer(A, B, C, D, 2j)[0]
+    factors = control.StateSpace(A, B, C, D, 0)(2j)
     np.testing.assert_allclose(factors.conj().T @ factors, np.eye(shape[1]), atol=1e-9)
     P, Q = (solve_continuous_lyapunov(F, -X) for F, X in ((A, B @ B.T), (A.T, C.T @ C)))
     hankel = np.sqrt(np.linalg.eigvals(P @ Q).real.max())

@@ -8,7 +8,6 @@ import pytest
 
 import robust
 from robust import UncertaintyModel, check, dk_iteration
-from robust.lti.connections import upper_lft
 from robust.models import Block, interconnection
 
 G = control.ss(-np.eye(2), np.eye(2), [[1.0, 0.3], [0.2, 1.0]], np.zeros((2, 2)))
@@ -65,7 +64,7 @@ def test_the_signals_of_an_interconnection_keep_their_names():
     system = lag_with_block(K, inputs="u", outputs="y")
     assert (system.N.input_labels, system.N.output_labels) == (["gain:u", "u"], ["gain:u", "y"])
     assert (system.loop.input_labels, system.loop.output_labels) == (["gain:u"], ["gain:u"])
-    assert upper_lft(system.N, control.ss([], [], [], [[1.0]])).poles() == pytest.approx(
+    assert control.ss([], [], [], [[1.0]]).lft(system.N).poles() == pytest.approx(
         [-7.0]
     )  # s + 1 + 4 (1 + 0.5)
 
