@@ -13,6 +13,7 @@ READ = {
     "additive": (("K",), False),
     "inverse-multiplicative": ((), True),
     "inverse-additive": (("G",), True),
+    "coprime": (("N", "M"), True),
 }
 SMALL = control.ss([], [], [], [[1e-9]])
 

@@ -149,11 +149,11 @@ def differing_fields(claim: object, other: object, names: Sequence[str]) -> list
     ]
 
 
-def content_digest(given: JsonObject) -> str:
+def _content_digest(given: JsonObject) -> str:
     """Return SHA-256 over the entries in sorted order; a float counts by the shortest digits that
     restore it.
 
-    >>> content_digest({"a": 1.0})[:8], content_digest({"a": 1.0000000000000002})[:8]
+    >>> _content_digest({"a": 1.0})[:8], _content_digest({"a": 1.0000000000000002})[:8]
     ('c29a44ab', 'a9c3d934')
     """
     text = json.dumps(
@@ -185,7 +185,7 @@ def write_claim(
         "found": list(found),
         **({"warnings": list(warnings)} if warnings else {}),
     }
-    write_json(entries | {"digest": content_digest(entries)}, path)
+    write_json(entries | {"digest": _content_digest(entries)}, path)
 
 
 def read_claim(path: str | os.PathLike[str], kind: type[C]) -> C | None:
@@ -204,7 +204,7 @@ def read_claim(path: str | os.PathLike[str], kind: type[C]) -> C | None:
             f"path must be a certificate of version {_VERSION}, got version"
             f" {entries.get('version')!r} in {str(path)!r}"
         )
-    if entries.get("digest") != content_digest(
+    if entries.get("digest") != _content_digest(
         {name: entry for name, entry in entries.items() if name != "digest"}
     ):
         raise ValueError(

@@ -121,8 +121,8 @@ def _continuous_steps(
         )
     ends = np.append(trajectory.theta, trajectory.theta[0])
     if trajectory.held:
-        return [transition(A, a, a, trajectory.step) for a in trajectory.theta]
-    return [transition(A, a, b, trajectory.step) for a, b in pairwise(ends)]
+        return [_transition(A, a, a, trajectory.step) for a in trajectory.theta]
+    return [_transition(A, a, b, trajectory.step) for a, b in pairwise(ends)]
 
 
 def _sampled_steps(
@@ -136,7 +136,7 @@ def _sampled_steps(
     for a, b in pairwise(ends):
         A, w = _close_loop(loop, a, trajectory.delta, weighted=claim.weight is not None)
         if not claim.plant.dt:
-            flow = transition(plant, a, a if trajectory.held else b, claim.controller.dt)
+            flow = _transition(plant, a, a if trajectory.held else b, claim.controller.dt)
             xi, order = loop.xi.at(arb(a)).tolist(), A.nrows()
             reached = (
                 arb_mat([row[:order] for row in xi]) + arb_mat([row[order:] for row in xi]) * w
@@ -146,7 +146,7 @@ def _sampled_steps(
     return made
 
 
-def transition(A: PolynomialMatrix, start: float, end: float, step: float) -> arb_mat:
+def _transition(A: PolynomialMatrix, start: float, end: float, step: float) -> arb_mat:
     """Return the transition matrix of x' = A(theta) x over a step [s], with theta linear from start
     to end.
     """

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, check, performance_weight
-from robust.proofs.exact.claim import to_matrices
-from robust.proofs.exact.stability import decide_loop_stability
+from tests.support.exact_claims import decided
 from tests.support.hard_loops import boundary_gain, hard_loop, margin, with_gain
 
 LINES = np.array([1.0, 2.0])
@@ -27,9 +26,7 @@ def test_an_ill_conditioned_loop_beside_the_boundary():
     rng, edges = np.random.default_rng(8), None
     while edges is None:
         G, K = hard_loop(rng, most=17)
-        edges = boundary_gain(
-            G, K, lambda G, K: decide_loop_stability(to_matrices(G), to_matrices(K)).holds
-        )
+        edges = boundary_gain(G, K, lambda G, K: decided(G, K) is True)
     for factor in (1 - 1e-7, 1 + 1e-7):
         beside = with_gain(K, edges[0] * factor)
         report = check(model_of(G, 1e-10), beside)

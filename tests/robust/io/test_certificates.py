@@ -11,8 +11,8 @@ import pytest
 
 from robust import UncertaintyModel, check, performance_weight, save
 from robust.io import verify_certificate
-from robust.proofs.exact.claim_files import content_digest
 from tests.support.random_loops import random_case, tf_response
+from tests.support.signed import signed
 
 OMEGA = np.array([1.0, 2.0])
 ALIASED_CLAIMS = (
@@ -98,9 +98,8 @@ def test_any_changed_entry_fails_the_digest(handed, tmp_path):
 
 
 def resigned(entries, folder):
-    entries = {name: item for name, item in entries.items() if name != "digest"}
     path = folder / "resigned.json"
-    path.write_text(json.dumps(entries | {"digest": content_digest(entries)}))
+    path.write_text(json.dumps(signed(entries)))
     return path
 
 

@@ -15,8 +15,8 @@ from scipy.io import loadmat
 
 import robust
 from robust.models.sets.records import JointProbability, Origin
-from robust.proofs.exact.claim_files import content_digest
 from tests.support.responses import response_by_channel
+from tests.support.signed import signed
 
 OMEGA = np.array([1.0, 3.0, 10.0])
 G = control.ss(
@@ -207,10 +207,7 @@ def test_a_proof_whose_level_is_lowered_and_signed_anew_is_not_verified(tmp_path
     robust.save(robust.check(MODELS["input"], 0.3 * np.eye(2)), path)
     content = json.loads(path.read_text())
     content["claim"]["claims"]["robust stability"]["level"] = 0.01
-    content["digest"] = content_digest(
-        {name: entry for name, entry in content.items() if name != "digest"}
-    )
-    path.write_text(json.dumps(content))
+    path.write_text(json.dumps(signed(content)))
     found = robust.io.verify_certificate(path)
     assert found.proved == ("nominal stability",)
     assert "robust stability: NOT verified: the inequality does not pass" in str(found)

@@ -24,7 +24,7 @@ from robust.io import verify_certificate
 from robust.models import LpvModel
 from robust.proofs.exact.channel_files import ChannelsClaim
 from robust.proofs.exact.claim import LoopClaim
-from robust.proofs.exact.claim_files import content_digest, read_claim
+from robust.proofs.exact.claim_files import read_claim
 from robust.proofs.exact.scheduled_kyp import ScheduleClaim
 from tests.robust.io.test_certificates import K as SAMPLED
 from tests.robust.io.test_certificates import make_model
@@ -32,6 +32,7 @@ from tests.robust.io.test_export import models
 from tests.robust.io.test_matrix_files import MODELS as MATRICES
 from tests.support.friction_loops import ORACLES, RIG, pid
 from tests.support.printed import unwrapped
+from tests.support.signed import signed
 
 SCHEMAS = (
     "robust-model",
@@ -162,9 +163,7 @@ def change_and_load(written, tmp_path_factory, seed):
     for _ in range(rng.randrange(1, 4)):
         content = change(content, rng)
     if "digest" in content:  # signed by whoever changed it
-        content["digest"] = content_digest(
-            {name: entry for name, entry in content.items() if name != "digest"}
-        )
+        content = signed(content)
     valid = not list(VALIDATORS[schema].iter_errors(content))
     path = tmp_path_factory.getbasetemp() / "changed.json"
     path.write_text(json.dumps(content))

@@ -9,15 +9,11 @@ import numpy as np
 import pytest
 
 from robust import hinfsyn, mixsyn, ncfsyn, performance_weight
-from robust.proofs.exact.claim import to_matrices
-from robust.proofs.exact.closed_loops import (
-    ClosedLoopClaim,
-    poles_of_closed_loop,
-    verify_closed_loop,
-)
+from robust.proofs.exact.closed_loops import poles_of_closed_loop
 from robust.proofs.search.stability import certify_closed_loop
 from robust.synthesis.hinf.synthesis import Synthesis
 from tests.robust.synthesis.test_hinfsyn import random_plant
+from tests.support.exact_claims import matrices
 from tests.support.precise_lft import lft_gain, lft_norm
 
 
@@ -66,19 +62,23 @@ def test_what_is_certified_is_a_bound_and_near_the_norm(seed):
     assert found.certificate.level == found.gamma
     assert found.certificate.verify().verified
     below = replace(found.certificate.claim, level=true * (1 - 1e-6))
-    assert not verify_closed_loop(below).verified
+    assert not found.certificate.again(below).verified
+
+
+def is_verified(P, K, level):
+    """Whether the level of F_l(P, K) is proved over the rationals."""
+    proof = mixsyn(control.tf([1], [1, 1]), performance_weight(1.0, A=0.1)).certificate
+    claim = replace(proof.claim, plant=matrices(P), controller=matrices(K), level=level)
+    return proof.again(claim, time_cap=5).verified
 
 
 def test_a_lag_has_its_norm_to_the_last_digits():
     """1/(s + 1 + k): the norm is 1/(1 + k), which no level below it passes."""
     P = control.StateSpace([[-1.0]], [[1.0, 1.0]], [[1.0], [1.0]], np.zeros((2, 2)))
     K = control.StateSpace([], [], [], [[-1.0]])
-    claim = ClosedLoopClaim(
-        plant=to_matrices(P), controller=to_matrices(K), level=0.5 * (1 + 1e-12)
-    )
-    assert verify_closed_loop(claim).verified
+    assert is_verified(P, K, 0.5 * (1 + 1e-12))
     for level in (0.5, 0.5 * (1 - 1e-12)):
-        assert not verify_closed_loop(replace(claim, level=level), time_cap=5).verified
+        assert not is_verified(P, K, level)
     assert certify_closed_loop(P, K, 0.5).level == pytest.approx(0.5)
 
 
@@ -88,9 +88,7 @@ def test_an_integrator_that_nothing_moves_has_its_pole_at_zero():
     """
     A = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -50.0]])
     P = control.StateSpace(A, [[0.0], [0.0], [1.0]], [[0.0, 0.0, 0.0]], [[0.0]])
-    found = poles_of_closed_loop(
-        to_matrices(P), to_matrices(control.StateSpace([], [], [], [[1.0]]))
-    )
+    found = poles_of_closed_loop(matrices(P), matrices(control.ss([], [], [], [[1.0]])))
     assert sorted(found.real) == [-50, 0, 0]
 
 
@@ -98,8 +96,7 @@ def test_a_loop_that_is_not_stable_in_many_digits_is_no_result():
     """A pole at +1e-25, which doubles put anywhere around the axis."""
     P = control.StateSpace([[-1.0]], [[1.0, 1.0]], [[1.0], [1.0]], np.zeros((2, 2)))
     K = control.StateSpace([[1e-25]], [[0.0]], [[1.0]], [[-1.0]])
-    claim = ClosedLoopClaim(plant=to_matrices(P), controller=to_matrices(K), level=1e3)
-    assert not verify_closed_loop(claim).verified
+    assert not is_verified(P, K, 1e3)
     proof = certify_closed_loop(P, K, 0.5)
     assert not proof.holds
     assert proof.level == np.inf

@@ -8,9 +8,9 @@ import pytest
 
 from benchmarks.bounds_mu import compare_lags
 from robust import hinfsyn, mixsyn, performance_weight
-from robust.proofs.exact.claim import to_matrices
 from robust.proofs.exact.synthesis_levels import level_fails
 from tests.robust.synthesis.test_hinfsyn import BOOK, mixed_sensitivity
+from tests.support.exact_claims import matrices
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_many_digits_agree_with_doubles_on_a_plant_that_is_not_stiff():
     low = hinfsyn(P, 1, 1).gamma_min
     one = np.eye(1)
     assert [
-        level_fails(to_matrices(P), one, one, share * low) for share in (0.5, 0.999, 1.001, 2)
+        level_fails(matrices(P), one, one, share * low) for share in (0.5, 0.999, 1.001, 2)
     ] == [
         True,
         True,
@@ -59,4 +59,4 @@ def test_many_digits_agree_with_doubles_on_a_plant_that_is_not_stiff():
 
 def test_channels_without_an_effect_of_their_own_decide_nothing():
     P = control.ss(-np.eye(1), np.ones((1, 2)), [[1.0], [1.0]], np.zeros((2, 2)))
-    assert level_fails(to_matrices(P), np.eye(1), np.eye(1), 0.1) is None
+    assert level_fails(matrices(P), np.eye(1), np.eye(1), 0.1) is None

@@ -24,9 +24,8 @@ from robust.analysis import sample_loops
 from robust.io import export_matlab
 from robust.lti import discretize
 from robust.models.sets.coprime import factor_systems
-from robust.proofs.exact.claim import LoopClaim, to_matrices
-from robust.proofs.exact.loops import verify_loop
 from tests.support.bla import make_bla
+from tests.support.exact_claims import loop_claim, matrices, proved
 from tests.support.forms import PERTURBED, chord
 from tests.support.random_loops import closed_loop_poles, dense_grid, random_case, tf_response, zpk
 from tests.support.responses import response
@@ -142,18 +141,16 @@ def test_factors_are_normalised_and_complete():
 
 
 def as_claim(case, claims, w_P=None, shaping=(), scaling=1.0, delay=0.0):
-    return LoopClaim(
-        plant=to_matrices(case["G"]),
-        controller=to_matrices(case["K"]),
-        weight=to_matrices(case["w"]),
-        performance=None if w_P is None else to_matrices(w_P),
-        reads=("N", "M"),
-        inverse=True,
-        perturbation="LTI",
+    return loop_claim(
+        case["G"],
+        case["K"],
+        case["w"],
+        "coprime",
+        w_P=w_P,
         delay=delay,
         claims=claims,
         scaling=scaling,
-        shaping=tuple(map(to_matrices, shaping)),
+        shaping=tuple(map(matrices, shaping)),
     )
 
 
@@ -198,7 +195,7 @@ def test_claims_are_decided_beside_their_limits(seed):
             loop = as_claim(
                 case | {"w": case["w"] * (factor / peak)}, ("robust stability",), **common
             )
-            assert verify_loop(loop).verified == true
+            assert proved().again(loop).verified == true
         eps = 0.7 / peak * np.abs(w)
         if eps.max() >= 1:
             continue
@@ -212,7 +209,7 @@ def test_claims_are_decided_beside_their_limits(seed):
                 w_P * (factor / worst),
                 **common,
             )
-            assert verify_loop(loop).verified == true
+            assert proved().again(loop).verified == true
         d, m = 10 ** rng.uniform(-0.5, 0.5), np.sqrt(1 + g**2)
         k_c, Wp = K / scale * np.exp(-1j * omega * delay), P
         X = np.array(
@@ -231,7 +228,7 @@ def test_claims_are_decided_beside_their_limits(seed):
                 scaling=d,
                 **common,
             )
-            assert verify_loop(loop).verified == true
+            assert proved().again(loop).verified == true
         count += 1
 
 
