@@ -1,4 +1,4 @@
-"""Systems as robust holds them: the nominal of a set, the roots in a file; and what a report counts."""
+"""Systems as robust holds them: the nominal of a set, the system of a file, the poles in a report."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory

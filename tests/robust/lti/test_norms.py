@@ -22,8 +22,8 @@ def test_norm_of_a_resonance_in_closed_form(zeta):
 @pytest.mark.parametrize("zeta", [0.1, 1e-4])
 @pytest.mark.parametrize("turns", [0, 1])
 def test_a_delay_moves_poles_across_the_axis_where_the_gain_is_one(zeta, turns):
-    """At both frequencies in closed form: with |3^2 - w^2 + 6 j zeta w| = 3^2/2 twice the gain is
-    two. A pair comes in at the upper one and leaves at the lower one.
+    """|9/(9 - w^2 + 6 j zeta w)| is two at two frequencies in closed form. A longer delay brings a
+    pair of poles in at the upper one, and takes a pair out at the lower one.
     """
     system, _ = second_order(zeta)
     middle, size = 9 - 18 * zeta**2, np.sqrt((9 - 18 * zeta**2) ** 2 - 81 + 81 / 4)
