@@ -8,9 +8,7 @@ from dataclasses import dataclass
 
 import control
 import numpy as np
-
-from robust.models.fit.rational import known_factor, zpk_response
-from robust.models.fit.refinement import refine
+from scipy.optimize import least_squares
 
 TOP = 2000.0  # highest line [Hz]
 
@@ -33,23 +31,36 @@ class RandomRational:
         return control.FrequencyResponseData(self.G, self.omega)
 
     def cost_from_truth(self, free_delay: bool) -> float:
-        """What is left after Levenberg and Marquardt's method, started from the truth."""
-        poles = np.where(np.abs(self.poles) < 1e-9, -1e-6 * self.omega[0], self.poles)
-        start = order_roots(self.zeros), order_roots(poles), self.gain, self.delay, np.nan
-        return refine(
-            1j * self.omega,
-            self.G,
-            weight=1 / self.std,
-            start=start,
-            factor=lambda tau: known_factor(self.omega, tau, dt=0, excess=0),
-            omega=self.omega if free_delay else None,
-        )[4]
+        """What is left after SciPy's Levenberg-Marquardt, started from the truth: over factors of
+        first and second order, the gain and the delay.
+        """
+        unit = np.exp(np.mean(np.log(self.omega)))
+        s, n = 1j * self.omega / unit, self.zeros.size
+        zeros, poles = (factors_of(roots / unit) for roots in (self.zeros, self.poles))
+
+        def residual(theta):
+            factors = [np.polyval([1.0, *one], s) for one in split_like(theta[2:], zeros + poles)]
+            G = theta[0] * np.prod(factors[: len(zeros)], axis=0, initial=1.0)
+            G = G / np.prod(factors[len(zeros) :], axis=0, initial=1.0)
+            delay = theta[1] / self.omega[-1] if free_delay else self.delay
+            e = (self.G - G * np.exp(-1j * self.omega * delay)) / self.std
+            return np.concatenate([e.real, e.imag])
+
+        gain = self.gain * unit ** (n - self.poles.size)
+        start = np.concatenate([[gain, self.delay * self.omega[-1]], *zeros, *poles])
+        found = least_squares(residual, start, method="lm", x_scale="jac", xtol=1e-12)
+        return 2 * found.cost
 
 
-def order_roots(roots):
-    """Real roots, then conjugate pairs, the upper one first."""
-    upper = np.sort(roots[roots.imag > 0])
-    return np.concatenate([np.sort(roots[roots.imag == 0]), np.ravel([upper, upper.conj()], "F")])
+def factors_of(roots):
+    """Coefficients after the leading one of a factor for each pair and each real root."""
+    return [np.poly([r, r.conjugate()])[1:].real for r in roots if r.imag > 0] + [
+        np.array([-r.real]) for r in roots if r.imag == 0
+    ]
+
+
+def split_like(theta, factors):
+    return np.split(theta, np.cumsum([one.size for one in factors])[:-1])
 
 
 def random_root_pair(rng, w):
@@ -84,7 +95,8 @@ def random_rational(seed):
             zeros.append(-w if rng.random() < 0.7 else w)
     zeros, poles = np.array(zeros, dtype=complex), np.array(poles, dtype=complex)
     delay = rng.uniform(0, 3) / (2 * TOP * rng.uniform(1.05, 2)) * (rng.random() < 0.8)
-    G = zpk_response(omega, zeros, poles=poles, gain=1.0, delay=delay, dt=0, excess=n - m)
+    s = 1j * omega[:, None]
+    G = np.prod(s - zeros, axis=1) / np.prod(s - poles, axis=1) * np.exp(-1j * omega * delay)
     gain = 1 / np.exp(np.mean(np.log(np.abs(G))))
     G = G * gain
     level = np.exp(rng.uniform(np.log(0.003), np.log(0.03)))

@@ -5,13 +5,10 @@ asked for.
 import control
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import nlfrf
 import robust
 from robust.models import scan_orders
-from robust.models.fit.class_error import balance, loop_tolerance, most_likely_size, target_loop
 from tests.support.printed import unwrapped
 
 pytestmark = pytest.mark.filterwarnings(
@@ -81,33 +78,51 @@ def test_where_the_class_holds_the_machine_the_crossover_changes_nothing():
     assert asked.omega_c == CROSSOVER
 
 
+def constant_fit(f, G, std, **options):
+    """Fit a constant to any FRF: nearly all that is left is the error of the class."""
+    bla = nlfrf.bla_from_frf(f, G, std=std)
+    return robust.fit_nominal(bla, n_poles=0, **options)
+
+
 def test_the_size_of_the_error_is_found_with_its_scatter():
     """Of N complex errors the relative standard deviation of the size is 1/(2 sqrt(N)) where
     scatter is small.
     """
     rng, n, found = np.random.default_rng(3), 400, []
-    tolerance, var = rng.uniform(0.5, 2.0, n), np.full(n, 1e-4)
     for _ in range(40):
         e = (rng.standard_normal(n) + 1j * rng.standard_normal(n)) / np.sqrt(2)
-        square = np.abs(e * np.sqrt(var + (0.1 * tolerance) ** 2)) ** 2
-        found.append(most_likely_size(square, var, tolerance)[0])
+        std = rng.uniform(0.005, 0.02, n)
+        fit = constant_fit(np.arange(1.0, n + 1), 1 + e * np.sqrt(std**2 + 0.1**2), std)
+        found.append(np.mean(fit.class_std))
     assert np.mean(found) == pytest.approx(0.1, rel=4 * 0.025 / np.sqrt(40) + 0.01)
     assert np.std(found) == pytest.approx(0.0025, rel=0.5)
 
 
 def test_an_antiresonance_counts_as_its_octave_and_the_loop_as_its_square():
-    G = np.abs(S**2 + 0.1 * S + (2 * np.pi * 30) ** 2) / np.abs(S) ** 2
-    m = loop_tolerance(2 * np.pi * F, G, np.nan)
-    k = int(np.argmin(G))
-    assert m[k] > 20 * G[k]
-    both = loop_tolerance(2 * np.pi * F, G, CROSSOVER)
-    np.testing.assert_allclose(both * target_loop(2 * np.pi * F, CROSSOVER, m) ** 2, m)
-    mixed = np.random.default_rng(0).permutation(
-        F.size
-    )  # lines of several records stand one after the other
-    np.testing.assert_allclose(
-        loop_tolerance(2 * np.pi * F[mixed], G[mixed], CROSSOVER), both[mixed]
-    )
+    """class_std is a multiple of m: of |G| at 100 Hz, where |G| is smooth."""
+    G = (S**2 + 0.1 * S + (2 * np.pi * 30) ** 2) / S**2
+    std = 1e-4 * np.abs(G)
+    smooth, k = np.argmin(np.abs(F - 100)), int(np.argmin(np.abs(G)))
+    alone = constant_fit(F, G, std).class_std
+    assert alone[k] / alone[smooth] > 20 * np.abs(G[k] / G[smooth])
+    both = constant_fit(F, G, std, omega_c=CROSSOVER).class_std
+    first = np.argmin(np.abs(F - 24))
+    T = target_of(alone, both)
+    L = 1 / np.sqrt(1 / T[first:] ** 2 - 1)
+    n = -np.polyfit(np.log(F[first:]), np.log(L), 1)[0]
+    np.testing.assert_allclose(L, (F[first:] / 24) ** -n, rtol=0.02)
+    mixed = np.random.default_rng(0).permutation(F.size)
+    parts = [np.sort(mixed[:150]), np.sort(mixed[150:])]
+    blas = [nlfrf.bla_from_frf(F[one], G[one], std=std[one]) for one in parts]
+    # lines of several records stand one after the other
+    several = robust.fit_nominal(blas, n_poles=0, omega_c=CROSSOVER).class_std
+    np.testing.assert_allclose(several, both[np.concatenate(parts)], rtol=1e-3)
+
+
+def target_of(alone, both):
+    """|T_c| from errors of the class without and with a crossover; one at the first line."""
+    share = np.sqrt(alone / both)
+    return share / share[0]
 
 
 @pytest.mark.parametrize(("slope", "falls_by"), [(0, 1), (0.5, 1.5), (1, 2), (2, 2), (-1, 1)])
@@ -115,27 +130,42 @@ def test_beyond_the_crossover_the_loop_falls_by_one_slope_and_with_the_plant_by_
     slope, falls_by
 ):
     """As L = K G does: K falls with a flat plant, and gives a mass its lead."""
-    F = np.array([1e-3, 24.0, 240.0, 2400.0])
-    T = target_loop(2 * np.pi * F, CROSSOVER, (F / 24.0) ** -slope)
-    assert T[0] == pytest.approx(1)
-    assert T[1] == pytest.approx(np.sqrt(0.5))
-    assert T[3] / T[2] == pytest.approx(0.1**falls_by, rel=0.01)
+    f = np.geomspace(0.024, 2400, 501)
+    G = (f / 24.0) ** -slope * np.exp(1j * np.arange(f.size))
+    alone, both = (
+        constant_fit(f, G, 1e-4 * np.abs(G), omega_c=omega_c).class_std
+        for omega_c in (None, CROSSOVER)
+    )
+    T = target_of(alone, both)
+    assert np.interp(24, f, T) == pytest.approx(np.sqrt(0.5), rel=1e-3)
+    assert T[-1] / np.interp(240, f, T) == pytest.approx(0.1**falls_by, rel=0.05)
 
 
-@given(st.integers(1, 4), st.integers(1, 4), st.integers(0, 10**6))
-def test_rows_and_columns_do_not_depend_on_units(n, m, seed):
-    rng = np.random.default_rng(seed)
-    size = rng.uniform(0.1, 1.0, (n, m))
-    left = 10 ** rng.uniform(-4, 4, n)
-    right = 10 ** rng.uniform(-4, 4, m)
-    rows, columns = balance(size)
-    np.testing.assert_allclose(
-        np.mean((size / rows[:, None] / columns) ** 2, axis=0), 1.0, rtol=1e-3
-    )
-    scaled = np.multiply.outer(*balance(size * left[:, None] * right))
-    np.testing.assert_allclose(
-        scaled, np.multiply.outer(rows, columns) * left[:, None] * right, rtol=1e-2
-    )
+@pytest.mark.parametrize("shape", [(1, 2), (2, 1), (2, 2), (2, 3), (3, 2), (4, 4)])
+def test_rows_and_columns_do_not_depend_on_units(shape):
+    """The error of the class has the mean squares of the rows and columns of |G|."""
+    rng = np.random.default_rng(shape)
+    size = rng.uniform(0.1, 1.0, shape)
+    G = size[..., None] * np.exp(1j * rng.uniform(0, 2 * np.pi, (*shape, 40)))
+    left, right = (10 ** rng.uniform(-1.5, 1.5, n) for n in shape)
+    units = left[:, None] * right
+    found = []
+    for scale in (1.0, units):
+        bla = nlfrf.bla_from_frf(
+            np.arange(1.0, 41),
+            np.moveaxis(scale * np.moveaxis(G, 2, 0), 0, 2),
+            std=1e-4 * np.multiply.outer(scale * np.ones(shape), np.ones(40)),
+            inputs=[f"u{k}" for k in range(shape[1])],
+            outputs=[f"y{k}" for k in range(shape[0])],
+        )
+        error = robust.fit_nominal(bla, n_poles=0, n_zeros=0).class_std
+        np.testing.assert_allclose(error, error[..., :1] * np.ones(40), rtol=1e-9)
+        found.append(error[..., 0])
+    shares = np.mean((size / found[0]) ** 2, axis=0)
+    np.testing.assert_allclose(shares, shares[0], rtol=1e-3)
+    np.testing.assert_allclose(np.mean((size / found[0]) ** 2, axis=1), shares[0], rtol=1e-3)
+    np.testing.assert_allclose(np.linalg.svd(found[0])[1][1:], 0, atol=1e-9)
+    np.testing.assert_allclose(found[1] / units, found[0], rtol=1e-2)
 
 
 def matrix(G, std, seed=0):

@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robust import fit_weight, performance_weight
+from robust import UncertaintyModel, fit_weight, performance_weight
 from robust.models.fit.refinement import magnitude_problem, section_hessian
-from robust.models.fit.weights import cover_sampled
 from tests.support.responses import response
 
 OMEGA = np.geomspace(1, 1e4, 1000)
@@ -400,9 +399,15 @@ def test_slopes_and_curvature_are_those_of_differences(order):
 @pytest.mark.parametrize("dt", [1e-2, 1e-3])
 @pytest.mark.parametrize("order", [1, 2])
 def test_a_discrete_weight_covers_a_continuous_demand_up_to_nyquist(dt, order):
+    """The plant is zero: the error is r, and the weighted error of the loop is the weight."""
     w_P = performance_weight(0.3 / dt, A=1e-3, order=order)
     omega = np.geomspace(1e-3 / dt, np.pi / dt, 5000)
-    ratio = np.abs(cover_sampled(w_P, dt)(np.exp(1j * omega * dt))) / np.abs(w_P(1j * omega))
+    one = control.ss([], [], [], np.eye(2), dt)
+    model = UncertaintyModel(
+        0 * one, form="input", left=(1, 1), right=(1, 1), omega=omega, perturbation="LTI"
+    )
+    weighted = model.loop(one, w_P=w_P).N(np.exp(1j * omega * dt))[-1, -1]
+    ratio = np.abs(weighted) / np.abs(w_P(1j * omega))
     assert ratio.min() > 1 - 1e-4
     assert ratio.max() < 1.06
 
