@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from robust import DesignWarning, UncertaintyModel, check, fit_nominal, uncertainty
-from robust.models.sets.records import Origin
+from robust.models import Origin
 from tests.support.bla import make_bla
 
 F = np.geomspace(1, 100, 60)

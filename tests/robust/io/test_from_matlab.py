@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from robust.io.from_matlab import load_matlab_system
 from robust.io.models import load_controller
 from tests.support.responses import response
 
@@ -24,7 +23,7 @@ def cell(held):
 
 def saved(path, content):
     savemat(path, content)
-    return load_matlab_system(path)
+    return load_controller(path)
 
 
 def random_roots(rng, n):

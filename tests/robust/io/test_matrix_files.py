@@ -14,7 +14,7 @@ import pytest
 from scipy.io import loadmat
 
 import robust
-from robust.models.sets.records import JointProbability, Origin
+from robust.models import Origin
 from tests.support.responses import response_by_channel
 from tests.support.signed import signed
 
@@ -35,11 +35,12 @@ def model(form):
     n_left, n_right = {"elements": (0, 4), "additive": (2, 2), "input": (2, 2)}[form]
     parts = weights(n_left + n_right)
     radius = np.array([np.abs(np.ravel(response_by_channel(one, OMEGA))) for one in parts])
-    return robust.UncertaintyModel(
+    made = robust.UncertaintyModel(
         nominal=G, form=form, left=parts[:n_left], right=parts[n_left:], omega=OMEGA, radius=radius, confidence=0.95,
-        joint=JointProbability(frf=0.97), inputs=("Fx", "µ"), outputs=('a "b"', "y"),
+        inputs=("Fx", "µ"), outputs=('a "b"', "y"),
         origin=Origin(extrapolation="flat", source="a record"),
     )  # fmt: skip
+    return replace(made, joint=replace(made.joint, frf=0.97))
 
 
 MODELS = {form: model(form) for form in ("elements", "additive", "input")}

@@ -28,7 +28,7 @@ from robust import (
     save,
     uncertainty,
 )
-from robust.models.sets.records import Origin
+from robust.models import Origin
 from robust.reports import sections as report_sections
 from robust.reports import write_report
 from tests.support.browser import browser

@@ -11,7 +11,7 @@ import pytest
 
 import robust
 from robust import UncertaintyModel, check, cli, design_frf, load, save
-from robust.models.sets.records import Origin
+from robust.models import Origin
 from robust.synthesis.hinf.design import Design
 from tests.support.printed import unwrapped
 

@@ -14,7 +14,7 @@ import robust
 from nlfrf._base.units import split_unit, unit_factor, units_differ
 from robust import UncertaintyModel, cli, load, save
 from robust.io import verify_certificate
-from robust.models.sets.records import Origin
+from robust.models import Origin
 from robust.synthesis.pid_file import load_pid
 from tests.support.printed import unwrapped
 

@@ -5,6 +5,7 @@ scaling, refusals.
 import control
 import numpy as np
 import pytest
+from scipy.io import loadmat
 
 import robust
 from robust import (
@@ -23,7 +24,6 @@ from robust import (
 from robust.analysis import sample_loops
 from robust.io import export_matlab
 from robust.lti import discretize
-from robust.models.sets.coprime import factor_systems
 from tests.support.bla import make_bla
 from tests.support.exact_claims import loop_claim, matrices, proved
 from tests.support.forms import PERTURBED, chord
@@ -129,11 +129,18 @@ def test_a_pole_that_crosses_the_axis():
         assert np.all(control.feedback(plant, 2.0).poles().real < 0)
 
 
-def test_factors_are_normalised_and_complete():
+def test_factors_are_normalised_and_complete(tmp_path):
     G = control.ss(control.tf([1, 3], [2, 1, 4, 0]))
     omega = np.geomspace(1e-2, 1e2, 50)
     for plant in (G, sampled(G, 0.05)):
-        N, M = factor_systems(plant)
+        export_matlab(the_model(plant, 0.1), tmp_path / "m.mat")
+        read = loadmat(tmp_path / "m.mat", simplify_cells=True)["content"]
+        N, M = (
+            control.ss(
+                *(np.reshape(read[name][m], getattr(plant, m).shape) for m in "ABCD"), plant.dt
+            )
+            for name in "NM"
+        )
         n, m = response(N, omega[:40]), response(M, omega[:40])
         assert np.abs(n) ** 2 + np.abs(m) ** 2 == pytest.approx(1.0, rel=1e-9)
         assert n / m == pytest.approx(response(plant, omega[:40]), rel=1e-6)

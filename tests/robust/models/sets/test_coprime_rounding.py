@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, ncfsyn, worst_case
-from robust.models.sets.coprime import coprime_factors, factors_with_complement
 from tests.support.responses import response
 
 LINES = np.array([0.1, 1.0, 10.0])
@@ -41,29 +40,26 @@ def test_rounding_in_the_realisation_leaves_the_plants_in_the_set(G):
     assert worst.achieved == pytest.approx(worst.gain.max(), rel=2e-4)  # it is proved to 1e-4
 
 
-def test_both_columns_are_all_pass_and_hidden_modes_cost_nothing():
+def test_an_all_pass_perturbation_goes_to_the_rim_at_every_frequency():
+    """The factors and their complement are all-pass together; hidden modes cost nothing."""
     rng = np.random.default_rng(4)
     hides = control.ss(np.diag([-1.0, -3.0, 0.5]), [[1], [0], [1]], [[1, 1, 1]], [[0.2]])
     for G in (*ROUNDED, hides, control.ss([], [], [], [[2.0]])):
-        (A, B, C, D), B_across, D_across = factors_with_complement(G)
-        for x in 10 ** rng.uniform(-3, 3, 20):
-            resolved = np.linalg.solve(1j * x * np.eye(len(A)) - A, np.hstack([B, B_across]))
-            both = C @ resolved + np.hstack([D, D_across])
-            assert both.conj().T @ both == pytest.approx(np.eye(2), abs=1e-12)
+        model, omega = the_model(G, 0.1), 10 ** rng.uniform(-3, 3, 20)
+        g = response(G, omega)
+        for sign in (-1.0, 1.0):
+            plant = model.perturbed(sign)
+            assert chordal(g, response(plant, omega)) == pytest.approx(0.1, rel=1e-11)
 
 
 def test_what_rounding_spoils_is_not_returned(monkeypatch):
     """Factors of another plant, and a plant outside of the set, are told as what they are."""
+    slow_and_fast = np.polymul([1, -1e-5], np.polymul([1, 1e5], [1, 2e5]))
+    with pytest.raises(
+        ValueError, match="nominal must have coprime factors that can be computed accurately"
+    ):
+        the_model(control.ss(control.tf([1e3], slow_and_fast)), 0.1).sample(1, rng=0)
     G = ROUNDED[0]
-    (A, B, C, D), X = coprime_factors("nominal", G)
-    with monkeypatch.context() as patch:
-        patch.setattr(
-            "robust.models.sets.coprime.coprime_factors", lambda name, G: ((A * 1.001, B, C, D), X)
-        )
-        with pytest.raises(
-            ValueError, match="nominal must have coprime factors that can be computed accurately"
-        ):
-            the_model(G, 0.1).sample(1, rng=0)
     monkeypatch.setattr(
         "robust.analysis.worst_plant.perturbed_plant", lambda form, G, *rest: 1.5 * G
     )

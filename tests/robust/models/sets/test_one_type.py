@@ -2,7 +2,7 @@
 files.
 """
 
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 
 import control
 import numpy as np
@@ -10,7 +10,6 @@ import pytest
 
 import nlfrf
 import robust
-from robust.models.sets.records import JointProbability, Origin, RecordSummary
 from tests.support.responses import response, response_by_channel
 
 LAG = control.ss(control.tf([2], [0.01, 1]))
@@ -65,7 +64,7 @@ def equal(one, other):
         return one.keys() == other.keys() and all(
             equal(part, other[name]) for name, part in one.items()
         )
-    if isinstance(one, RecordSummary | Origin | JointProbability | robust.UncertaintyModel):
+    if is_dataclass(one):
         return all(equal(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
     if isinstance(one, np.ndarray | float):
         return np.array_equal(one, other, equal_nan=True)
