@@ -14,9 +14,9 @@ import robust
 from benchmarks import validation as harness
 from robust import uncertainty, validate
 from robust.models.sets.records import RecordSummary
-from robust.models.validation import fit_shape_and_level, local_slope, shared_lines
 from tests.support.bla import make_bla
 from tests.support.printed import unwrapped
+from tests.support.responses import response
 
 F = np.sort(np.concatenate([8 * np.arange(60) + 1, 8 * np.arange(60) + 3])) * 0.25
 W0 = 2 * np.pi * 60
@@ -120,17 +120,23 @@ def test_more_scatter_is_a_matter_of_level_and_not_of_shape():
 
 
 def test_score_test_is_chi_square_for_known_directions():
-    """10000 draws of white z with sizes that differ ten times: a score over its own covariance."""
-    rng = np.random.default_rng(0)
-    x = rng.normal(size=(3, 80)) + 1j * rng.normal(size=(3, 80))
-    sizes = np.exp(rng.normal(size=80))
+    """400 draws of scatter whose sizes differ ten times from what the record says of itself: a
+    score over its own covariance.
+    """
+    rng, f = np.random.default_rng(0), np.arange(1.0, 81.0)
+    lag = control.ss(control.tf([1], [0.01, 1]))
+    G = response(lag, 2 * np.pi * f)
+    model = robust.UncertaintyModel(
+        lag, 0.5, "multiplicative", 2 * np.pi * f, np.full(f.size, 0.2), 0.95
+    )
+    std = 1e-3 * np.abs(G)
+    sizes = std * np.exp(rng.normal(size=f.size))
     p = []
-    for _ in range(2000):
-        z = sizes * (rng.normal(size=80) + 1j * rng.normal(size=80))
-        p.append(fit_shape_and_level(x, np.ones(3), z=z)[0])
-    assert (
-        kstest(p, "uniform").statistic < 0.06
-    )  # 0.03 at 5 %: 80 lines of very different size count for fewer
+    for _ in range(400):
+        e = sizes * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))
+        p.append(validate(model, nlfrf.bla_from_frf(f, G + e, std=std)).p_value)
+    # 0.07 at 5 %: 80 lines of very different size count for fewer
+    assert kstest(p, "uniform").statistic < 0.1
 
 
 def test_the_record_of_the_model_itself_says_nothing():
@@ -185,20 +191,34 @@ def test_a_record_on_finer_lines_is_no_other_machine(step):
     assert validate(model, changed).p_value < 1e-3
 
 
-def test_each_line_is_read_once():
-    fine, coarse = np.arange(1.0, 50), np.arange(2.0, 50, 7)
-    np.testing.assert_array_equal(shared_lines(fine, coarse), coarse)
-    np.testing.assert_array_equal(shared_lines(coarse, fine), coarse)
-    np.testing.assert_array_equal(shared_lines(fine, fine), fine)
-    between = fine[:-1] + 0.5
-    np.testing.assert_array_equal(shared_lines(fine, between), fine[1::2])
-    np.testing.assert_array_equal(shared_lines(fine, np.array([3.2, 3.4, 3.6])), [3.2])
-    np.testing.assert_array_equal(
-        shared_lines(np.array([3.2, 3.4, 3.6]), np.array([3.0, 10.0])), [3.2]
-    )
-    np.testing.assert_array_equal(
-        shared_lines(np.array([1.0, 5.0]), np.array([2.0, 3.0, 9.0])), [5.0]
-    )
+FINE, COARSE, FEW = np.arange(1.0, 50), np.arange(2.0, 50, 7), np.array([3.2, 3.4, 3.6])
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "reader", "read"),
+    [
+        (FINE, COARSE, 1, COARSE),
+        (COARSE, FINE, 0, COARSE),
+        (FINE, FINE, 0, FINE),
+        (FINE, FINE[:-1] + 0.5, 0, FINE[1::2]),
+        (FINE, FEW, 1, FEW[:1]),
+        (np.array([3.0, 10.0]), FEW, 1, FEW[:1]),
+        (np.array([2.0, 3.0, 9.0]), np.array([1.0, 5.0]), 1, np.array([5.0])),
+    ],
+)
+def test_each_line_is_read_once(first, second, reader, read):
+    """One record has another FRF on the lines that are read, or on all others."""
+    lag = control.ss(control.tf([1], [0.1, 1]))
+    for on_read in (True, False):
+        records = []
+        for k, f in enumerate((first, second)):
+            G = response(lag, 2 * np.pi * f)
+            other = (k == reader) & (np.isin(f, read) == on_read)
+            records.append(nlfrf.bla_from_frf(f, np.where(other, 5 * G, G), std=0.1 * np.abs(G)))
+        model = uncertainty(records[0], lag, order=0, below="flat", above="flat")
+        seen = validate(model, records[1])
+        assert seen.n_expected == pytest.approx((1 - model.confidence) * read.size)
+        assert seen.n_outside == (read.size if on_read else 0)
 
 
 def test_around_an_frf_the_holds_of_two_records_are_held_together():
@@ -216,9 +236,21 @@ def test_around_an_frf_the_holds_of_two_records_are_held_together():
         validate(model, record(3, f=np.arange(10, 400) * 0.3))
 
 
-def test_interpolation_and_slopes_are_exact_where_they_should_be():
-    x = np.sort(np.random.default_rng(1).uniform(0, 3, 30))
-    np.testing.assert_allclose(local_slope(x, 2 + (3 - 1j) * x + 0.5 * x**2), 3 - 1j + x, rtol=1e-9)
+def test_slopes_are_exact_on_uneven_lines():
+    """log G is a parabola over log omega: a shift of the axis is told without error."""
+    f = np.exp(np.sort(np.random.default_rng(1).uniform(1, 4, 30)))
+    first, second = (
+        nlfrf.bla_from_frf(f, np.exp(-(0.3 + 0.2j) * x - 0.1 * x**2), std=np.full(f.size, 1e-6))
+        for x in (np.log(f), np.log(f / (1 + 1e-4)))
+    )
+    model = uncertainty(first, robust.frd(first))
+    change = validate(model, second).change
+    assert change.frequency == pytest.approx(1e-4, rel=2e-4)
+    assert abs(change.gain) < 1e-9
+    assert abs(change.delay) < 1e-9
+
+
+def test_interpolation_is_exact_where_it_should_be():
     omega = np.array([1.0, 2.0, 4.0])
     one = RecordSummary(
         omega=omega, G=np.exp(1j * omega), variance=omega, scatter=omega, confirmed=1.0
