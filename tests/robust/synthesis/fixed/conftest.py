@@ -3,6 +3,7 @@ file.
 """
 
 import sys
+from dataclasses import replace
 
 import control
 import numpy as np
@@ -32,3 +33,18 @@ def command_on_light_mode(monkeypatch, capsys, tmp_path):
         return stop.value.code or 0, printed.out, printed.err
 
     return run
+
+
+@pytest.fixture
+def said_of(command_on_light_mode, monkeypatch):
+    """What `robust design --method pid` prints of a controller, whatever the design was."""
+    design = robust.design_frf(control.tf([1], [1, 1]), "I", M_S=2.0, n_iterations=1)
+
+    def say(K):
+        made = replace(design, K=control.ss(K), K_free=None)
+        with monkeypatch.context() as patch:
+            patch.setattr(robust, "design_frf", lambda *_, **__: made)
+            _, out, err = command_on_light_mode("robust design m.json --method pid -o K.json")
+        return out, err
+
+    return say
