@@ -8,8 +8,12 @@ import pytest
 
 import robust
 from benchmarks.bounds import draw_set, try_family, try_set
-from robust.analysis.loop_of_channels import performance_loop, set_gain
 from robust.mu.set_gain import bound_set_gain
+
+
+def loop_with_S(model, K):
+    """The loop with S as its performance."""
+    return model.loop(K, w_P=control.ss([], [], [], [[1.0]], model.nominal.dt))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -18,7 +22,7 @@ def test_no_frequency_of_a_dense_grid_has_a_larger_bound(seed):
     nothing.
     """
     model, K = draw_set(np.random.default_rng([1, seed]))
-    system = performance_loop(model, K, None)
+    system = loop_with_S(model, K)
     found = bound_set_gain(system.N, system.structure)
     poles = system.N.poles()
     near = (np.abs(poles)[:, None] + np.abs(poles.real)[:, None] * np.linspace(-6, 6, 61)).ravel()
@@ -40,23 +44,24 @@ def test_a_plant_of_the_set_that_may_be_unstable_has_no_bound():
         omega=model.omega,
         perturbation="LTI",
     )
-    system = performance_loop(wide, control.ss([], [], [], 5 * np.eye(2)), None)
+    system = loop_with_S(wide, control.ss([], [], [], 5 * np.eye(2)))
     assert np.isinf(bound_set_gain(system.N, system.structure).upper)
 
 
 def test_without_a_proof_the_number_of_frequencies_is_said():
     model, K = draw_set(np.random.default_rng([1, 0]))
-    system = performance_loop(model, K, None)
+    system = loop_with_S(model, K)
     assert (
         bound_set_gain(system.N, system.structure, time_cap=0.0).reason
         == "undecided: the time limit was reached"
     )
-    proved = set_gain(system.N, system.structure)
-    assert proved.n_lines == 0
-    assert proved.gain.max() == proved.peak.value == robust.check(model, K).margins.S_worst
+    proved = bound_set_gain(system.N, system.structure)
+    assert proved.is_proved
+    assert proved.upper == robust.check(model, K).margins.S_worst
     worst = robust.worst_case(model, K)
-    assert f"largest gain over the set at most {proved.peak.value:.4g}; the plant" in str(worst)
-    assert worst.achieved <= proved.peak.value
+    assert worst.gain.max() == proved.upper
+    assert f"largest gain over the set at most {proved.upper:.4g}; the plant" in str(worst)
+    assert worst.achieved <= proved.upper
 
 
 @pytest.mark.filterwarnings("ignore:weights were made diagonal")

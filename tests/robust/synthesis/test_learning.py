@@ -11,7 +11,6 @@ import pytest
 
 import robust
 from robust import cli
-from robust.analysis.loop_proofs import stability_claim
 from robust.proofs.exact.learning import LearningClaim, prove_learning
 
 T = 0.05
@@ -74,9 +73,9 @@ def test_no_plant_of_the_set_has_a_larger_factor(which, request):
 
 
 def test_a_level_below_the_largest_factor_is_not_proved(sampled):
-    loop = stability_claim(sampled.model, sampled.K, w_P=None, delay=0.0)
+    (stability,) = robust.check(sampled.model, sampled.K).proofs.certificates
     claim = LearningClaim(
-        loop=loop, omega_Q=sampled.omega_Q, full=sampled.full, level=sampled.factor
+        loop=stability.claim, omega_Q=sampled.omega_Q, full=sampled.full, level=sampled.factor
     )
     assert prove_learning(claim, time_cap=20).holds
     assert not prove_learning(replace(claim, level=0.99 * sampled.factor), time_cap=2).holds

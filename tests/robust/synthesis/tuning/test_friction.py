@@ -12,15 +12,10 @@ from robust.friction import Bounded, MaxwellSlip
 from robust.friction.loop import friction_loop, mobility
 from robust.lti.sampling import sampled
 from robust.synthesis.tuning.friction import FrictionChannel
-from tests.robust.synthesis.tuning.test_gradients import differences, problem_of
+from tests.robust.synthesis.tuning.test_gradients import differences, on_clock, problem_of
 
 T = 1e-3
 RIG, AXIS = friction_plant(1.0, 80e3), friction_plant(1.0, 0.0)
-
-
-def on_clock(part, dt=T):
-    """A static part on the clock of the loop."""
-    return control.ss([], [], [], part.D, dt, inputs=part.input_labels, outputs=part.output_labels)
 
 
 ERROR, FORCE = control.summing_junction(["r", "-y"], "e"), control.summing_junction(["u", "d"], "f")
@@ -30,7 +25,7 @@ def pid_on_the_rig(*limits, delay=1e-3, **options):
     """Arguments of `tune`: a PID on a mass on a spring, sliding and stuck."""
     G = [control.ss(control.tf([1], [1, 0, k])) for k in (80e3, 144e3)]
     return {
-        "system": [on_clock(ERROR), on_clock(FORCE)],
+        "system": [on_clock(ERROR, T), on_clock(FORCE, T)],
         "plant": tuning.Plants(G, inputs="f", outputs="y"),
         "blocks": {
             "K": tuning.Pid(kp=5e3, ki=5e4, kd=20.0, filter_time=1e-3, reads="e", drives="u")
@@ -114,11 +109,11 @@ def test_a_cascade_on_a_servo_axis_is_proved():
     friction = MaxwellSlip(1e5, 1.2)
     velocity = control.tf([1 / T, -1 / T], [1, 0], T, inputs="y", outputs="v")
     junctions = [
-        on_clock(control.summing_junction(a, b))
+        on_clock(control.summing_junction(a, b), T)
         for a, b in ((["r", "-y"], "e_x"), (["v_r", "-v"], "e_v"))
     ]
     design = robust.tune(
-        [*junctions, on_clock(FORCE), velocity],
+        [*junctions, on_clock(FORCE, T), velocity],
         tuning.Plants(control.tf([1], [1, 0, 0]), inputs="f", outputs="y"),
         {
             "K_x": tuning.Pid(kp=31.0, reads="e_x", drives="v_r"),

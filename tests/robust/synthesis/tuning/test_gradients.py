@@ -9,9 +9,8 @@ import pytest
 from robust import tuning
 from robust.lti.wiring import Port, join_by_name
 from robust.synthesis.tuning.parameters import controller_of_blocks
-from robust.synthesis.tuning.plants import stated_sampling_time
 from robust.synthesis.tuning.problem import TuningProblem
-from robust.synthesis.tuning.scenes import fixed_parts, make_loops
+from robust.synthesis.tuning.scenes import make_loops
 from tests.support.random_tunings import joined_as_control, random_tuning
 
 BLOCKS = [
@@ -35,15 +34,29 @@ BLOCKS = [
 ]
 
 
+def sampling_time_of(model):
+    """That of a system or of the nominal of a set; none of an FRF."""
+    if isinstance(model, control.FrequencyResponseData):
+        return 0.0
+    return float(getattr(model, "nominal", model).dt or 0)
+
+
+def on_clock(part, dt):
+    """The same part on the clock of the loop."""
+    part = control.ss(part)
+    names = {"inputs": part.input_labels, "outputs": part.output_labels}
+    return control.ss(part.A, part.B, part.C, part.D, dt, remove_useless_states=False, **names)
+
+
 def problem_of(arguments):
     """The problem that `tune` makes of its arguments."""
     plant = arguments["plant"]
-    dt = arguments["dt"] or stated_sampling_time(arguments["plant"].models)
+    dt = arguments["dt"] or sampling_time_of(plant.models[0])
     controller = controller_of_blocks(arguments["blocks"], dt)
     limits = [(limit, True) for limit in arguments["hard"]] + [
         (limit, False) for limit in arguments["soft"]
     ]
-    parts = fixed_parts(arguments["system"], dt)
+    parts = [on_clock(part, dt) for part in arguments["system"]]
     scenes = make_loops(
         parts, plant, controller=controller, limits=limits, dt=dt, delay=arguments["delay"]
     )
