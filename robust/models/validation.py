@@ -329,7 +329,7 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
         firsts = _records_near(model, second)
     tried = []
     for first in firsts:
-        lines = shared_lines(first.omega, second.omega)
+        lines = _shared_lines(first.omega, second.omega)
         if simultaneous:
             p = confidence ** (1 / lines.size)
         else:
@@ -381,7 +381,7 @@ def _records_near(model: UncertaintyModel, second: RecordSummary) -> tuple[Recor
     return tuple(reach) or (replace(second, G=G, variance=0 * second.variance),)
 
 
-def shared_lines(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+def _shared_lines(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Return (n,) frequencies at which two records on lines (F,) of their own are compared.
 
     These are the lines of the one with fewer, in the band of both. So no line of the other is used
@@ -404,7 +404,7 @@ def shared_lines(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.asarray(fewer[keep])
 
 
-def fit_shape_and_level(
+def _fit_shape_and_level(
     x: np.ndarray, units: np.ndarray, *, z: np.ndarray, n_lines: int | None = None
 ) -> tuple[float, _RecordChange | None]:
     """Return p-value and change of whitened differences z (n,) along directions x (3, n), on n
@@ -430,7 +430,7 @@ def fit_shape_and_level(
     return float(gammaincc(len(x) / 2, T / 2)), change
 
 
-def local_slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _local_slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return (F,) the slope of y over x by a parabola through the lines around each line."""
     n = min(_WINDOW, x.size)
     first = np.clip(np.arange(x.size) - n // 2, 0, x.size - n)
@@ -468,7 +468,7 @@ def _nominal_slope(model: UncertaintyModel, omega: np.ndarray, G: np.ndarray) ->
 
 def _measured_slope(omega: np.ndarray, G: np.ndarray) -> np.ndarray:
     """Return (F,) d log G / d log omega of an FRF on its lines."""
-    return local_slope(
+    return _local_slope(
         np.log(omega), np.log(np.maximum(np.abs(G), 1e-300)) + 1j * np.unwrap(np.angle(G))
     )
 
@@ -488,7 +488,9 @@ def _compare_records(
         # about the weighted mean of both records, which is independent of their difference
         G = (first.G * second.variance + second.G * first.variance) / variance
         x, units = _change_directions(omega, G, slope(omega, G))
-        p_value, change = fit_shape_and_level(x / np.sqrt(variance), units, z=d / np.sqrt(variance))
+        p_value, change = _fit_shape_and_level(
+            x / np.sqrt(variance), units, z=d / np.sqrt(variance)
+        )
     return _make_validation(omega, outside, p=p, p_value=p_value, change=change)
 
 
@@ -583,12 +585,12 @@ def _entry_changes(
     own = np.einsum("fii->fi", first.gamma).real
     level = smooth_covariance(C, np.moveaxis(G, 0, 2), own.T)
     left, right = _inverse_hermitian_root(level), _inverse_hermitian_root(first.gamma)
-    p_value, change = fit_shape_and_level(
+    p_value, change = _fit_shape_and_level(
         (left @ x @ right).reshape(3, -1), units, z=(left @ d @ right).ravel(), n_lines=F
     )
     size = np.sqrt(np.einsum("fjj->fj", level).real[:, :, None] * own[:, None])
     each = [
-        fit_shape_and_level((x / size)[:, :, j, i], units, z=(d / size)[:, j, i])[0]
+        _fit_shape_and_level((x / size)[:, :, j, i], units, z=(d / size)[:, j, i])[0]
         for j, i in np.ndindex(n_y, n_u)
     ]
     return p_value, change, np.array(each).reshape(n_y, n_u)

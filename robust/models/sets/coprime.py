@@ -150,7 +150,7 @@ def factor_systems(G: control.StateSpace) -> tuple[control.StateSpace, control.S
     return N, M
 
 
-def factors_with_complement(G: control.StateSpace) -> tuple[Matrices, np.ndarray, np.ndarray]:
+def _factors_with_complement(G: control.StateSpace) -> tuple[Matrices, np.ndarray, np.ndarray]:
     """Return [N; M], and B, D of its complement, which has the same A and C: both columns together
     are all-pass.
 
@@ -199,7 +199,7 @@ def _require_exact_factors(G: control.StateSpace, factors: Matrices, poles: np.n
 
 def plant_of_perturbed_factors(G: control.StateSpace, X: control.StateSpace) -> control.StateSpace:
     """Return the plant with the factors of G plus X times their complement, for a stable X."""
-    (A, B, C, D), B_across, D_across = factors_with_complement(G)
+    (A, B, C, D), B_across, D_across = _factors_with_complement(G)
     if X.nstates:
         A_X, B_X, C_X, D_X = continuous_image(X)
     else:
@@ -246,7 +246,7 @@ def coprime_phase_offset(G: control.StateSpace, w: control.StateSpace, omega: fl
     """Return the phase factor of Delta between `plant_of_perturbed_factors` with `tangent_system`
     and the formula.
     """
-    (A, B, C, D), B_across, D_across = factors_with_complement(G)
+    (A, B, C, D), B_across, D_across = _factors_with_complement(G)
     dt = timebase(G)
     if dt:
         s = 1j * np.tan(omega * dt / 2)

@@ -204,7 +204,7 @@ class OrderScan:
                 f"  cost {self.cost[i] / self.expected_cost[i]:9.4g} times scatter"
                 + " (taken)" * (i == chosen)
             )
-            doubt = describe_doubts(fit)
+            doubt = _describe_doubts(fit)
             rows.append(row + f"  {doubt}" * bool(doubt))
         return "\n".join([*rows, _CROSSOVER_TEXT if asked else _CRITERION_TEXT])
 
@@ -556,7 +556,7 @@ def _needs_delay(fits: Sequence[NominalFit]) -> bool:
     """Return True if no supported fit without a delay explains the data."""
     return not any(
         fit.p_value > UNLIKELY_COST
-        and not describe_doubts(fit)
+        and not _describe_doubts(fit)
         and not np.any(np.real(fit.G.zeros()) > 0)
         for fit in fits
     )
@@ -573,13 +573,13 @@ def describe_order(fit: NominalFit) -> str:
     )
 
 
-def describe_doubts(fit: NominalFit) -> str:
+def _describe_doubts(fit: NominalFit) -> str:
     """Describe the roots of a continuous fit that the data do not support.
 
     >>> import control
     >>> omega = np.linspace(1, 20, 40)
     >>> measured = control.FrequencyResponseData(1 / (1j * omega + 500), omega)
-    >>> describe_doubts(scan_orders(measured, n_poles=[1], std=np.full(40, 1e-5)).fit)
+    >>> _describe_doubts(scan_orders(measured, n_poles=[1], std=np.full(40, 1e-5)).fit)
     'poles outside the band: 79.58 Hz'
     """
     return "; ".join(
