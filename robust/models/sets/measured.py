@@ -154,10 +154,10 @@ PlantSource: TypeAlias = PlantLines | UncertaintyModel | PlantAlone
 
 def source_of(name: str, plant: object) -> PlantSource:
     """Return a plant with one channel by its lines if it is known there only, else as a set."""
-    return lines_of(plant) or set_of(name, plant)
+    return lines_of(plant) or _set_of(name, plant)
 
 
-def set_of(name: str, plant: object) -> UncertaintyModel | PlantAlone:
+def _set_of(name: str, plant: object) -> UncertaintyModel | PlantAlone:
     """Return a set unchanged, and a system with one channel as the set of this plant alone."""
     if isinstance(plant, UncertaintyModel | PlantAlone):
         return plant

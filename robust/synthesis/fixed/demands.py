@@ -66,7 +66,7 @@ def objective_row(
     if w_P is None:
         a, b = 0 * a, 0 * b  # stability of the set is a demand of its own
     c = np.hypot(sizes["w_u"], sizes["w_T"] * np.abs(at.G))
-    return demand_row("gamma", at, a=a, b=b, c=c)
+    return _demand_row("gamma", at, a=a, b=b, c=c)
 
 
 def weight_rows(
@@ -91,7 +91,7 @@ def _worst_case_terms(at: PlantOnLines, p: np.ndarray) -> tuple[np.ndarray, np.n
     return p * (1 + at.outside) + at.outside, at.radius
 
 
-def demand_row(
+def _demand_row(
     name: str,
     at: PlantOnLines,
     *,
@@ -131,7 +131,7 @@ def end_row(family: list[PlantOnLines], at: PlantOnLines, most: float) -> list[D
         return []
     name = f"|L| <= {most:g} from the last line on, above which the plant is unknown"
     return [
-        demand_row(
+        _demand_row(
             name, at, a=0.0, b=(np.abs(at.centre) + at.radius) / most, y=1.0, x=0.0, index=ends
         )
     ]
@@ -157,10 +157,10 @@ def limit_rows(
         # |w S| <= 1, because the disc of an inverse form grows without bound
         direct = at.inverse > 0
         b, x = np.where(direct, 0.0, at.radius / _BACK_OFF), np.where(direct, at.G, at.centre)
-        rows.append(demand_row("robust stability", at, a=at.inverse / _BACK_OFF, b=b, x=x))
+        rows.append(_demand_row("robust stability", at, a=at.inverse / _BACK_OFF, b=b, x=x))
     if M_S is not None:
         a, b = _worst_case_terms(at, 1 / _limit_on_lines("M_S", M_S, at.omega))
-        rows.append(demand_row(f"|S| <= {_describe_bound(M_S)}", at, a=a, b=b))
+        rows.append(_demand_row(f"|S| <= {_describe_bound(M_S)}", at, a=a, b=b))
     if M_T is not None:
         rows.append(
             _peak_of_T(at, _limit_on_lines("M_T", M_T, at.omega), f"|T| <= {_describe_bound(M_T)}")
@@ -168,7 +168,7 @@ def limit_rows(
     if M_u is not None:
         most = _limit_on_lines("M_u", M_u, at.omega)
         rows.append(
-            demand_row(
+            _demand_row(
                 f"|K S| <= {_describe_bound(M_u)}",
                 at,
                 a=at.outside,
@@ -184,7 +184,7 @@ def limit_rows(
             if not resonates:
                 where = np.union1d(where, np.flatnonzero(at.known & (at.omega >= highest)))
                 name = f"{name} and above"
-            rows.append(demand_row(name, at, a=0.0, b=np.abs(at.G), y=1.0, x=0.0, index=where))
+            rows.append(_demand_row(name, at, a=0.0, b=np.abs(at.G), y=1.0, x=0.0, index=where))
     if gain is not None:
         rows.append(_gain_row(at, "gain", *gain))
     return rows
@@ -203,7 +203,7 @@ def _peak_of_T(at: PlantOnLines, M: np.ndarray, name: str) -> Demand:
         a = np.where(at.outside > 0, at.outside, a)
         b = np.where(at.outside > 0, np.abs(at.centre) / M, b)
         x = np.where(at.outside > 0, at.centre, x)
-    return demand_row(name, at, a=a, b=b, x=x)
+    return _demand_row(name, at, a=a, b=b, x=x)
 
 
 def _gain_row(at: PlantOnLines, name: str, omega: float, least: float) -> Demand:
@@ -212,7 +212,7 @@ def _gain_row(at: PlantOnLines, name: str, omega: float, least: float) -> Demand
     if least <= 0:
         raise ValueError(f"{name} must contain a positive |L|, got {least:g}")
     where = _nearest_lines(at, name, omega)
-    return demand_row(
+    return _demand_row(
         f"|L| >= {least:g} at {format_hertz(float(omega))}",
         at,
         a=least,
