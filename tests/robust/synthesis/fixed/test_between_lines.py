@@ -24,11 +24,6 @@ def resonance(zeta, times, at):
     return 1 - control.tf([2 * times * zeta * at, 0], [1, 2 * zeta * at, at**2])
 
 
-def sensitivity(G, K, omega):
-    """|S| by brute force."""
-    return np.abs(1 / (1 + G(1j * omega) * K(1j * omega)))
-
-
 def around_modes(K, low, high):
     """Frequencies in a band around the light poles of a controller."""
     light = K.poles()[np.abs(K.poles().real) < 0.5 * K.poles().imag]
