@@ -302,7 +302,7 @@ class _LoopRuns:
         return replace(self, steps=steps, rows=rows)
 
 
-def simulate_runs(runs: _LoopRuns) -> dict[str, np.ndarray]:
+def _simulate_runs(runs: _LoopRuns) -> dict[str, np.ndarray]:
     """Return rows (R, n, 5) of x, v, y, u and friction per sample, the length of each run, and the
     loops forgotten.
 
@@ -373,7 +373,7 @@ def _reduce_runs(of: Callable[[Trajectory], object], runs: _LoopRuns) -> dict[st
     """Simulate loops and return `of(response)` of each, so that little data is sent between
     processes.
     """
-    out = simulate_runs(runs)
+    out = _simulate_runs(runs)
     try:
         return {"found": _collect_results(runs, out, of), "lost": out["lost"]}
     except (
@@ -405,7 +405,7 @@ def _to_trajectories(runs: _LoopRuns, out: Arrays) -> list[Trajectory]:
     return found
 
 
-def can_pickle(of: Callable[[Trajectory], object]) -> bool:
+def _can_pickle(of: Callable[[Trajectory], object]) -> bool:
     """Return whether a function can be pickled to another process: not a lambda, nor a function of
     a notebook.
     """
@@ -429,8 +429,8 @@ def run_one_loop(
     r = require_samples("signal", r)
     rows = {name: signal_rows(name, signal, r.size, n_rows=1) for name, signal in signals.items()}
     begin = initial_axes(initial, 1).T
-    runs = stack_runs(rig, [controller], {"r": r[None], **rows, "initial": begin}, steps=steps)
-    out = simulate_runs(runs)
+    runs = _stack_runs(rig, [controller], {"r": r[None], **rows, "initial": begin}, steps=steps)
+    out = _simulate_runs(runs)
     warn_of_forgotten_loops(float(out["lost"].max()))
     return _to_trajectories(runs, out)[0]
 
@@ -538,7 +538,7 @@ def run_loops(
     if reference.size == 0:
         raise ValueError("r must hold at least one sample, got none")
     n = reference.shape[1]
-    runs = stack_runs(
+    runs = _stack_runs(
         rig,
         [as_controller(K) for K in listed],
         {
@@ -554,8 +554,8 @@ def run_loops(
         runs.select_runs(slice(i, i + most), runs.steps) for i in range(0, runs.shape[0], most)
     ]
     # a folder keeps the runs themselves, whatever `of` is
-    there = of is not None and executor is not None and resume is None and can_pickle(of)
-    task = partial(_reduce_runs, of) if of is not None and there else simulate_runs
+    there = of is not None and executor is not None and resume is None and _can_pickle(of)
+    task = partial(_reduce_runs, of) if of is not None and there else _simulate_runs
     found: dict[int, list[object]] = {}
     for i, out in run_each(task, batches, executor=executor, progress=progress, resume=resume):
         warn_of_forgotten_loops(float(out["lost"].max()))
@@ -563,7 +563,7 @@ def run_loops(
     return cast("list[Result]", [one for i in range(len(batches)) for one in found[i]])
 
 
-def stack_runs(
+def _stack_runs(
     rig: Rig, controllers: list[Controller], given: dict[str, np.ndarray], *, steps: int
 ) -> _LoopRuns:
     """Check the arguments and stack them with one row per run; controllers with fewer states are

@@ -177,13 +177,13 @@ def _fingerprint(task: Callable[[Input], Arrays], value: Input) -> str:
     """Return a hash of task, value and integrator, the file name of the result."""
     from hashlib import sha256
 
-    digest = sha256(hash_integrator() + task.__qualname__.encode())
+    digest = sha256(_hash_integrator() + task.__qualname__.encode())
     _hash_value(digest, value)
     return digest.hexdigest()[:32]
 
 
 @cache
-def hash_integrator() -> bytes:
+def _hash_integrator() -> bytes:
     """Return a hash of the integrating code, so that results of an older version are not reused."""
     from hashlib import sha256
 

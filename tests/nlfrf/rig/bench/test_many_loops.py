@@ -2,10 +2,11 @@
 for other code.
 """
 
+import os
 import pickle
 import subprocess
 import sys
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from multiprocessing import get_context
 from types import SimpleNamespace
 
@@ -15,9 +16,6 @@ import pytest
 import robust
 from nlfrf import paper_rig
 from nlfrf.rig import run_loops
-from nlfrf.rig.bench import closed_loop as loop_results
-from nlfrf.rig.bench import simulate as runs
-from nlfrf.rig.bench.closed_loop import Controller, simulate_runs, stack_runs
 
 FS, N = 1000, 300
 
@@ -82,13 +80,18 @@ def refusing(response):
     return 0.0
 
 
+def process(_):
+    """The process that looks at a run."""
+    return os.getpid()
+
+
 @pytest.mark.attack
-def test_what_is_wanted_is_found_in_the_worker_and_no_response_comes_back(here, monkeypatch):
-    monkeypatch.setattr(loop_results, "_to_trajectories", None)  # here, not there
+def test_what_is_wanted_is_found_in_the_worker(here):
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
         assert run_loops(**arguments(), executor=executor, of=last) == [
             last(response) for response in here
         ]
+        assert os.getpid() not in run_loops(**arguments(5), executor=executor, of=process)
         with pytest.raises(Small, match="nothing"):
             run_loops(**arguments(5), executor=executor, of=refusing)
 
@@ -102,8 +105,6 @@ def test_a_lambda_and_what_a_folder_keeps_are_looked_at_here(here, tmp_path):
             == wanted
         )
         assert run_loops(**arguments(), executor=executor, of=last, resume=tmp_path) == wanted
-    assert not loop_results.can_pickle(lambda response: response.x)
-    assert loop_results.can_pickle(last)
     kept = []  # whatever is wanted of them, the runs are there
     assert same(
         run_loops(**arguments(), resume=tmp_path, progress=lambda *done: kept.append(done)), here
@@ -111,33 +112,48 @@ def test_a_lambda_and_what_a_folder_keeps_are_looked_at_here(here, tmp_path):
     assert kept == [(2, 2)]
 
 
-def test_what_a_notebook_defines_is_looked_at_here(monkeypatch):
-    def swing(response):
-        return response.x
+class Worker(Executor):
+    """A worker in this process: it keeps the size of what is sent, and shows when it works."""
 
+    def __init__(self):
+        self.sizes, self.working = [], False
+
+    def submit(self, task, /, *given):
+        found = Future()
+        self.sizes.append(len(pickle.dumps((task, given))))
+        self.working = True
+        found.set_result(task(*pickle.loads(pickle.dumps(given))))
+        self.working = False
+        return found
+
+
+def test_a_function_goes_to_the_worker_where_it_can_be_found_there(monkeypatch):
+    worker = Worker()
+
+    def swing(response):
+        return worker.working
+
+    def looked_at_there(of):
+        return set(run_loops(**arguments(2), executor=worker, of=of))
+
+    assert looked_at_there(lambda response: worker.working) == {False}
+    # what a notebook defines
     monkeypatch.setattr(swing, "__module__", "__main__", raising=False)
     monkeypatch.setattr(swing, "__qualname__", "swing")
     notebook = SimpleNamespace(swing=swing)
     monkeypatch.setitem(sys.modules, "__main__", notebook)
-    assert not loop_results.can_pickle(swing)
+    assert looked_at_there(swing) == {False}
     notebook.__file__ = "study.py"
-    assert loop_results.can_pickle(swing)
+    assert looked_at_there(swing) == {True}
 
 
 def test_what_all_runs_share_travels_once():
-    shared = stack_runs(*stacked(np.ones((1, 1000))), steps=4)
-    each = stack_runs(*stacked(np.ones((50, 1000))), steps=4)
-    sent, more = pickle.dumps(shared), pickle.dumps(each)
-    assert len(sent) < len(more) - 49 * 8000
-    back = simulate_runs(pickle.loads(sent))
-    assert all(np.array_equal(back[name], part) for name, part in simulate_runs(each).items())
-
-
-def stacked(r):
-    """Fifty runs as `run_loops` stacks them."""
-    zero = np.zeros((1, r.shape[1]))
-    given = {"r": r, "disturbance": zero, "noise": zero, "initial": np.zeros((1, 2))}
-    return paper_rig(), [Controller(K) for K in arguments(50)["controllers"]], given
+    once, fifty = Worker(), Worker()
+    given = arguments(50) | {"r": np.ones(1000)}
+    shared = run_loops(**given, executor=once)
+    each = run_loops(**given | {"r": np.ones((50, 1000))}, executor=fifty)
+    assert sum(once.sizes) < sum(fifty.sizes) - 49 * 8000
+    assert same(shared, each)
 
 
 KILLED = """
@@ -162,24 +178,55 @@ def test_a_killed_run_is_resumed_without_loss(here, tmp_path):
     assert same(resumed, here)
 
 
-def test_results_of_another_integrator_are_not_taken(tmp_path, monkeypatch, here):
+#: A process in which a file of the package ends in a comment, and which must not compute.
+CHANGED = """
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+read = Path.read_bytes
+Path.read_bytes = lambda path: read(path) + b"# later" * path.match(sys.argv[2])
+
+import numpy as np
+from nlfrf import paper_rig
+from nlfrf.rig import run_loops
+
+class Nobody:
+    def submit(self, task, value):
+        raise OSError("nobody computes")
+
+K = SimpleNamespace(A=[[1.0]], B=[[1.0]], C=[[300.0]], D=[[300.0]], dt=1e-3)
+run_loops(paper_rig(), np.ones(20), [K], resume=sys.argv[1], executor=Nobody())
+"""
+
+
+@pytest.mark.parametrize(
+    ("changed", "found"),
+    [
+        ("rig/bench/closed_loop.py", False),
+        ("rig/kernels/coupled.py", False),
+        ("rig/laws/laws.py", False),
+        ("signals/multisine.py", True),
+    ],
+)
+def test_results_of_another_integrator_are_not_taken(changed, found, tmp_path):
+    """The integrator is every file that integrates."""
+    K = SimpleNamespace(A=[[1.0]], B=[[1.0]], C=[[300.0]], D=[[300.0]], dt=1 / FS)
     kept = []
-    run_loops(**arguments(5), resume=tmp_path)
-    run_loops(**arguments(5), resume=tmp_path, progress=lambda *counts: kept.append(counts))
-    assert kept == [(1, 1)]
-    monkeypatch.setattr(runs, "hash_integrator", lambda: b"a later version")
-    run_loops(**arguments(5), resume=tmp_path)
-    assert len(list(tmp_path.glob("*.npz"))) == 2
-
-
-def test_the_integrator_is_every_file_that_integrates(tmp_path, monkeypatch):
-    first = runs.hash_integrator()
-    for part in ("bench", "kernels", "laws"):
-        folder = tmp_path / part
-        folder.mkdir()
-        for path in (runs.Path(runs.__file__).parents[1] / part).glob("*.py"):
-            (folder / path.name).write_bytes(path.read_bytes())
-    monkeypatch.setattr(runs, "__file__", str(tmp_path / "bench" / "simulate.py"))
-    assert runs.hash_integrator.__wrapped__() == first
-    (tmp_path / "kernels" / "coupled.py").write_text("# changed\n")
-    assert runs.hash_integrator.__wrapped__() != first
+    for _ in range(2):
+        run_loops(
+            paper_rig(),
+            np.ones(20),
+            [K],
+            resume=tmp_path,
+            progress=lambda *counts: kept.append((len(list(tmp_path.glob("*.npz"))), *counts)),
+        )
+    assert kept == [(1, 1, 1)] * 2
+    done = subprocess.run(
+        [sys.executable, "-c", CHANGED, str(tmp_path), f"nlfrf/{changed}"],
+        check=False,
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode == 0) == found, done.stderr
+    assert ("nobody computes" in done.stderr) != found
