@@ -58,12 +58,12 @@ def examine(
     ['control', 'cvxpy', 'numpy']
     """
     here = f"on {platform.platform(terse=True)}"
-    rows = [("nlfrf", installed_version("nlfrf"), ""), ("Python", platform.python_version(), here)]
+    rows = [("nlfrf", _installed_version("nlfrf"), ""), ("Python", platform.python_version(), here)]
     faults = []
     for extra, need in sorted(
         _iterate_requirements(), key=lambda one: (one[0], one[1].name.lower())
     ):
-        version = installed_version(need.name)
+        version = _installed_version(need.name)
         requirement = str(need.specifier) + (f", for nlfrf[{extra}]" if extra else "")
         rows.append((need.name, version, requirement))
         if version and not need.specifier.contains(version, prereleases=True):
@@ -76,7 +76,7 @@ def examine(
         folders = [Path.cwd(), *map(Path, sys.path)]
     else:
         folders = list(map(Path, sys.path))
-    faults += find_hiding_files(folders)
+    faults += _find_hiding_files(folders)
     if faults and any("'robust'" in fault for fault in faults):
         other = None
     else:
@@ -84,14 +84,14 @@ def examine(
     faults += [other] if other else []
     if not faults:  # these checks import the packages
         faults = [
-            *find_wrong_algebra(),
-            *find_cache_fault(),
-            *find_missing_readers(Path.cwd(), extra_of_file),
+            *_find_wrong_algebra(),
+            *_find_cache_fault(),
+            *_find_missing_readers(Path.cwd(), extra_of_file),
         ]
     return rows, faults
 
 
-def find_hiding_files(folders: Iterable[Path]) -> list[str]:
+def _find_hiding_files(folders: Iterable[Path]) -> list[str]:
     """Return a line for each file in a folder that hides a module that our packages need, with the
     cure.
 
@@ -103,7 +103,7 @@ def find_hiding_files(folders: Iterable[Path]) -> list[str]:
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     _ = Path(folder, "control.py").write_text("gain = 3")
-    ...     [line.replace(folder, "FOLDER") for line in find_hiding_files([Path(folder)])]
+    ...     [line.replace(folder, "FOLDER") for line in _find_hiding_files([Path(folder)])]
     ["FOLDER/control.py hides the package 'control' from every program run in its folder: rename that file"]
     """
     home = Path(__file__).resolve().parent.parent
@@ -179,7 +179,7 @@ def _iterate_requirements() -> Iterator[tuple[str, Requirement]]:
                     always.add(text)
 
 
-def installed_version(name: str) -> str:
+def _installed_version(name: str) -> str:
     """Return the version of a distribution, "" if it is not installed."""
     from importlib import metadata  # a slow import
 
@@ -189,25 +189,21 @@ def installed_version(name: str) -> str:
         return ""
 
 
-def find_wrong_algebra(n: int = 256) -> list[str]:
+def _find_wrong_algebra() -> list[str]:
     """Return a line if the linear algebra of NumPy is wrong, as with a library made for another
     processor.
 
     Products of small whole numbers are exact in any order of the sums. Factorisations are checked
     by their residual.
 
-    Parameters
-    ----------
-    n : int
-        Rows of the matrices: enough for blocks and threads.
-
     Examples
     --------
-    >>> find_wrong_algebra()
+    >>> _find_wrong_algebra()
     []
     """
     import numpy as np
 
+    n = 256  # rows of the matrices: enough for blocks and threads
     whole = np.random.default_rng(1).integers(-8, 9, (4, n, n))
     A, B, C, D = whole.astype(float)
     exact = (
@@ -237,7 +233,7 @@ def find_wrong_algebra(n: int = 256) -> list[str]:
     return []
 
 
-def find_cache_fault() -> list[str]:
+def _find_cache_fault() -> list[str]:
     """Return a line if numba has no folder for its compiled code, without which it refuses to
     compile.
     """
@@ -253,7 +249,7 @@ def find_cache_fault() -> list[str]:
     return []
 
 
-def find_missing_readers(folder: Path, extra_of_file: Callable[[Path], str]) -> list[str]:
+def _find_missing_readers(folder: Path, extra_of_file: Callable[[Path], str]) -> list[str]:
     """Return a line for each missing extra that the measurement files in a folder need."""
     extras: dict[str, Path] = {}
     for path in sorted(folder.iterdir()):
@@ -262,7 +258,7 @@ def find_missing_readers(folder: Path, extra_of_file: Callable[[Path], str]) -> 
     absent = [
         (extra, need.name)
         for extra, need in _iterate_requirements()
-        if not installed_version(need.name)
+        if not _installed_version(need.name)
     ]
     return [
         f"{path.name} needs {name}, which is not installed: pip install 'nlfrf[{extra}]'"
@@ -303,7 +299,7 @@ def _find_name_conflict() -> str | None:
     elif others:
         what = (
             f"`import robust` must give our package, got files of the distribution {other}"
-            f" {installed_version(other)}"
+            f" {_installed_version(other)}"
         )
     else:
         what = (
@@ -364,10 +360,10 @@ def _run_or_explain(name: str, find_fault: Callable[[], str | None] = lambda: No
 
 
 def _hiding_files_on_path(*names: str) -> list[str]:
-    """Return the lines of `find_hiding_files` for the folders on the path of Python, for some
+    """Return the lines of `_find_hiding_files` for the folders on the path of Python, for some
     modules or all.
     """
-    lines = find_hiding_files(Path(folder or os.getcwd()) for folder in sys.path)
+    lines = _find_hiding_files(Path(folder or os.getcwd()) for folder in sys.path)
     return [line for line in lines if not names or any(repr(name) in line for name in names)]
 
 

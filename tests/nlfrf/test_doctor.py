@@ -4,13 +4,14 @@ import os
 import subprocess
 import sys
 import zipfile
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from nlfrf import doctor
-from nlfrf.io.measurement_files import extra_of_file
+from nlfrf.doctor import examine
+from tests.nlfrf.test_cli import nlfrf_command  # noqa: F401 (a fixture)
 
 ROOT = Path(__file__).parents[2]
 
@@ -176,49 +177,49 @@ def test_a_file_of_ones_own_in_the_working_folder_is_seen_by_the_commands(
         assert done.returncode == (1 if line in done.stdout else 2)
 
 
-def test_what_hides_nothing_is_not_named(tmp_path):
+def test_what_hides_nothing_is_not_named(tmp_path, monkeypatch):
     (tmp_path / "random").mkdir()  # no package
     for name in ("test.py", "mine.py", "control.txt", "robust.json"):
         (tmp_path / name).write_text("")
-    assert doctor.find_hiding_files([tmp_path]) == []
+    monkeypatch.chdir(tmp_path)
+    assert examine()[1] == []
     front, behind = tmp_path / "front", tmp_path / "behind"
     for folder in (front, behind):
         folder.mkdir()
         (folder / "control.py").write_text("")
-    assert [line.split(" hides ")[0] for line in doctor.find_hiding_files([front, behind])] == [
-        str(front / "control.py")
-    ]
+    monkeypatch.chdir(front)
+    with monkeypatch.context() as path:
+        path.syspath_prepend(behind)
+        assert [line.split(" hides ")[0] for line in examine()[1]] == [str(front / "control.py")]
     (front / "some-1.0.dist-info").mkdir()  # modules are installed there
-    assert doctor.find_hiding_files([front]) == []
+    assert examine()[1] == []
 
 
 def test_a_version_below_the_floor_is_a_fault(monkeypatch):
-    monkeypatch.setattr(doctor, "installed_version", lambda name: "1.0" if name == "numpy" else "")
-    faults = doctor.examine()[1]
+    def version(name):
+        if name == "numpy":
+            return "1.0"
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(metadata, "version", version)
+    faults = examine()[1]
     assert any(fault.startswith("numpy must be >=2.2") and "got 1.0" in fault for fault in faults)
     assert any(fault.startswith("cvxpy must be installed") for fault in faults)
-
-
-@pytest.mark.parametrize("n", [1, 7, 64, 300])
-def test_linear_algebra_that_is_right_is_not_named(n):
-    assert doctor.find_wrong_algebra(n) == []
 
 
 def test_linear_algebra_that_computes_wrong_is_named(monkeypatch):
     right = np.linalg.eigh
     monkeypatch.setattr(np.linalg, "eigh", lambda H: (right(H)[0] + 1e-3, right(H)[1]))
-    assert doctor.examine()[1] == doctor.find_wrong_algebra()
-    assert doctor.find_wrong_algebra()[0].startswith(
-        "NumPy's linear algebra must be right, got wrong factorisations: "
-    )
+    (fault,) = examine()[1]
+    assert fault.startswith("NumPy's linear algebra must be right, got wrong factorisations: ")
     monkeypatch.setattr(np.linalg, "eigh", lambda H: (np.nan * right(H)[0], right(H)[1]))
-    assert doctor.find_wrong_algebra()
+    assert examine()[1] == [fault]
 
     def fails(_):
         raise np.linalg.LinAlgError("SVD did not converge")
 
     monkeypatch.setattr(np.linalg, "svd", fails)
-    assert "SVD did not converge" in doctor.find_wrong_algebra()[0]
+    assert "SVD did not converge" in examine()[1][0]
 
 
 def test_a_cache_of_numba_that_cannot_be_written_is_named(tmp_path):
@@ -227,7 +228,7 @@ def test_a_cache_of_numba_that_cannot_be_written_is_named(tmp_path):
         "NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator",
         "NUMBA_CACHE_DIR": str(tmp_path / "file"),
     }
-    code = "from nlfrf.doctor import find_cache_fault; print(*find_cache_fault())"
+    code = "from nlfrf.doctor import examine; print(*examine()[1])"
     for variables, begin in ((nowhere, "numba must have a folder for its compiled code"), ({}, "")):
         line = run([sys.executable, "-c", code], env=os.environ | variables, cwd=tmp_path).strip()
         assert line.startswith(begin)
@@ -235,7 +236,7 @@ def test_a_cache_of_numba_that_cannot_be_written_is_named(tmp_path):
         assert bool(line) == bool(begin)
 
 
-def test_readers_that_the_files_of_a_folder_need_are_named(tmp_path, monkeypatch):
+def test_readers_that_the_files_of_a_folder_need_are_named(nlfrf_command, tmp_path, monkeypatch):  # noqa: F811
     files = {
         "run.tdms": b"",
         "second.TDMS": b"",
@@ -249,24 +250,32 @@ def test_readers_that_the_files_of_a_folder_need_are_named(tmp_path, monkeypatch
         (tmp_path / name).write_bytes(content)
     (tmp_path / "folder.uff").mkdir()
     monkeypatch.chdir(tmp_path)
-    assert doctor.find_missing_readers(tmp_path, extra_of_file) == []
-    have = doctor.installed_version
-    monkeypatch.setattr(
-        doctor, "installed_version", lambda name: "" if name in ABSENT else have(name)
-    )
-    assert doctor.find_missing_readers(tmp_path, extra_of_file) == [
+    code, said, _ = nlfrf_command("doctor")
+    assert (code, said.splitlines()[-1]) == (0, "all is well")
+    have = metadata.version
+
+    def version(name):
+        if name in ABSENT:
+            raise metadata.PackageNotFoundError(name)
+        return have(name)
+
+    monkeypatch.setattr(metadata, "version", version)
+    code, said, _ = nlfrf_command("doctor")
+    assert code == 1
+    assert [line for line in said.splitlines() if " needs " in line] == [
         "old.dat needs asammdf, which is not installed: pip install 'nlfrf[mdf]'",
         "run.tdms needs nptdms, which is not installed: pip install 'nlfrf[tdms]'",
         "v73.mat needs h5py, which is not installed: pip install 'nlfrf[hdf5]'",
     ]
-    assert doctor.examine(extra_of_file)[1] == doctor.find_missing_readers(tmp_path, extra_of_file)
 
 
 ABSENT = ("nptdms", "npTDMS", "asammdf", "h5py", "pyuff")
 
 
 @pytest.mark.parametrize("package", ["nlfrf", "robust"])
-def test_a_file_of_ones_own_called_lazy_loader_is_named_by_whatever_imports_us(tmp_path, package):
+def test_a_file_of_ones_own_called_lazy_loader_is_named_by_whatever_imports_us(
+    tmp_path, package, monkeypatch
+):
     (tmp_path / "lazy_loader.py").write_text("gain = 3\n")
     command = [sys.executable, "-c", f"import {package}"]
     done = subprocess.run(
@@ -278,9 +287,8 @@ def test_a_file_of_ones_own_called_lazy_loader_is_named_by_whatever_imports_us(t
         == f"ImportError: {tmp_path / 'lazy_loader.py'} hides the package 'lazy_loader': rename"
         " that file"
     )
-    assert doctor.find_hiding_files([tmp_path])[0].startswith(
-        last.removeprefix("ImportError: ").partition(":")[0]
-    )
+    monkeypatch.chdir(tmp_path)
+    assert examine()[1][0].startswith(last.removeprefix("ImportError: ").partition(":")[0])
 
 
 def test_the_wheel_holds_types_schemas_and_no_tests(wheel):
