@@ -286,11 +286,11 @@ def _number_of_parts(n: int, n_lines: int) -> int:
 _N_NODES = 200
 
 
-def roy_probability(x: float, n_y: int, n_u: int, dof: float) -> float:
+def _roy_probability(x: float, n_y: int, n_u: int, dof: float) -> float:
     """Return P(sigma_max^2 <= x) for an (n_y, n_u) matrix over a covariance with `dof` complex
     degrees of freedom.
 
-    >>> round(roy_probability(9.391049, 2, 2, 12.0), 6)
+    >>> round(_roy_probability(9.391049, 2, 2, 12.0), 6)
     0.95
     """
     from scipy.special import eval_genlaguerre, eval_jacobi, gammaln
@@ -339,7 +339,7 @@ def roy_quantile(p: float, n_y: int, n_u: int, dof: float) -> float:
             f" {dof:g}"
         )
     high = 4.0 * (n_y + n_u)
-    while roy_probability(high, n_y, n_u, dof) < p:
+    while _roy_probability(high, n_y, n_u, dof) < p:
         high *= 2
         if high > 1e12:
             raise ValueError(
@@ -347,7 +347,7 @@ def roy_quantile(p: float, n_y: int, n_u: int, dof: float) -> float:
                 " outputs"
             )
     return float(
-        brentq(lambda x: roy_probability(x, n_y, n_u, dof) - p, 1e-9, high, xtol=1e-12, rtol=1e-13)
+        brentq(lambda x: _roy_probability(x, n_y, n_u, dof) - p, 1e-9, high, xtol=1e-12, rtol=1e-13)
     )
 
 

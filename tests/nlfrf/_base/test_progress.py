@@ -5,11 +5,11 @@ what it keeps.
 import io
 import re
 import sys
+import time
 
 import pytest
 
 import nlfrf
-from nlfrf._base import progress
 from tests.nlfrf.test_cli import nlfrf_command  # noqa: F401 (a fixture)
 
 
@@ -25,7 +25,7 @@ def open_screen(monkeypatch):
     monkeypatch.setenv("COLUMNS", "100")
     shown, clock = Screen(), [0.0]
     monkeypatch.setattr(sys, "stderr", shown)
-    monkeypatch.setattr(progress.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(time, "monotonic", lambda: clock[0])
     return shown, clock
 
 
