@@ -170,7 +170,7 @@ def _apply_global_model(
     """
     value, variance = value.copy(), variance.copy()
     for m in np.ndindex(G.shape[:-1]):
-        whole, dof = fit_global_rational(G[m], weight[m], lines)
+        whole, dof = _fit_global_rational(G[m], weight[m], lines)
         if not dof:
             continue
         shape = np.array([np.ones(lines.size), np.maximum(squared_modulus(whole), TINY)]) / (
@@ -191,7 +191,7 @@ def _apply_global_model(
     return value, variance
 
 
-def fit_global_rational(
+def _fit_global_rational(
     G: np.ndarray, weight: np.ndarray, lines: np.ndarray
 ) -> tuple[np.ndarray, float]:
     """Fit a rational function to an FRF over all its lines; return its values (F,) and its complex
@@ -220,7 +220,7 @@ def fit_global_rational(
             scale = relative / np.abs(denominator)
             whole = powers @ x[: order + 1] / denominator
             cost = float(power((G - whole) * relative)) / left
-            if cost < lowest and is_stable(x[order + 1 :]):
+            if cost < lowest and _is_stable(x[order + 1 :]):
                 best, lowest, degrees = whole, cost, left
     return best, degrees
 
@@ -237,12 +237,14 @@ def _solve_real_least_squares(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     )
 
 
-def is_stable(a: np.ndarray) -> bool:
+def _is_stable(a: np.ndarray) -> bool:
     """Return whether 1 + a1 s + a2 s^2 (+ a3 s^3 + a4 s^4) has all roots in the left half-plane
     (Routh, Hurwitz).
 
-    >>> is_stable(np.array([0.1, 1.0])), is_stable(np.array([1.0, 3.0, 1.0, 1.0])), is_stable(np.array([1.0, 1, 1, 1]))
-    (True, True, False)
+    >>> [_is_stable(np.array(a)) for a in ([0.1, 1.0], [-0.1, 1.0], [0.1, -1.0])]
+    [True, False, False]
+    >>> _is_stable(np.array([1.0, 3.0, 1.0, 1.0])), _is_stable(np.array([1.0, 1, 1, 1]))
+    (True, False)
     """
     if (a <= 0).any():
         return False

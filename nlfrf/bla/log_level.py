@@ -33,7 +33,7 @@ _MIN_RELATIVE_POWER = 1e-10  # share of the largest expected power in a window
 
 
 @value(copy=False)
-class WindowCoordinates:
+class _WindowCoordinates:
     """Coordinates of a grid for the log-linear fit, and its normal equations, which depend on the
     grid alone.
     """
@@ -92,7 +92,7 @@ def expected_total(
 
 
 def fit_log_level(
-    y: np.ndarray, log_shape: np.ndarray, *, windows: WindowCoordinates, M: int
+    y: np.ndarray, log_shape: np.ndarray, *, windows: _WindowCoordinates, M: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Fit the log level at each line, its slope and the log likelihood (H, F) to whitened powers y
     (H, n, F).
@@ -160,12 +160,12 @@ def level_from_roughness(
 
 
 @lru_cache(maxsize=N_CACHED_GRIDS)
-def window_coordinates(index: LineIndex, M: int) -> WindowCoordinates:
+def window_coordinates(index: LineIndex, M: int) -> _WindowCoordinates:
     """Return the coordinates and normal equations of a grid, for M realisations."""
     lines = index.lines[index.excited].astype(float)
     near = index.odd_windows.T
     n, F = near.shape
-    x = slope_coordinate(index.detection[near].astype(float), lines)
+    x = _slope_coordinate(index.detection[near].astype(float), lines)
     # the calibration error is a normal effect common to the window: Woodbury's identity includes it
     # in the weights
     common = _CALIBRATION_LOG_VARIANCE * M * M / (1 + _CALIBRATION_LOG_VARIANCE * n * M)
@@ -178,7 +178,7 @@ def window_coordinates(index: LineIndex, M: int) -> WindowCoordinates:
         near.T[_centred_windows(F, several)[:, None] + np.arange(several)].reshape(F, -1), axis=1
     )
     distinct = (1 + np.count_nonzero(around[:, 1:] != around[:, :-1], axis=1)) / n
-    return WindowCoordinates(
+    return _WindowCoordinates(
         x=x,
         x_rough=_roughness_positions(index)[0],
         common=common,
@@ -227,13 +227,13 @@ def _roughness_positions(index: LineIndex) -> np.ndarray:
     first one.
     """
     lines = index.lines[index.excited].astype(float)
-    around = slope_coordinate(lines[index.excited_windows.T], lines)
-    positions = np.array([around.mean(axis=0), slope_coordinate(lines, lines[:1])])
+    around = _slope_coordinate(lines[index.excited_windows.T], lines)
+    positions = np.array([around.mean(axis=0), _slope_coordinate(lines, lines[:1])])
     positions.flags.writeable = False
     return positions
 
 
-def slope_coordinate(at: np.ndarray, line: np.ndarray) -> np.ndarray:
+def _slope_coordinate(at: np.ndarray, line: np.ndarray) -> np.ndarray:
     """Return the signed distance between lines, in standard deviations of the change of the log
     level.
     """

@@ -172,7 +172,7 @@ def _find_repeats(excited: Spectra) -> list[tuple[list[int], list[float]]]:
             if np.count_nonzero(own) <= _MIN_PHASE_LINES:
                 return [([m], [0.0]) for m in range(M)]
             U, index = U[:, own], index_lines(LineGrid(excited=lines[own]))
-        for number, group in enumerate(group_by_phases(U, index)):
+        for number, group in enumerate(_group_by_phases(U, index)):
             of_input[group] = number
     by_label: dict[tuple[int, ...], list[tuple[list[int], list[float]]]] = {}
     for m, label in enumerate(map(tuple, labels.T.tolist())):
@@ -194,7 +194,7 @@ def _normalized_products(U: np.ndarray, other: np.ndarray) -> np.ndarray:
     return np.asarray(other * U.conj() / np.sqrt(power(U) * power(other))[..., None])
 
 
-def group_by_phases(U: np.ndarray, index: LineIndex) -> list[list[int]]:
+def _group_by_phases(U: np.ndarray, index: LineIndex) -> list[list[int]]:
     """Group the realisations (M, F) that have equal phases up to a delay, as lists of their
     numbers.
     """

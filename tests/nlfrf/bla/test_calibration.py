@@ -13,7 +13,7 @@ from nlfrf.bla.calibration import (
     variance_ratio,
 )
 from nlfrf.bla.distortion import cubic_count_ratios
-from nlfrf.bla.line_index import index_lines, nearest_lines
+from nlfrf.bla.line_index import index_lines
 from nlfrf.signals import LineGrid
 
 LINES = np.array([1, 3, 9, 11, 17, 19])
@@ -213,10 +213,10 @@ def test_the_common_gain_of_many_realisations_is_that_of_a_cube():
 @pytest.mark.parametrize("at", [[1, 3, 9], [40, 41], [100]])
 def test_nearest_lines_are_the_nearest(at):
     lines = np.array([5, 7, 13, 15, 21, 23, 29, 31, 37, 39])
-    found = nearest_lines(np.array(at), lines, 6)
-    for k, window in zip(at, found, strict=True):
-        farthest = np.sort(np.abs(lines - k))[5]
-        assert np.abs(lines[window] - k).max() == farthest
+    where = index_lines(LineGrid(excited=at, odd=lines[~np.isin(lines, at)]))
+    for k, window in zip(at, where.odd_windows, strict=True):
+        farthest = np.sort(np.abs(where.detection - k))[5]
+        assert np.abs(where.detection[window] - k).max() == farthest
         assert np.unique(window).size == 6
 
 

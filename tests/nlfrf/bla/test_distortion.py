@@ -11,13 +11,7 @@ from benchmarks.plants import PLANTS, played
 from nlfrf import Record, identify, multisine, reduce_crest
 from nlfrf.bla.distortion import cubic_count_ratios, update_by_scatter
 from nlfrf.bla.line_index import index_lines
-from nlfrf.bla.log_level import (
-    WindowCoordinates,
-    expected_total,
-    fit_log_level,
-    slope_coordinate,
-    window_coordinates,
-)
+from nlfrf.bla.log_level import expected_total, fit_log_level, window_coordinates
 from nlfrf.bla.scaled_f import log_density_of_ratio, match_scaled_f, widened_dof
 from nlfrf.signals import LineGrid
 
@@ -103,7 +97,6 @@ def test_the_normal_equations_are_those_of_a_common_error():
     """Woodbury's identity, against the inverse of the full covariance of a window."""
     M, where = 3, index_lines(GRID)
     windows = window_coordinates(where, M)
-    assert isinstance(windows, WindowCoordinates)
     n = len(windows.x)
     weight = np.linalg.inv(np.eye(n) / M + 0.06 * np.ones((n, n)))
     for k in (0, 10, 49):
@@ -116,12 +109,23 @@ def test_the_normal_equations_are_those_of_a_common_error():
 
 
 def test_distance_grows_with_lines_and_with_the_logarithm_of_frequency():
-    at = np.array([1.0, 5.0, 50.0])
-    assert np.all(np.diff(slope_coordinate(at, np.full(3, 5.0))) > 0)
-    assert slope_coordinate(at, at).tolist() == [0, 0, 0]
-    assert abs(slope_coordinate(np.array(1.0), np.array(11.0))) > 2 * abs(
-        slope_coordinate(np.array(1001.0), np.array(1011.0))
-    )
+    excited = 8 * np.arange(251)[:, None] + [1, 3]
+    where = index_lines(LineGrid(excited=excited.ravel()))
+    x, lines = window_coordinates(where, 1).x.T, where.lines[where.excited]
+    near = where.detection[where.odd_windows]
+    distance = {
+        (line, at): one
+        for line, row, found in zip(lines.tolist(), near.tolist(), x.tolist(), strict=True)
+        for at, one in zip(row, found, strict=True)
+    }
+    for line in (3, 11, 1003):
+        ordered = [distance[line, at] for at in sorted(near[lines == line].ravel().tolist())]
+        assert np.all(np.diff(ordered) > 0)
+        assert np.sum(np.array(ordered) < 0) == np.sum(near[lines == line] < line)
+    assert distance[3, 13] > 2 * distance[1003, 1013]
+    # far up the lines alone count, from none on
+    assert distance[1003, 1013] == pytest.approx(5 * distance[1003, 1005], rel=1e-3)
+    assert distance[1003, 1013] == pytest.approx(-distance[1009, 999], rel=1e-3)
 
 
 def test_noise_that_is_known_is_not_distortion():

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 from nlfrf import DataWarning, Record, identify, multisine, reduce_crest, second_opinion
-from nlfrf.bla.line_index import index_lines
-from nlfrf.bla.realizations import group_by_phases
 
 FS = N = 1024
 
@@ -118,11 +116,11 @@ def test_a_second_opinion_says_the_same_of_repeats():
     ("kind", "f_max"), [("special-odd", 10), ("odd", 8), ("full", 6), ("special-odd", 300)]
 )
 def test_independent_phases_are_not_taken_for_repeats(kind, f_max):
-    where = index_lines(multisine(kind, fs=FS, n_samples=N, f_min=1, f_max=f_max, rng=0).lines)
     rng = np.random.default_rng(1)
     for _ in range(300):
-        U = np.exp(2j * np.pi * rng.random((10, where.excited.size)))
-        assert len(group_by_phases(U, where)) == 10
+        ms = multisine(kind, fs=FS, n_samples=N, f_min=1, f_max=f_max, n_realizations=10, rng=rng)
+        bla = identify(Record(u=ms.u[:, None], y=ms.u[:, None], fs=FS, lines=ms.lines))
+        assert bla.experiment.n_realizations == 10
 
 
 def test_realisations_of_their_own_give_no_warning():
