@@ -37,7 +37,9 @@ _OUTPUT_NAMES = re.compile(
     re.I,
 )
 _SET_WORDS = r"set[ _]?points?|soll(?:wert)?|cmd|command(?:ed)?|ref(?:erence)?|target|demand(?:ed)?"
-_SET_POINT = re.compile(rf"[ _.]*(?:{_SET_WORDS})$|(?<![a-z])(?:{_SET_WORDS})(?![a-z])[ _.]*", re.I)
+_SET_POINT = re.compile(
+    rf"(?<![ _.])[ _.]*(?:{_SET_WORDS})$|(?<![a-z])(?:{_SET_WORDS})(?![a-z])[ _.]*", re.I
+)
 MAX_CANDIDATES = 12  # channels whose spectra are computed
 WHOLE_TOLERANCE = 0.05  # [samples] largest distance of a period from a whole number
 

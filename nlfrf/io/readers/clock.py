@@ -13,9 +13,10 @@ from nlfrf._base.numbers import BLOCK_ENTRIES, all_finite, iterate_blocks
 from nlfrf.io.readers.names import TURN, parse_bracket, parse_unit, suits
 
 #: A unit in brackets behind a name. Whole numbers are an index, `setpoint[0]`, `DCOM(1,2)`; "ratio
-#: [1]" has a unit.
+#: [1]" has a unit. The length is limited, and blanks are tried from their first one only: names of
+#: many brackets or blanks took minutes.
 UNIT_SUFFIX = re.compile(
-    r"(?:\s+(?=\[1\])|\s*(?![\[(]\s*\d[\d,;:\s]*[\])]))[\[(]([^\])]*)[\])]\s*$"
+    r"(?<!\s)(?:\s+(?=\[1\])|\s*(?![\[(]\s*\d[\d,;:\s]*[\])]))[\[(]([^\])]{0,200}+)[\])]\s*$"
 )
 NUMBER_SUFFIX = re.compile(r"\.\d+$")  # number that distinguishes channels with one name
 #: A rate in samples a second, as "kS/s", "Sa/s", "MSPS", "samples per second".
