@@ -454,7 +454,7 @@ def _require_same_motion(
         )
 
 
-def likeness(U: np.ndarray, R: np.ndarray, lines: np.ndarray) -> float:
+def _likeness(U: np.ndarray, R: np.ndarray, lines: np.ndarray) -> float:
     """Return the smoothness of U over R from line to line, 0 to 1; a delay has equal steps over
     equal distances.
 
@@ -476,7 +476,7 @@ def likeness(U: np.ndarray, R: np.ndarray, lines: np.ndarray) -> float:
 def _match_realizations(parts: list[_Periods], drawn: np.ndarray, lines: np.ndarray) -> list[int]:
     """Return the trace that responds to each realisation; refuse a realisation without one."""
     U, R = (rfft_at(one, lines) for one in (np.stack([one.u.mean(axis=0) for one in parts]), drawn))
-    found = np.array([[likeness(one, drawn_one, lines) for one in U] for drawn_one in R])
+    found = np.array([[_likeness(one, drawn_one, lines) for one in U] for drawn_one in R])
     total = np.array([np.mean((one.u - one.u.mean(axis=1, keepdims=True)) ** 2) for one in parts])
     found = found * (
         2 * np.sum(squared_modulus(U), axis=1) / drawn.shape[1] ** 2 > _PERIODIC * total

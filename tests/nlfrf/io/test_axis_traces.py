@@ -12,7 +12,6 @@ import pytest
 import nlfrf
 from nlfrf import DataWarning, servo_axis
 from nlfrf.io import load_trace
-from nlfrf.io.axis_trace import likeness
 from robust.servo import design_experiment, play_experiment
 from tests.robust.servo.experiment import test_levels
 from tests.support.tables import write_columns
@@ -422,6 +421,13 @@ def test_other_designs_are_sent_where_they_belong(at_rest):
         load_trace(at_rest.folder / "trace.csv", at_rest.folder / "ms.npz")
 
 
-def test_one_line_follows_whatever_was_played():
+def test_one_line_follows_whatever_was_played(tmp_path):
     """Steps from line to line were counted, and divided by: there are none."""
-    assert likeness(np.array([2j]), np.array([1.0 + 0j]), np.array([5])) == 1
+    one = nlfrf.multisine("full", fs=4000, n_samples=N, f_min=120, f_max=121, rng=1)
+    assert one.lines.excited.size == 1
+    experiment = design_experiment(ROUGH, one, rms=30)
+    nlfrf.save(experiment, tmp_path / "play.csv")
+    play_experiment(AXIS, tmp_path / "play.csv", tmp_path / "trace.csv")
+    with pytest.warns(DataWarning, match="N rms at rest, not 30 as designed"):
+        (record,) = load_trace(tmp_path / "trace.csv", experiment)
+    assert record.lines.excited.tolist() == one.lines.excited.tolist()

@@ -8,8 +8,6 @@ import pytest
 from scipy.io import savemat
 
 import nlfrf
-from nlfrf.io.results import RESULTS
-from nlfrf.io.stored_values import load_value
 from tests.support.measurement_files import damaged
 
 FORMATS = [".npz", ".mat", ".h5", ".csv"]
@@ -56,8 +54,9 @@ def test_blas_and_multisines_round_trip_exactly(record, tmp_path):
     nlfrf.save(ms, tmp_path / "ms.npz")
     same(nlfrf.load(tmp_path / "ms.npz"), ms)
     assert isinstance(nlfrf.load(tmp_path / "bla.npz"), nlfrf.Bla)
-    with pytest.raises(ValueError, match=r"path must hold a BLA, got .*, which is a multisine"):
-        load_value(RESULTS, tmp_path / "ms.npz")
+    nlfrf.save(record, tmp_path / "r.csv")
+    with pytest.raises(ValueError, match=r"path must hold a multisine or .*got .*, which is a BLA"):
+        nlfrf.load_record(tmp_path / "r.csv", n_samples=512, design=tmp_path / "bla.npz")
 
 
 def test_blas_and_multisines_round_trip_in_hdf5(record, tmp_path):

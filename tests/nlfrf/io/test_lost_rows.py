@@ -11,7 +11,6 @@ import pytest
 
 import nlfrf
 from nlfrf import cli
-from nlfrf.io.rows import find_lost_rows
 from tests.support.belt import FS, PERIOD, run, write_log
 
 BELT = {"u": "Kraft [N]", "y": "Position [mm]"}
@@ -134,11 +133,14 @@ def test_resample_that_leaves_one_period_says_so(tmp_path):
 @pytest.mark.parametrize(
     "spoil", [lambda t, rng: t + 4e-4 * rng.uniform(size=t.size), lambda t, rng: np.round(t, 2)]
 )
-def test_a_clock_that_jitters_or_is_coarse_shows_no_lost_row(spoil):
-    t = np.delete(np.arange(2000) / FS, 700)
-    assert find_lost_rows(t, FS) is not None
-    assert find_lost_rows(spoil(t, np.random.default_rng(1)), FS) is None
+def test_a_clock_that_jitters_or_is_coarse_shows_no_lost_row(spoil, tmp_path):
+    u, y = (np.delete(signal, 700) for signal in run())
+    t = np.delete(np.arange(run()[0].size) / FS, 700)
 
+    def lost(seconds):
+        np.savez(tmp_path / "belt.npz", t=seconds, u=u, y=y)
+        return nlfrf.inspect_file(tmp_path / "belt.npz").lost
 
-def test_an_even_clock_has_lost_nothing():
-    assert find_lost_rows(np.arange(100) / 7.0, 7.0) is None
+    assert lost(t).startswith("time jumps by two samples at 0.7 s")
+    assert "jump" not in lost(spoil(t, np.random.default_rng(1)))
+    assert not lost(np.arange(u.size) / 7.0)  # an even clock

@@ -17,7 +17,6 @@ from benchmarks.records_as_found import (
     tried_direction,
     write_table,
 )
-from nlfrf.io.uneven_clock import find_uneven_clock
 from tests.nlfrf.test_cli import nlfrf_command  # noqa: F401 (a fixture)
 from tests.support.printed import unwrapped
 
@@ -187,13 +186,18 @@ def test_rows_without_a_channel_do_not_hide_the_clock(u, y, tmp_path):
         nlfrf.load_record(tmp_path / "short.npz", u=u, y=y, resample=True)
 
 
-def test_two_rates_are_no_lost_rows():
-    t = np.cumsum(np.r_[np.full(2000, 1e-3), np.full(1000, 2e-3)])
-    found = find_uneven_clock(t, 1000.0)
-    assert found.fs == 1000.0
-    assert found.rows.size == 1
-    assert find_uneven_clock(T, FS) is None
-    assert find_uneven_clock(np.floor(T), FS) is None  # printed in whole seconds
+def test_two_rates_are_no_lost_rows(tmp_path):
+    def lost(t):
+        np.savez(tmp_path / "run.npz", time_s=t, u=U, y=Y)
+        return nlfrf.inspect_file(tmp_path / "run.npz").lost
+
+    two_rates = np.cumsum(np.r_[np.full(2000, 1e-3), np.full(1000, 2e-3)])
+    assert lost(two_rates) == (
+        "the steps of the time column vary from 0.001 to 0.002 s, usually 0.001 s: they are unequal"
+        " from 2.002 s on"
+    )
+    assert lost(T) == ""
+    assert lost(np.floor(T)) == ""  # printed in whole seconds
 
 
 def test_moments_are_clocks_by_their_type(tmp_path):
