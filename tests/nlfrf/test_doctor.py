@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from nlfrf.doctor import examine
+from nlfrf import doctor
 from tests.nlfrf.test_cli import nlfrf_command  # noqa: F401 (a fixture)
 
 ROOT = Path(__file__).parents[2]
@@ -182,7 +182,7 @@ def test_what_hides_nothing_is_not_named(tmp_path, monkeypatch):
     for name in ("test.py", "mine.py", "control.txt", "robust.json"):
         (tmp_path / name).write_text("")
     monkeypatch.chdir(tmp_path)
-    assert examine()[1] == []
+    assert doctor.examine()[1] == []
     front, behind = tmp_path / "front", tmp_path / "behind"
     for folder in (front, behind):
         folder.mkdir()
@@ -190,9 +190,11 @@ def test_what_hides_nothing_is_not_named(tmp_path, monkeypatch):
     monkeypatch.chdir(front)
     with monkeypatch.context() as path:
         path.syspath_prepend(behind)
-        assert [line.split(" hides ")[0] for line in examine()[1]] == [str(front / "control.py")]
+        assert [line.split(" hides ")[0] for line in doctor.examine()[1]] == [
+            str(front / "control.py")
+        ]
     (front / "some-1.0.dist-info").mkdir()  # modules are installed there
-    assert examine()[1] == []
+    assert doctor.examine()[1] == []
 
 
 def test_a_version_below_the_floor_is_a_fault(monkeypatch):
@@ -202,7 +204,7 @@ def test_a_version_below_the_floor_is_a_fault(monkeypatch):
         raise metadata.PackageNotFoundError(name)
 
     monkeypatch.setattr(metadata, "version", version)
-    faults = examine()[1]
+    faults = doctor.examine()[1]
     assert any(fault.startswith("numpy must be >=2.2") and "got 1.0" in fault for fault in faults)
     assert any(fault.startswith("cvxpy must be installed") for fault in faults)
 
@@ -210,16 +212,16 @@ def test_a_version_below_the_floor_is_a_fault(monkeypatch):
 def test_linear_algebra_that_computes_wrong_is_named(monkeypatch):
     right = np.linalg.eigh
     monkeypatch.setattr(np.linalg, "eigh", lambda H: (right(H)[0] + 1e-3, right(H)[1]))
-    (fault,) = examine()[1]
+    (fault,) = doctor.examine()[1]
     assert fault.startswith("NumPy's linear algebra must be right, got wrong factorisations: ")
     monkeypatch.setattr(np.linalg, "eigh", lambda H: (np.nan * right(H)[0], right(H)[1]))
-    assert examine()[1] == [fault]
+    assert doctor.examine()[1] == [fault]
 
     def fails(_):
         raise np.linalg.LinAlgError("SVD did not converge")
 
     monkeypatch.setattr(np.linalg, "svd", fails)
-    assert "SVD did not converge" in examine()[1][0]
+    assert "SVD did not converge" in doctor.examine()[1][0]
 
 
 def test_a_cache_of_numba_that_cannot_be_written_is_named(tmp_path):
@@ -288,7 +290,7 @@ def test_a_file_of_ones_own_called_lazy_loader_is_named_by_whatever_imports_us(
         " that file"
     )
     monkeypatch.chdir(tmp_path)
-    assert examine()[1][0].startswith(last.removeprefix("ImportError: ").partition(":")[0])
+    assert doctor.examine()[1][0].startswith(last.removeprefix("ImportError: ").partition(":")[0])
 
 
 def test_the_wheel_holds_types_schemas_and_no_tests(wheel):

@@ -274,7 +274,7 @@ def _has_slip_pair(
             left_of_gaps = one - np.concatenate(
                 [np.roll(following, -tried[k])[some] for k, some in parts]
             )
-            return not is_free_response(
+            return not _is_free_response(
                 one - following, left_of_gaps, begin=ends[0], gap=ends[1]
             ), tried[i]
     return False, 0
@@ -353,12 +353,12 @@ def _slip_length(
             remainder = one - np.where(np.arange(n) < gap, there, following)
             if explained > _MIN_LOG_LIKELIHOOD * _correlation_length(rest) * power(
                 rest
-            ) / end and not is_free_response(one - following, remainder, begin=0, gap=gap):
+            ) / end and not _is_free_response(one - following, remainder, begin=0, gap=gap):
                 found, most = shift, explained
     return found
 
 
-def is_free_response(difference: np.ndarray, left: np.ndarray, *, begin: int, gap: int) -> bool:
+def _is_free_response(difference: np.ndarray, left: np.ndarray, *, begin: int, gap: int) -> bool:
     """Return whether damped modes explain the difference of two periods (N,) as well as a gap,
     which leaves `left`.
 

@@ -199,7 +199,7 @@ def track_input(u: np.ndarray, n_samples: int) -> PeriodAlignment:
     if all(
         streams_equal(periods[0], period) for period in periods[1:]
     ):  # as a generator plays them
-        return are_in_place(n_samples, np.ones(n_periods, dtype=bool))
+        return _are_in_place(n_samples, np.ones(n_periods, dtype=bool))
     if n_samples > BLOCK_ENTRIES:
         step = common_smooth_step([u], n_samples)
     else:
@@ -214,7 +214,7 @@ def track_input(u: np.ndarray, n_samples: int) -> PeriodAlignment:
     )
 
 
-def are_in_place(n_samples: int, sound: np.ndarray) -> PeriodAlignment:
+def _are_in_place(n_samples: int, sound: np.ndarray) -> PeriodAlignment:
     """Return the alignment of periods (P,) without delays, of which `sound` are valid."""
     nothing = np.zeros(sound.size)
     return PeriodAlignment(
@@ -249,7 +249,7 @@ def _track_cut_periods(periods: np.ndarray) -> PeriodAlignment:
     corrupted, gaps = find_corrupted_periods(periods, int(used[-1]), gaps)
     whole_inside = (gaps == 0) & ~corrupted
     if corrupted.all():
-        return are_in_place(n_samples, whole_inside)
+        return _are_in_place(n_samples, whole_inside)
     if not whole_inside[first]:
         first = int(np.argmax(steady & whole_inside))
     reference = spectra[first]

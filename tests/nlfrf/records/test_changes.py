@@ -9,7 +9,6 @@ import pytest
 from scipy import signal
 
 import nlfrf
-from nlfrf.records.screening.input import hold_factor
 
 FS, N = 512.0, 1024
 
@@ -87,15 +86,25 @@ def test_an_output_that_is_held_is_told(n):
 def test_what_is_coarse_or_stands_still_is_not_held():
     rng = np.random.default_rng(0)
     smooth = np.cumsum(rng.standard_normal(4000))
+
+    def told(x):
+        """Messages about the rate of an output of one period."""
+        u = nlfrf.multisine(fs=FS, n_samples=x.size, f_min=0.5, f_max=100, rng=1).u[0]
+        with warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always")
+            nlfrf.record_from_samples(u, x, fs=FS, n_samples=x.size)
+        return [str(one.message) for one in found if "changes at every" in str(one.message)]
+
     for x in (
         smooth,
         np.round(smooth),
         np.round(smooth / 10),
-        np.zeros(4000),
+        np.append(1.0, np.zeros(3999)),
         np.repeat(rng.standard_normal(40), 100),
     ):
-        assert hold_factor(x) == 1
-    assert hold_factor(np.append(0.0, np.repeat(smooth, 4))) == 4  # whatever it begins with
+        assert not told(x)
+    (message,) = told(np.append([0.0, 0.0], np.repeat(smooth, 4)))  # whatever it begins with
+    assert message.startswith("y changes at every 4th sample only")
 
 
 def test_swapped_channels_are_told():

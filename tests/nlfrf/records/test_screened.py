@@ -6,7 +6,7 @@ import pytest
 import nlfrf
 from nlfrf import multisine
 from nlfrf.io.inspection import screen_file
-from nlfrf.records.screened import Fault, screen_streams
+from nlfrf.records.screened import screen_streams
 
 N, P, FS = 400, 5, 1000.0
 MS = multisine("special-odd", fs=FS, n_samples=N, f_min=2.5, f_max=200, rng=3)
@@ -23,7 +23,7 @@ def screened(u, y, **given):
 
 def found_in(streams):
     """Fault and place of each span."""
-    return [(span.fault, span.first, span.end) for span in streams.spans]
+    return [(span.fault.value, span.first, span.end) for span in streams.spans]
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -45,16 +45,19 @@ def test_silence_and_what_fills_no_period_are_left_out():
     assert found.starts.tolist() == [333 + N * j for j in range(P)]
     end = 333 + P * N
     assert found_in(found) == [
-        (Fault.SILENCE, 0, 333),
-        (Fault.REST, end, end + 90),
-        (Fault.SILENCE, end + 90, end + 210),
+        ("silence, left out", 0, 333),
+        ("no whole period, left out", end, end + 90),
+        ("silence, left out", end + 90, end + 210),
     ]
 
 
 def test_rows_that_a_time_column_shows_to_be_lost_are_holes():
     rows = np.delete(np.arange(U.size), [*range(500, 540), 1500])
     found = screened(U[rows], Y[rows], place=rows)
-    assert found_in(found) == [(Fault.LOST, 500, 540), (Fault.LOST, 1500, 1501)]
+    assert found_in(found) == [
+        ("samples lost or repeated", 500, 540),
+        ("samples lost or repeated", 1500, 1501),
+    ]
     assert [span.extent for span in found.spans] == ["40 samples", "1 sample"]
     assert np.array_equal(
         np.flatnonzero(np.isnan(found.samples[1])), np.setdiff1d(np.arange(U.size), rows)
@@ -66,17 +69,17 @@ def test_rows_that_a_time_column_shows_to_be_lost_are_holes():
 def test_samples_lost_without_a_word_are_in_the_period_that_lacks_them(lost):
     u, y = (np.delete(x, np.arange(950, 950 + lost)) for x in (U, Y))
     found = screened(u, y)
-    assert found_in(found)[0] == (Fault.LOST, 2 * N, 3 * N)
+    assert found_in(found)[0] == ("samples lost or repeated", 2 * N, 3 * N)
     assert found.spans[0].extent == f"{lost} sample{'s' * (lost > 1)} lost in period 3"
     assert found.starts.tolist() == [0, N, 2 * N, 3 * N - lost]
     alone = screened(U, np.append(np.delete(Y, np.arange(950, 950 + lost)), Y[:lost]))
-    assert (Fault.LOST, 2 * N, 3 * N) in found_in(alone)
+    assert ("samples lost or repeated", 2 * N, 3 * N) in found_in(alone)
 
 
 def test_a_period_that_does_not_repeat_is_named():
     u = U.copy()
     u[N : N + 150] = np.random.default_rng(1).standard_normal(150)
-    assert (Fault.DIFFERENT, N, 2 * N) in found_in(screened(u, Y))
+    assert ("period differs from the others", N, 2 * N) in found_in(screened(u, Y))
 
 
 @pytest.mark.parametrize("seed", range(20))
