@@ -155,7 +155,7 @@ def send(found: Contents, stream: IO[bytes]) -> None:
             stream.write(np.ascontiguousarray(array[first : first + step]).view(np.uint8).data)
 
 
-def run_child(reader_file: str, path: Path) -> None:
+def _run_child(reader_file: str, path: Path) -> None:
     """Read a file, and send its content to standard output."""
     try:
         import resource
@@ -175,5 +175,5 @@ def run_child(reader_file: str, path: Path) -> None:
 
 
 if __name__ == "__main__":
-    run_child(sys.argv[1], Path(sys.argv[2]))
+    _run_child(sys.argv[1], Path(sys.argv[2]))
     os._exit(0)  # all is sent: the cleanup of the libraries takes as long as a small file

@@ -92,7 +92,7 @@ def _read_table(start: bytes, path: Path | None = None) -> Contents:
     head = start[:_HEAD_BYTES]
     text = decode_text(head[: head.rfind(b"\n") + 1] or head if len(head) == _HEAD_BYTES else head)
     layout = find_layout(text)
-    size, n_lines = len(start) if path is None else path.stat().st_size, count_lines(start, path)
+    size, n_lines = len(start) if path is None else path.stat().st_size, _count_lines(start, path)
     require_size(8 * len(layout.numeric) * n_lines, size)  # a short row is padded with nan
     if (width := len(layout.numeric)) > _MAX_WIDTH and width > 2 * n_lines:
         raise ValueError(
@@ -186,7 +186,7 @@ def _own_time_columns(names: list[str]) -> dict[str, float | str]:
     return {}
 
 
-def count_lines(start: bytes, path: Path | None) -> int:
+def _count_lines(start: bytes, path: Path | None) -> int:
     """Return the number of lines of a table, an upper bound of its rows."""
     if path is None:
         return 1 + start.count(b"\n") + start.count(b"\r")

@@ -12,8 +12,7 @@ import pytest
 import nlfrf
 from nlfrf._base import numbers as transforms
 from nlfrf._base import own_process
-from nlfrf.io import npz
-from nlfrf.io.readers import clock, tables
+from nlfrf.io.measurement_files import read_channels
 from nlfrf.records import excited_lines as detection
 from nlfrf.records import period
 from nlfrf.records.screening import input as faults
@@ -114,30 +113,57 @@ def test_a_long_transform_at_some_lines_is_that_of_the_whole(n):
     )
 
 
-@pytest.mark.parametrize("rows", [1, 17, 299, 300, 301])
-def test_a_table_read_by_blocks_is_that_of_the_whole(rows, tmp_path, monkeypatch):
-    t = np.arange(300)
-    table = np.column_stack([t / 1000, np.sin(t), np.cos(t)])
-    table[17, 1] = np.inf  # which stands for no number
-    path = tmp_path / "t.csv"
-    np.savetxt(path, table, delimiter=",", header="t [s],u,y", comments="", fmt="%.17g")
+BLOCK_ROWS = 1 << 16  # of a table
+
+
+def rows_of_table(begin, end):
+    """Rows of a table as text, and its numbers; one of them is infinite, which stands for none."""
+    t = np.arange(begin, end)
+    table = np.column_stack([t / 1000, np.sin(t % 300), np.cos(t % 300)])
+    table[17, 1] = np.inf
+    text = "".join(f"{a!r},{b!r},{c!r}\n" for a, b, c in table.tolist())
     table[17, 1] = np.nan
-    monkeypatch.setattr(tables, "BLOCK_ROWS", rows)
-    monkeypatch.setattr(tables, "count_lines", lambda *_: rows)  # far too few, most of the time
-    found = tables.contents(path)[0]
+    return text, table
+
+
+@pytest.mark.parametrize("rows", [300, BLOCK_ROWS - 1, BLOCK_ROWS, BLOCK_ROWS + 1, 3 * BLOCK_ROWS])
+def test_a_table_read_by_blocks_is_that_of_the_whole(rows, tmp_path):
+    text, table = rows_of_table(0, rows)
+    (tmp_path / "t.csv").write_text(f"t [s],u,y\n{text}")
+    found = read_channels(tmp_path / "t.csv").arrays
     np.testing.assert_array_equal(np.column_stack(list(found.values())), table)
 
 
-@pytest.mark.parametrize("block", [8, 100, 4096])
-def test_hdf5_read_by_blocks_is_that_of_the_whole(block, tmp_path, monkeypatch):
+def test_a_table_that_grows_as_it_is_read_has_all_its_rows(tmp_path, monkeypatch):
+    import pandas as pd
+
+    text, table = rows_of_table(0, 4000)
+    path, read_csv = tmp_path / "t.csv", pd.read_csv
+    path.write_text(f"t [s],u,y\n{text}")
+    more, appended = rows_of_table(4000, 4000 + BLOCK_ROWS + 100)
+
+    def grown(*args, **options):
+        with path.open("a") as stream:
+            stream.write(more)
+        return read_csv(*args, **options)
+
+    monkeypatch.setattr(pd, "read_csv", grown)
+    found = read_channels(path).arrays
+    np.testing.assert_array_equal(
+        np.column_stack(list(found.values())), np.concatenate([table, appended])
+    )
+
+
+@pytest.mark.own_process
+def test_hdf5_read_by_blocks_is_that_of_the_whole(tmp_path, monkeypatch):
+    """A megabyte at a time, or a row that is longer."""
     import h5py
 
-    from nlfrf.io.readers import hdf5
-
-    x = np.random.default_rng(0).standard_normal((1001, 3))
-    rows = np.zeros(1001, dtype=[("a", "f4"), ("b", "i4", (2,)), ("text", "S3")])
+    n, path = 150_001, tmp_path / "x.h5"
+    x = np.random.default_rng(0).standard_normal((n, 3))
+    rows = np.zeros(n, dtype=[("a", "f4"), ("b", "i4", (2,)), ("text", "S3")])
     rows["a"], rows["b"] = x[:, 0], 100 * x[:, :2]
-    with h5py.File(tmp_path / "x.h5", "w") as file:
+    with h5py.File(path, "w") as file:
         file["plain"], file["other"], file["number"], file["table"] = (
             x,
             x[:, 0].astype(">f4"),
@@ -149,18 +175,7 @@ def test_hdf5_read_by_blocks_is_that_of_the_whole(block, tmp_path, monkeypatch):
             ("wide", x.T, {}),
         ):
             file.create_dataset(name, data=array, **options).attrs["columns"] = ["t", "u", "y"]
-    # the reader as the child loads it, with blocks of another size
-    child = (
-        "from nlfrf._base import own_process as o; import sys; from pathlib import Path;"
-        f" o.BLOCK_BYTES = {block}\n"
-    )
-    child += f"o.run_child({hdf5.__file__!r}, Path(sys.argv[1]))"
-    done = subprocess.run(
-        [sys.executable, "-c", child, tmp_path / "x.h5"], check=True, capture_output=True, cwd=ROOT
-    ).stdout
-    (tmp_path / "answer").write_bytes(done)
-    with (tmp_path / "answer").open("rb") as stream:
-        arrays = own_process.receive(stream, 1 << 20)[0]
+    arrays = read_channels(path).arrays
     for group in ("packed", "wide"):
         np.testing.assert_array_equal(
             np.column_stack([arrays[f"{group}.{name}"] for name in "tuy"]), x
@@ -169,18 +184,33 @@ def test_hdf5_read_by_blocks_is_that_of_the_whole(block, tmp_path, monkeypatch):
     np.testing.assert_array_equal(arrays["other"], x[:, 0].astype("f4"))
     np.testing.assert_array_equal(arrays["table.b"], rows["b"])
     assert (arrays["number"], "table.text" in arrays) == (3.0, False)
-    for cut in (0, 40, len(done) // 2, len(done) - 1):  # a child that ends early
-        (tmp_path / "answer").write_bytes(done[:cut])
-        with (tmp_path / "answer").open("rb") as stream:
-            assert own_process.receive(stream, 1 << 20) is None
-    with (tmp_path / "answer").open("wb") as stream:
-        stream.write(done)
+
+
+@pytest.mark.own_process
+def test_an_answer_that_is_cut_or_too_long_is_refused(tmp_path, monkeypatch):
+    import h5py
+
+    path, python, answer = tmp_path / "x.h5", tmp_path / "python", tmp_path / "answer"
+    with h5py.File(path, "w") as file:
+        for name in "uy":
+            file.create_dataset(name, data=np.zeros(100_000), compression="gzip")
+    child = sys.executable
+
+    def first(n):
+        """Give the first n bytes of what the child says."""
+        python.write_text(f'#!/bin/sh\n"{child}" "$@" > "{answer}" && head -c {n} "{answer}"\n')
+        python.chmod(0o755)
+        monkeypatch.setattr(sys, "executable", str(python))
+        return read_channels(path).arrays
+
+    assert list(first(10**9)) == ["u", "y"]
+    size = answer.stat().st_size
+    for cut in (0, 40, size // 2, size - 1):  # a child that ends early
+        with pytest.raises(ValueError, match=r"must be a readable .h5 file, got .* crashed"):
+            first(cut)
     monkeypatch.setattr(own_process, "UNPACKED", 1000)
-    with (
-        (tmp_path / "answer").open("rb") as stream,
-        pytest.raises(ValueError, match=r"it unpacks to .* may unpack to 2e-06 GB"),
-    ):
-        own_process.receive(stream, 50)
+    with pytest.raises(ValueError, match=r"it unpacks to 0.0016 GB, but a file of .* may unpack"):
+        first(10**9)
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".h5", ".csv"])
@@ -264,14 +294,19 @@ def test_lines_of_long_periods_are_those_found_in_all_of_them(monkeypatch):
 
 
 @pytest.mark.parametrize("n", [2, 3, 1000, 70_001])
-def test_the_frequency_of_a_time_axis_by_blocks(n, monkeypatch):
+def test_the_frequency_of_a_time_axis_by_blocks(n, tmp_path, monkeypatch):
     monkeypatch.setattr(transforms, "BLOCK_ENTRIES", 64)
     t = np.round(np.arange(n) / 16384, 6)
-    assert clock.sampling_frequency(t) == pytest.approx(16384, rel=2e-2 if n < 4 else 1e-3)
+
+    def sampling_frequency(seconds):
+        np.savez(tmp_path / "t.npz", t=seconds, u=np.ones(n))
+        return read_channels(tmp_path / "t.npz").sampling_frequency(None, ("u",))
+
+    assert sampling_frequency(t) == pytest.approx(16384, rel=2e-2 if n < 4 else 1e-3)
     if n > 3:
-        assert clock.sampling_frequency(
+        assert sampling_frequency(
             np.where(np.arange(n) == n // 2, np.nan, t) + 1e6
-        ) == clock.sampling_frequency(t)
+        ) == sampling_frequency(t)
 
 
 @pytest.mark.parametrize("kind", ["<f8", ">f8", "<f4", "<i4", "?"])
@@ -281,7 +316,7 @@ def test_members_of_an_npz_file_are_what_numpy_reads(kind, tmp_path):
     np.savez(tmp_path / "x.npz", **held)
     np.savez_compressed(tmp_path / "z.npz", **held)
     for name in "xz":
-        found = npz.contents(tmp_path / f"{name}.npz")[0]
+        found = read_channels(tmp_path / f"{name}.npz").arrays
         for key, array in held.items():
             np.testing.assert_array_equal(found[key], array)
             assert found[key].dtype == array.dtype

@@ -4,6 +4,7 @@ expects.
 
 import base64
 import datetime
+import sys
 
 import h5py
 import numpy as np
@@ -426,33 +427,45 @@ def test_damaged_files_raise_documented_errors_only(suffix, tmp_path):
 
 
 def test_a_package_that_is_missing_is_named(tmp_path, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "pandas", None)
+    monkeypatch.setitem(sys.modules, "pandas", None)
     path = tmp_path / "run.csv"
     path.write_text("t,u,y\n0,1,2\n1,2,3\n2,3,4\n")
     with pytest.raises(ValueError, match=r"needs pandas, which is not installed: pip install "):
         read_channels(path)
 
 
+#: A Python that lacks one package.
+LACKING = """#!/bin/sh
+exec "{python}" -c '
+import runpy, sys
+class Lacking:
+    def find_spec(name, path=None, target=None):
+        if name == "{package}":
+            raise ModuleNotFoundError("No module named " + repr(name))
+sys.meta_path.insert(0, Lacking)
+sys.argv = sys.argv[2:]
+runpy.run_path(sys.argv[0], run_name="__main__")
+' "$@"
+"""
+
+
+@pytest.mark.own_process
 @pytest.mark.parametrize(
-    ("suffix", "extra"),
-    [(".mf4", "mdf"), (".tdms", "tdms"), (".uff", "uff"), (".parquet", "parquet")],
+    ("suffix", "package", "extra"),
+    [
+        (".mf4", "asammdf", "mdf"),
+        (".tdms", "nptdms", "tdms"),
+        (".uff", "pyuff", "uff"),
+        (".parquet", "pyarrow", "parquet"),
+    ],
 )
 def test_a_package_missing_in_the_process_apart_is_named_with_its_extra(
-    suffix, extra, tmp_path, monkeypatch
+    suffix, package, extra, tmp_path, monkeypatch
 ):
-    from nlfrf._base.own_process import read_in_own_process
-    from nlfrf.io import measurement_files
-
-    reader = tmp_path / "reader.py"
-    reader.write_text("def contents(path):\n    import a_package_that_is_missing\n")
-    path = tmp_path / f"run{suffix}"
+    path, python = tmp_path / f"run{suffix}", tmp_path / "python"
     path.write_bytes(b"MDF     4.10")
-    monkeypatch.setattr(
-        measurement_files,
-        "read_in_own_process",
-        lambda _, path: read_in_own_process(str(reader), path),
-    )
-    with pytest.raises(
-        ValueError, match=rf"needs a_package_that_is_missing, .* pip install 'nlfrf\[{extra}\]'"
-    ):
+    python.write_text(LACKING.format(python=sys.executable, package=package))
+    python.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(python))
+    with pytest.raises(ValueError, match=rf"needs {package}, .* pip install 'nlfrf\[{extra}\]'"):
         read_channels(path)
