@@ -1,12 +1,15 @@
 """What screening finds stands where it was planted, and nothing stands in a sound record."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import nlfrf
 from nlfrf import multisine
-from nlfrf.io.inspection import screen_file
 from nlfrf.records.screened import screen_streams
+from tests.nlfrf.test_cli import nlfrf_command  # noqa: F401 (a fixture)
 
 N, P, FS = 400, 5, 1000.0
 MS = multisine("special-odd", fs=FS, n_samples=N, f_min=2.5, f_max=200, rng=3)
@@ -102,7 +105,30 @@ def test_outliers_stand_at_their_samples_and_positions_are_unwrapped():
     assert np.allclose(screened(U, turning % 360).samples[1], turning)
 
 
-def test_a_file_is_drawn_with_all_its_channels(tmp_path):
+@pytest.fixture
+def drawn(nlfrf_command, monkeypatch):  # noqa: F811
+    """Draw a file by the command; gives title, label and curve of each pair of axes, and what was
+    said.
+    """
+
+    def run(name):
+        seen = []
+
+        def keep(figure, path, **_):
+            Path(path).touch()
+            for ax in figure.axes[:2]:
+                seen.append((ax.get_title(), ax.get_ylabel(), ax.get_lines()[0].get_data()))
+
+        with monkeypatch.context() as look:
+            look.setattr(Figure, "savefig", keep)
+            code, _, said = nlfrf_command("inspect", name, "--plot", f"{name}.svg")
+        assert (code == 0) == bool(seen)
+        return seen, said
+
+    return run
+
+
+def test_a_file_is_drawn_with_all_its_channels(drawn, tmp_path):
     t = np.arange(U.size) / FS
     np.savetxt(
         tmp_path / "run.csv",
@@ -111,33 +137,24 @@ def test_a_file_is_drawn_with_all_its_channels(tmp_path):
         header="time [s],force [N],position [mm]",
         comments="",
     )
-    path = tmp_path / "run.csv"
-    found = screen_file(path, nlfrf.inspect_file(path))
-    assert (found.labels, found.fs, found.period) == (
-        ("force [N]", "position [mm]"),
-        pytest.approx(FS),
-        N,
-    )
-    record = nlfrf.load_record(path, u="force", y="position")
+    record = nlfrf.load_record(tmp_path / "run.csv", u="force", y="position")
     nlfrf.save(record, tmp_path / "own.npz")
-    own = screen_file(tmp_path / "own.npz", nlfrf.inspect_file(tmp_path / "own.npz"))
-    assert own.labels == found.labels
-    assert np.allclose(own.samples, found.samples)
+    for name in ("run.csv", "own.npz"):
+        (title, first, force), (_, second, position) = drawn(name)[0]
+        assert title == f"{P} whole periods of {N} samples"
+        assert (first, second) == ("force [N]", "position [mm]")
+        np.testing.assert_allclose(force, [t, U], atol=1e-9)
+        np.testing.assert_allclose(position, [t, Y], atol=1e-9)
     nlfrf.save(nlfrf.identify(record), tmp_path / "bla.npz")
-    with pytest.raises(
-        ValueError, match=r"plot must show a record, got .*nlfrf plot draws nlfrf-bla"
-    ):
-        screen_file(tmp_path / "bla.npz", nlfrf.inspect_file(tmp_path / "bla.npz"))
+    assert "plot must show a record, got bla.npz: nlfrf plot draws nlfrf-bla" in drawn("bla.npz")[1]
 
 
-def test_a_table_of_an_frf_is_no_record(tmp_path):
-    path = tmp_path / "bode.csv"
+def test_a_table_of_an_frf_is_no_record(drawn, tmp_path):
     np.savetxt(
-        path,
+        tmp_path / "bode.csv",
         np.column_stack([np.arange(1, 40), -np.arange(1, 40), -np.arange(1, 40)]),
         delimiter=",",
         header="Frequency (Hz),Gain (dB),Phase (deg)",
         comments="",
     )
-    with pytest.raises(ValueError, match="plot must show a record"):
-        screen_file(path, nlfrf.inspect_file(path))
+    assert "plot must show a record" in drawn("bode.csv")[1]
