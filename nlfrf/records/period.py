@@ -45,7 +45,7 @@ def detect_period(u: np.ndarray) -> float:
         period = _bitwise_period(u) or _period_of_long_signal(u)
         if period:
             return period
-    return period_by_autocorrelation(u)
+    return _period_by_autocorrelation(u)
 
 
 def detect_repetition(u: np.ndarray) -> float:
@@ -58,7 +58,7 @@ def detect_repetition(u: np.ndarray) -> float:
     return period
 
 
-def period_by_autocorrelation(u: np.ndarray) -> float:
+def _period_by_autocorrelation(u: np.ndarray) -> float:
     """Return `detect_period` from the autocorrelation of the whole signal."""
     u = u - u.mean()
     n = u.size

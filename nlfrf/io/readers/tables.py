@@ -34,7 +34,7 @@ _COMPLEX = re.compile(
 )
 _HEAD_BYTES = 1 << 17  # bytes in which the layout is searched
 _MAX_WIDTH = 256  # most columns of a table with fewer rows
-BLOCK_ROWS = (
+_BLOCK_ROWS = (
     1 << 16
 )  # rows of a long table that are read at once: pandas needs several times their memory
 _DATE, _DAYTIME = (
@@ -245,7 +245,11 @@ def _parse_columns(
                         {},
                     )
                 with pd.read_csv(
-                    stream, dtype=kinds, decimal=layout.decimal, chunksize=BLOCK_ROWS, **all_options
+                    stream,
+                    dtype=kinds,
+                    decimal=layout.decimal,
+                    chunksize=_BLOCK_ROWS,
+                    **all_options,
                 ) as frames:
                     return (
                         _concatenate_frames(

@@ -370,7 +370,7 @@ def _kaiser_windows() -> np.ndarray:
     return windows
 
 
-def longest_constant_run(x: np.ndarray) -> tuple[int, int]:
+def _longest_constant_run(x: np.ndarray) -> tuple[int, int]:
     """Return begin and length of the longest run of equal samples."""
     begin, length, edge = 0, 0, 0  # of the longest run so far; begin of the current run
     for some in iterate_blocks(x.size):
@@ -449,7 +449,7 @@ def repeated_share(y: np.ndarray, u: np.ndarray) -> float:
 
 def warn_about_channel(name: str, signal: np.ndarray, n_samples: int) -> None:
     """Warn of a signal that is clipped or that stands still: both would count as distortion."""
-    begin, length = longest_constant_run(signal)
+    begin, length = _longest_constant_run(signal)
     if length > 2:
         share = clipped_share(signal)
     else:

@@ -379,7 +379,7 @@ def _try_experiment(experiment: _Experiment) -> Arrays | None:
     """Return the result of `_run_experiment`; None if the step was too long to be stable."""
     rig, ms, steps = experiment.rig, experiment.ms, experiment.oversampling
     memory = initial_memory(rig)
-    drive = force_over_period(ms, steps, experiment.hold)
+    drive = _force_over_period(ms, steps, experiment.hold)
     periods: list[np.ndarray] = []
     for _ in range(experiment.n_discard + experiment.n_periods):
         out = integrate_rig(rig, memory, drive=drive, h=1 / (ms.fs * steps), substeps=steps)
@@ -425,7 +425,7 @@ def _make_record(rig: Rig, ms: Multisine, *, y: np.ndarray, hold: str) -> Record
     )
 
 
-def force_over_period(ms: Multisine, oversampling: int, hold: str) -> np.ndarray:
+def _force_over_period(ms: Multisine, oversampling: int, hold: str) -> np.ndarray:
     """Return the (n, 3) or (n, 3, n_u) force at start, middle and end of every integration step of
     one period.
     """
