@@ -32,7 +32,7 @@ SECONDS, _PER_BYTE = 20.0, 1e-7  # [s] time limit: a base, and a slow disk
 #: constants have the base.
 UNPACKED, FACTOR = 1 << 30, 20
 MEMORY_LIMIT = 4 << 30  # bytes of address space of a child, instead of UNPACKED, libraries included
-BLOCK_BYTES = 1 << 20  # bytes sent at a time
+_BLOCK_BYTES = 1 << 20  # bytes sent at a time
 #: Content of a file, by name: arrays, units, clocks (a frequency [Hz] or the name of a time
 #: channel; "" is for all channels), and reasons why an entry is no signal.
 Contents = tuple[dict[str, np.ndarray], dict[str, str], dict[str, float | str], dict[str, str]]
@@ -150,7 +150,7 @@ def send(found: Contents, stream: IO[bytes]) -> None:
             continue
         together = getattr(array, "rows", 1)
         row = max(1, array.dtype.itemsize * int(np.prod(array.shape[1:])))
-        step = together * max(1, BLOCK_BYTES // (row * together))
+        step = together * max(1, _BLOCK_BYTES // (row * together))
         for first in range(0, array.shape[0], step):
             stream.write(np.ascontiguousarray(array[first : first + step]).view(np.uint8).data)
 

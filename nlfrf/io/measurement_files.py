@@ -54,7 +54,7 @@ _TEXT_READER = _Reader(tables.contents, extra="csv")
 _HDF5_READER = _Reader(hdf5, extra="hdf5")
 _MDF_READER = _Reader(mdf, extra="mdf")
 TWINCAT = _Reader(twincat, extra="twincat")
-READERS = {
+_READERS = {
     ".mat": _Reader(matlab.contents, extra="hdf5"),  # version 7.3 is HDF5
     ".npz": _Reader(npz.contents),
     **dict.fromkeys(
@@ -70,7 +70,7 @@ READERS = {
     **dict.fromkeys((".parquet", ".feather"), _Reader(columns, extra="parquet")),
     ".wav": _Reader(wav),
 }
-_SUFFIXES = ", ".join(READERS).replace(".csv,", ".csv, .csv.gz,")
+_SUFFIXES = ", ".join(_READERS).replace(".csv,", ".csv, .csv.gz,")
 
 
 def to_paths(path: OnePath | Iterable[OnePath]) -> list[OnePath]:
@@ -99,7 +99,7 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
     if not path.is_file():
         raise FileNotFoundError(f"path must be an existing file, got {str(path)!r}")
     suffix = path.suffix.lower()
-    if suffix == ".gz" and READERS.get(Path(path.stem).suffix.lower()) is _TEXT_READER:
+    if suffix == ".gz" and _READERS.get(Path(path.stem).suffix.lower()) is _TEXT_READER:
         return _read_compressed(path)
     arrays, units, clocks, notes = _read_contents(path, suffix, _reader_of_suffix(path, suffix))
     arrays, units, clocks, notes = clean_names(arrays, units, clocks=clocks, notes=notes)
@@ -138,12 +138,12 @@ def _reader_of_suffix(path: Path, suffix: str) -> _Reader:
         raise ValueError(
             describe_wrong_file(path, kind, "nlfrf-multisine", "nlfrf-record", "nlfrf-bla")
         )
-    if suffix not in READERS:
+    if suffix not in _READERS:
         cure = "; save the sheet as .csv" if suffix in (".xls", ".xlsx", ".ods") else ""
         if suffix == ".sdf":
             cure = "; export the SDF of the analyser as a table, .mat or .uff"
         raise ValueError(f"path must end in {_SUFFIXES}, got {path.name!r}{cure}; {OTHER_WAY}")
-    return READERS[suffix]
+    return _READERS[suffix]
 
 
 def _read_contents(path: Path, suffix: str, reader: _Reader) -> Contents:
@@ -187,7 +187,7 @@ def extra_of_file(path: Path) -> str:
     """Return the extra of this package that a file needs; empty if it needs none, or is of an
     unknown kind.
     """
-    reader = READERS.get(path.suffix.lower())
+    reader = _READERS.get(path.suffix.lower())
     try:
         if (
             reader is None

@@ -30,7 +30,7 @@ from nlfrf.signals.axis_experiment import AxisExperiment
 from nlfrf.signals.multisine import Multisine
 
 _BLA_SCHEMA, _FRM_SCHEMA = "nlfrf-bla", "nlfrf-frm"  # for one input and output, for several
-RESULTS: dict[str, Callable[..., Bla]] = {_BLA_SCHEMA: Bla, _FRM_SCHEMA: Bla}
+_RESULTS: dict[str, Callable[..., Bla]] = {_BLA_SCHEMA: Bla, _FRM_SCHEMA: Bla}
 StoredValue = Multisine | AxisExperiment | Record | Bla
 #: Module that reads and writes the JSON files of `robust`. It is not imported, because `robust`
 #: imports this package.
@@ -257,12 +257,12 @@ def value_in(file: Channels) -> StoredValue:
         return stored_records([file], {"u": "u"}, ["y"], None, Cutting())[0]
     if schema == MULTIRECORD_SCHEMA:
         return stored_multirecord([file], None, y=None, fs=None, options=Cutting())
-    if schema not in RESULTS | DESIGNS:
+    if schema not in _RESULTS | DESIGNS:
         design = to_path(file.path).with_suffix(".npz")
         if not schema and design.is_file():
             played = f"; the design of a played signal may be in {design.name}"
         else:
             played = ""
         raise ValueError(describe_wrong_file(file.path, schema or None, *FILE_KINDS) + played)
-    kinds: dict[str, Callable[..., StoredValue]] = {**RESULTS, **DESIGNS}
+    kinds: dict[str, Callable[..., StoredValue]] = {**_RESULTS, **DESIGNS}
     return value_from_file(kinds, file)
