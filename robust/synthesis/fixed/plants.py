@@ -280,21 +280,26 @@ def _add_mode_lines(
     their loops.
     """
     modes = [controller_mode_lines(one, (omega[0], omega[-1])) for one in K]
-    modes += [_loop_peak_lines(one, omega[known], G[known]) for one in K]
+    modes += [
+        _loop_peak_lines(one, omega[known], G[known], at=np.union1d(omega[known], near))
+        for one, near in zip(K, modes, strict=True)
+    ]
     if not any(one.size for one in modes):
         return omega, G, w, known
     both, last = np.unique(np.concatenate([omega, *modes])), omega[known][-1]
     return both, interpolate_frf(both, omega, G), np.interp(both, omega, w), both <= last
 
 
-def _loop_peak_lines(K: control.StateSpace, omega: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """Return frequencies between two lines at which |S| or |T| has a maximum near its largest, the
-    FRF interpolated.
+def _loop_peak_lines(
+    K: control.StateSpace, omega: np.ndarray, G: np.ndarray, *, at: np.ndarray
+) -> np.ndarray:
+    """Return frequencies between two of `at` at which |S| or |T| has a maximum near its largest,
+    the FRF interpolated.
     """
     at = np.append(
-        omega[:-1, None] * (omega[1:] / omega[:-1])[:, None] ** (np.arange(_PARTS) / _PARTS),
-        omega[-1],
+        at[:-1, None] * (at[1:] / at[:-1])[:, None] ** (np.arange(_PARTS) / _PARTS), at[-1]
     )
+    at = at[at <= omega[-1]]
     L = interpolate_frf(at, omega, G) * response(K, at)
     found = []
     for size in (np.abs(1 / (1 + L)), np.abs(L / (1 + L))):

@@ -24,6 +24,11 @@ def resonance(zeta, times, at):
     return 1 - control.tf([2 * times * zeta * at, 0], [1, 2 * zeta * at, at**2])
 
 
+def sensitivity(G, K, omega):
+    """|S| by brute force."""
+    return np.abs(1 / (1 + G(1j * omega) * K(1j * omega)))
+
+
 def around_modes(K, low, high):
     """Frequencies in a band around the light poles of a controller."""
     light = K.poles()[np.abs(K.poles().real) < 0.5 * K.poles().imag]
@@ -123,7 +128,7 @@ def test_a_known_factor_with_a_mode_between_the_lines():
     assert np.all(control.feedback(control.ss(LAG) * design.K, 1).poles().real < 0)
     at = around_modes(design.K, LINES[0], LINES[-1])
     S = sensitivity(LAG, design.K, np.union1d(at, LINES))
-    assert not design.met or S.max() < 2.05  # 2.037 between the points of the design
+    assert not design.met or S.max() < 2.01
     assert design.gamma == pytest.approx(
         (np.abs(w_P(1j * np.union1d(at, LINES))) * S).max(), rel=0.02
     )
