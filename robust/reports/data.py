@@ -118,7 +118,7 @@ def _describe_stray_energy(record: Record) -> str:
     return f"the largest detection line is {below:.0f} dB below the excited ones"
 
 
-def describe_directions(bla: Bla) -> str:
+def _describe_directions(bla: Bla) -> str:
     """Return largest and smallest singular value and condition as text, with a note if the weakest
     is not measured.
     """
@@ -143,7 +143,7 @@ def bla_section(blas: list[Bla]) -> Section:
         if not bla.is_single:
             facts += [
                 Fact(f"matrix{which}", rows_of_value(bla)),
-                Fact(f"directions{which}", describe_directions(bla)),
+                Fact(f"directions{which}", _describe_directions(bla)),
             ]
             pictures += [
                 html.draw_picture(
@@ -214,7 +214,7 @@ def nominal_section(
     else:
         facts = [
             Fact("nominal plant", describe_system(model.nominal)),
-            *roots_of_plant(model.nominal),
+            *_roots_of_plant(model.nominal),
         ]
     if nominal is not None:
         facts.append(Fact("fit", str(nominal).removeprefix("nominal model: ")))
@@ -239,7 +239,7 @@ def nominal_section(
     )
 
 
-def roots_of_plant(G: control.StateSpace) -> list[Fact]:
+def _roots_of_plant(G: control.StateSpace) -> list[Fact]:
     """Return the facts on poles, zeros and delay; a Padé approximation in a continuous plant is
     shown as a delay.
     """

@@ -2,12 +2,46 @@
 them.
 """
 
+import json
+import re
+
 import control
 import numpy as np
 
 import robust
 from tests.support.forms import UNSCALED
 from tests.support.responses import response
+
+
+def content_of(path):
+    """What a page holds for its script."""
+    page = path.read_text(encoding="utf-8")
+    return json.loads(re.search(r'id="content">(.*)</script>', page)[1])
+
+
+def written_content(folder, model, **options):
+    """What the page of a model holds for its script."""
+    robust.shaping.write_shaping_page(folder / "content.html", model, **options)
+    return content_of(folder / "content.html")
+
+
+def shaped(state, K, dt):
+    """The controller at the start, times gain and elements of a state of the page, as
+    `robust.shaping` has them.
+    """
+    for element in state["elements"]:
+        omega, kind = 2 * np.pi * element["f"], element["kind"]
+        numbers = {key: element[key] for key in element if key not in ("kind", "f")}
+        if kind == "integrator":
+            part = robust.shaping.lag(omega, np.inf, dt=dt)
+        elif kind == "lead":
+            part = robust.shaping.lead(omega, np.radians(numbers["phase"]), dt=dt)
+        elif kind == "notch":
+            part = robust.shaping.notch(omega, **numbers, dt=dt)
+        else:
+            part = robust.shaping.low_pass(omega, **numbers, dt=dt)
+        K = part * K
+    return control.ss([], [], [], [[state["gain"]]], dt) * K
 
 
 def random_loop(seed):

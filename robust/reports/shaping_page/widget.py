@@ -84,11 +84,11 @@ def shape(
     ValueError: model must be an UncertaintyModel or a list of them, got []
     """
     content = page_content(model, w_P=w_P, K=K, dt=dt, delay=delay, sources=PartSources())
-    return widget_class()(content=content, state=content["begin"], begun=1.0 if K is None else K)
+    return _widget_class()(content=content, state=content["begin"], begun=1.0 if K is None else K)
 
 
 @cache
-def widget_class() -> type[anywidget.AnyWidget]:
+def _widget_class() -> type[anywidget.AnyWidget]:
     """Return the class of the widget; it is made at first use, because anywidget is an extra."""
     import_extra("anywidget", "notebook", "shape, unlike write_shaping_page,")
     import anywidget

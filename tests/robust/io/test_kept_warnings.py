@@ -4,6 +4,7 @@ without a word.
 
 import json
 import re
+import sys
 import warnings
 from dataclasses import replace
 from html import escape
@@ -16,13 +17,9 @@ from scipy.io import loadmat
 import nlfrf
 import robust
 from nlfrf import DataWarning, Record, identify, multisine
-from robust import DesignWarning, UncertaintyModel, check, fit_nominal, uncertainty
-from robust.friction.proof.prove import prove_all
+from robust import DesignWarning, UncertaintyModel, check, cli, fit_nominal, uncertainty
 from robust.models import Origin
-from robust.reports import command
-from robust.reports.prove import MachineFiles, read_basis, save_proofs
-from robust.reports.shaping_page.generated_text import PartSources
-from robust.reports.shaping_page.page import page_content, page_text
+from tests.support.shaped_loops import content_of
 
 HOSTILE = 'channel "<b>&co" stood still'
 CONDITION = "subject to the warnings, "
@@ -206,7 +203,25 @@ def test_a_certificate_keeps_them_and_verify_prints_them(run, tmp_path):
         robust.io.verify_certificate(tmp_path / "changed.json")
 
 
-def test_a_proof_with_friction_keeps_what_its_model_is_subject_to(tmp_path):
+@pytest.fixture
+def printed_by(tmp_path, monkeypatch, capsys):
+    """Run a command that succeeds in a folder; gives what it printed, and the warnings it showed."""
+    monkeypatch.chdir(tmp_path)
+
+    def run_one(words):
+        monkeypatch.setattr(sys, "argv", words.split())
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        assert not stop.value.code
+        printed = capsys.readouterr()
+        return printed.out, [
+            line.removeprefix("robust: warning: ") for line in printed.err.splitlines()
+        ]
+
+    return run_one
+
+
+def test_a_proof_with_friction_keeps_what_its_model_is_subject_to(tmp_path, printed_by):
     model = UncertaintyModel(
         MASS,
         0.1,
@@ -217,35 +232,30 @@ def test_a_proof_with_friction_keeps_what_its_model_is_subject_to(tmp_path):
         warnings=(HOSTILE,),
     )
     robust.save(model, tmp_path / "m.json")
-    given = MachineFiles(
-        files=(tmp_path / "m.json",), controller=tmp_path / "K.json", stiffness=64e3
-    )
-    basis, said = shown(read_basis, given)
-    assert said == [HOSTILE]
-    assert basis.warnings == (HOSTILE,)
-    assert str(basis).endswith(f"warning: {HOSTILE}")
     PD = control.ss([[0.0]], [[1.0]], [[-60e3]], [[80e3]], 1e-3)  # 20 kN/m and 60 Ns/m at 1 kHz
-    proofs = prove_all(basis.machines, PD, basis.friction)
-    assert proofs[0].verdict == "proved"
-    save_proofs(proofs, tmp_path / "proof.txt", basis)
+    robust.save(PD, tmp_path / "K.json", delay=0.0)
+    printed, said = printed_by("robust prove m.json K.json --stiffness 64e3 -o proof.txt")
+    assert said == [HOSTILE]
+    for text in (printed, (tmp_path / "proof.txt").read_text(encoding="utf-8")):
+        assert text.count(f"\nwarning: {HOSTILE}\n") == 1
     found = robust.io.verify_certificate(tmp_path / "proof.certificate.json")
     assert found.verified
     assert found.warnings == (HOSTILE,)
 
 
-def test_a_command_says_again_what_stands_in_the_files_that_it_reads(run, tmp_path):
+def test_a_command_says_again_what_stands_in_the_files_that_it_reads(run, tmp_path, printed_by):
     nlfrf.save(run[0], tmp_path / "bla.npz")
-    read, said = shown(command.load_blas, [tmp_path / "bla.npz"])
-    assert said == [*run[0].warnings]
-    assert read.warnings == run[0].warnings
+    _, said = printed_by("robust model bla.npz --poles 3 --zeros 0 --order 2 -o m.json")
+    read = robust.load(tmp_path / "m.json")
+    assert said == [*read.warnings]
+    assert read.warnings == run[2].warnings
+    assert read.warnings[: len(run[0].warnings)] == run[0].warnings
 
 
-def test_the_page_to_shape_a_loop_in_has_them(run):
-    content = page_content(
-        run[2], w_P=None, K=None, dt=0.0, delay=0.0, sources=PartSources(title="x")
-    )
-    assert content["warnings"] == [*run[2].warnings]
-    assert "<b>" not in page_text(content)
+def test_the_page_to_shape_a_loop_in_has_them(run, tmp_path):
+    robust.shaping.write_shaping_page(tmp_path / "shape.html", run[2])
+    assert content_of(tmp_path / "shape.html")["warnings"] == [*run[2].warnings]
+    assert "<b>" not in (tmp_path / "shape.html").read_text(encoding="utf-8")
 
 
 def test_warnings_as_errors_stop_and_an_ignored_one_is_kept(run):

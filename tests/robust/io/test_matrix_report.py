@@ -3,6 +3,7 @@ handed to it.
 """
 
 import re
+from dataclasses import replace
 from functools import cache
 
 import control
@@ -11,7 +12,6 @@ import pytest
 
 import nlfrf
 import robust
-from robust.reports.data import describe_directions
 from tests.robust.io.test_report_page import Reader
 
 T = 1 / 256
@@ -54,6 +54,9 @@ def rig_model():
 SMALL = control.append(*[control.ss(control.tf([0.3 * T, 0], [1, -1], T))] * 2)
 W_P = robust.lti.discretize(robust.performance_weight(0.1, M_S=4.0, A=0.1), T)
 
+#: Words of the page where the weakest direction of a matrix may be noise alone.
+LOST = "lines the set may contain a matrix of lower rank: the weakest direction is not measured"
+
 
 @pytest.mark.attack(every=3)
 @pytest.mark.parametrize(
@@ -71,7 +74,6 @@ def test_every_number_on_the_page_is_held(K, w_P, tmp_path, undrawn):
     ]  # behind it what worst_case found, and the machine that wrote it
     rows = [
         rig_frm(),
-        describe_directions(rig_frm()),
         rig_fit(),
         rig_model(),
         again,
@@ -82,6 +84,15 @@ def test_every_number_on_the_page_is_held(K, w_P, tmp_path, undrawn):
         for value in rows
         for row in str(value).removeprefix("nominal model: ").splitlines()
     ]
+    sigma, low, _ = nlfrf.bla.singular_values(rig_frm())
+    assert np.all(low[-1] > 0)
+    k = np.argmax(sigma[0] / sigma[-1])
+    said.append(
+        f"2 singular values on {rig_frm().f.size} lines; largest {sigma[0].max():.4g}, smallest"
+        f" {sigma[1].min():.4g}, condition at most {sigma[0, k] / sigma[1, k]:.4g} at"
+        f" {rig_frm().f[k]:g} Hz"
+    )
+    assert LOST not in page.text
     said += [
         again.reason,
         again.proved,
@@ -128,6 +139,20 @@ def test_every_number_on_the_page_is_held(K, w_P, tmp_path, undrawn):
     assert report.verdict in text.lower()
     for row in str(rig_frm()).splitlines():
         assert " ".join(row.split()) in page.text
+
+
+def test_a_weak_direction_that_was_not_measured_has_a_word(tmp_path, undrawn):
+    """Gains of rank one, behind noise that hides the second singular value on most lines."""
+    record = rig_record()
+    y = np.repeat(record.u.sum(axis=0, keepdims=True), 2, axis=0)
+    y = y + 0.05 * np.random.default_rng(2).standard_normal(y.shape)
+    frm = nlfrf.identify(replace(record, y=y), transient="none")
+    lost = np.count_nonzero(nlfrf.bla.singular_values(frm)[1][1] == 0)
+    assert lost > 0.9 * frm.f.size
+    report = robust.check(rig_model(), SMALL, certify=False)
+    robust.reports.write_report(tmp_path / "r.html", rig_model(), SMALL, bla=frm, report=report)
+    page = Reader((tmp_path / "r.html").read_text(encoding="utf-8"))
+    assert f"; on {lost} {LOST}" in page.text
 
 
 def test_pictures_are_in_the_file_and_refusals_leave_none(tmp_path):

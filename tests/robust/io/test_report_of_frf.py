@@ -7,7 +7,7 @@ import pytest
 import nlfrf
 import robust
 from robust.reports import write_report
-from robust.reports.data import roots_of_plant
+from tests.robust.io.test_report_page import Reader
 
 F = np.geomspace(10, 2000, 60)
 
@@ -35,11 +35,22 @@ def test_thin_margins_stand_on_the_page_and_no_picture_is_empty(bla, tmp_path):
     assert "by kind of line" not in page  # a swept sine has no detection lines
 
 
-def test_a_delay_is_no_pole_of_the_plant():
-    num, den = control.pade(1e-3, 4)
-    G = control.ss(control.tf(num, den)) * control.ss(control.tf([1.0, 5.0], [1.0, 2.0, 100.0]))
-    rows = {fact.name: fact.value for fact in roots_of_plant(G)}
-    assert rows["delay"].startswith("1 ms, by an all-pass of order 4")
-    assert rows["poles"].count("Hz") == rows["zeros"].count("Hz") == 1
-    alone = roots_of_plant(control.ss(control.tf([1.0, -5.0], [1.0, 2.0, 100.0])))
-    assert "delay" not in [fact.name for fact in alone]
+def test_a_delay_is_no_pole_of_the_plant(tmp_path, undrawn):
+    omega = np.array([1.0, 20.0])
+
+    def told(G):
+        model = robust.UncertaintyModel(
+            G, control.tf([0.1], [1]), "multiplicative", omega, np.full(2, 0.05)
+        )
+        report = robust.check(model, 0.1, certify=False)
+        write_report(tmp_path / "r.html", model, 0.1, report=report)
+        page = Reader((tmp_path / "r.html").read_text(encoding="utf-8"))
+        return page.text.rpartition("Nominal fit")[2].partition("Uncertainty and weight")[0]
+
+    late = control.ss(control.tf(*control.pade(1e-3, 4)))
+    rows = told(late * control.ss(control.tf([1.0, 5.0], [1.0, 2.0, 100.0])))
+    roots, _, delay = rows.partition(" poles ")[2].partition(" delay ")
+    assert delay.startswith("1 ms, by an all-pass of order 4")
+    poles, _, zeros = roots.partition(" zeros ")
+    assert poles.count("Hz") == zeros.count("Hz") == 1
+    assert " delay " not in told(control.ss(control.tf([1.0, -5.0], [1.0, 2.0, 100.0])))

@@ -29,7 +29,6 @@ from robust import (
     uncertainty,
 )
 from robust.models import Origin
-from robust.reports import sections as report_sections
 from robust.reports import write_report
 from tests.support.browser import browser
 
@@ -177,10 +176,15 @@ def test_no_address_leaves_the_file(whole):
     assert [a for a in page.addresses if a.startswith("#")] == [f"#{name}" for name in SECTIONS]
 
 
-def test_the_same_run_gives_the_same_pictures(whole):
-    again = report_sections.loop_section(whole[1], rig_model(), rig_controller())
-    images = [image["src"] for image in Reader(whole[0].read_text(encoding="utf-8")).images]
-    assert [picture.source for picture in again.pictures] == images[-5:-3]
+def test_the_same_run_gives_the_same_pictures(whole, tmp_path):
+    path, report = whole
+    write_report(tmp_path / "r.html", rig_model(), rig_controller(), w_P=W_P, report=report)
+    images, again = (
+        [image["src"] for image in Reader(one.read_text(encoding="utf-8")).images]
+        for one in (path, tmp_path / "r.html")
+    )
+    assert len(again) >= 5
+    assert again[-5:] == images[-5:]
 
 
 def test_a_browser_shows_it(whole, tmp_path):

@@ -16,7 +16,6 @@ from robust import (
 )
 from robust.friction import MaxwellSlip
 from robust.reports import write_report
-from robust.reports.parts import describe_roots
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -99,11 +98,20 @@ def test_a_report_of_another_set_on_lines_is_refused(tmp_path):
     write_report(tmp_path / "r.html", lines(), 2.0, report=report)
 
 
-def test_integrators_are_named():
-    assert describe_roots(np.array([0.0, -1.0]), 0.0) == "0 Hz (integrator); 0.1592 Hz"
-    assert describe_roots(np.array([1.0, np.exp(-0.01)]), 0.01) == "0 Hz (integrator); 0.1592 Hz"
-    assert describe_roots(np.array([0.0, 0.0]), 0.0) == "0 Hz (integrator); 0 Hz (integrator)"
-    assert describe_roots(np.array([2j, -2j]), 0.0) == "0.3183 Hz, damping 0"
+@pytest.mark.parametrize(
+    ("denominator", "dt", "named"),
+    [
+        ([1, 1, 0], 0.0, "0 Hz (integrator); 0.1592 Hz"),
+        (np.poly([1.0, np.exp(-0.01)]), 0.01, "0 Hz (integrator); 0.1592 Hz"),
+        ([1, 0, 0], 0.0, "0 Hz (integrator); 0 Hz (integrator)"),
+        ([1, 0, 4], 0.0, "0.3183 Hz, damping 0"),
+    ],
+)
+def test_integrators_are_named(tmp_path, denominator, dt, named):
+    K = control.ss(control.tf([1], denominator, dt))
+    write_report(tmp_path / "r.html", MODEL, K, report=check(MODEL, K, certify=False))
+    section = plain(tmp_path / "r.html").partition("Controller and loop u = K (r - y).")[2]
+    assert f" poles {named} zeros none " in section
 
 
 def test_another_demand_than_that_of_the_report_is_refused(tmp_path):

@@ -2,6 +2,7 @@
 together.
 """
 
+import sys
 from dataclasses import replace
 
 import control
@@ -9,9 +10,8 @@ import numpy as np
 import pytest
 
 import robust
-from robust import fit_nominal, uncertainty, validate
+from robust import cli, fit_nominal, uncertainty, validate
 from robust.models import scan_orders
-from robust.reports.command import load_loops
 from tests.support.bla import make_bla
 
 LAG = control.tf([1], [1 / 30, 1])
@@ -43,14 +43,31 @@ def test_records_in_other_units_do_not_go_together(use):
     use(record("A", "mm"), record())
 
 
-def test_a_controller_file_has_the_unit_of_its_plant(tmp_path):
-    path, bare = tmp_path / "K.json", tmp_path / "bare.json"
-    robust.save(control.tf([2.0], [1]), path, delay=1e-3, unit="mm/A")
-    robust.save(control.tf([2.0], [1]), bare)
-    for unit, file in (("mm/A", path), ("", path), ("mm/1", path), ("m/N", bare)):
-        assert load_loops([file], None, unit)[0][0].D[0, 0] == 2.0
-    with pytest.raises(ValueError, match=r"controller must be for a plant in m/N.*K.json for mm/A"):
-        load_loops([path], None, "m/N")
+def test_a_controller_file_has_the_unit_of_its_plant(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+
+    def check(unit_of_u, unit_of_y, file):
+        robust.save(uncertainty(record(unit_of_u, unit_of_y), LAG), "model.json")
+        monkeypatch.setattr(sys, "argv", ["robust", "check", "model.json", file, "--no-certify"])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        printed = capsys.readouterr()
+        return stop.value.code, " ".join((printed.out + printed.err).split())
+
+    robust.save(control.tf([2.0], [1]), "K.json", delay=1e-3, unit="mm/A")
+    robust.save(control.tf([2.0], [1]), "bare.json")
+    for *units, file in (
+        ("A", "mm", "K.json"),
+        ("", "", "K.json"),
+        ("", "mm", "K.json"),
+        ("N", "m", "bare.json"),
+    ):
+        code, printed = check(*units, file)
+        assert (code, "verdict:" in printed) == (1, True)  # without a certificate nothing is proved
+    code, printed = check("N", "m", "K.json")
+    assert code == 2
+    assert "controller must be for a plant in m/N" in printed
+    assert "got K.json for mm/A" in printed
     with pytest.raises(ValueError, match="delay and unit must be left out"):
         robust.save(record(), tmp_path / "bla.npz", unit="mm/A")
     with pytest.raises(ValueError, match="delay and unit must be left out"):

@@ -13,11 +13,8 @@ import pytest
 import robust
 from robust.analysis.loop import assemble_loop
 from robust.lti.connections import closed_loop
-from robust.reports.shaping_page.elements import shaped_controller
-from robust.reports.shaping_page.generated_text import PartSources
-from robust.reports.shaping_page.page import page_content
 from tests.support.browser import browser
-from tests.support.shaped_loops import random_loop
+from tests.support.shaped_loops import random_loop, shaped, written_content
 
 SCRIPT = files("robust.reports.shaping_page").joinpath("arithmetic.js").read_text(encoding="utf-8")
 BEYOND = 1e100
@@ -61,10 +58,10 @@ def near(found, wanted):
 @pytest.mark.attack(every=4)
 @pytest.mark.filterwarnings("ignore::robust.DesignWarning")
 @pytest.mark.parametrize("seed", range(50))
-def test_fifty_designs_agree_with_check(seed, ask):
+def test_fifty_designs_agree_with_check(seed, ask, tmp_path):
     model, w_P, begin, dt, delay, state = random_loop([seed])
-    content = page_content(model, w_P=w_P, K=begin, dt=dt, delay=delay, sources=PartSources())
-    K = shaped_controller(state, 1.0 if begin is None else begin, dt)
+    content = written_content(tmp_path, model, w_P=w_P, K=begin, dt=dt, delay=delay)
+    K = shaped(state, 1.0 if begin is None else begin, dt)
     report = robust.check(model, K, w_P=w_P, delay=delay, certify=False)
     loop = assemble_loop(model, K, w_P=w_P, delay=delay)
     # which the page says, and leaves to the check
@@ -105,7 +102,7 @@ def test_designs_of_every_kind_are_among_them():
 
 @pytest.mark.parametrize("dt", [0.0, 0.05])
 @pytest.mark.parametrize("delay", [0.0, 0.1])
-def test_the_step_response_is_that_of_the_loop(dt, delay, ask):
+def test_the_step_response_is_that_of_the_loop(dt, delay, ask, tmp_path):
     """Against a simulation in the time domain; where continuous, the delay is a Padé approximation
     of high order.
     """
@@ -114,8 +111,8 @@ def test_the_step_response_is_that_of_the_loop(dt, delay, ask):
         plant, w, "multiplicative", np.array([0.1, 10.0]), np.array([0.1, 0.1])
     )
     state = {"gain": 0.3, "elements": [{"kind": "integrator", "f": 0.2}]}
-    content = page_content(model, w_P=None, K=None, dt=dt, delay=delay, sources=PartSources())
-    loop = assemble_loop(model, shaped_controller(state, 1.0, dt), w_P=None, delay=delay)
+    content = written_content(tmp_path, model, w_P=None, K=None, dt=dt, delay=delay)
+    loop = assemble_loop(model, shaped(state, 1.0, dt), w_P=None, delay=delay)
     times = np.arange(0, 400) * 0.05
     T = control.StateSpace(*closed_loop(loop.G, loop.K, ("y",), ("r",)), dt)
     wanted = control.step_response(T, times).outputs
@@ -125,24 +122,20 @@ def test_the_step_response_is_that_of_the_loop(dt, delay, ask):
 
 @pytest.mark.parametrize("dt", [0.0, 0.01])
 @pytest.mark.parametrize("kinds", [(), ("integrator",), ("lead",), ("integrator", "lead")])
-def test_pid_gains_are_those_of_the_controller(kinds, dt, ask):
+def test_pid_gains_are_those_of_the_controller(kinds, dt, ask, tmp_path):
     numbers = {"integrator": {"f": 0.5}, "lead": {"f": 3.0, "phase": 40.0}}
     state = {"gain": 2.5, "elements": [{"kind": kind} | numbers[kind] for kind in kinds]}
     model = random_loop([3])[0]
-    gains = ask(
-        page_content(model, w_P=None, K=None, dt=dt, delay=0, sources=PartSources()), state
-    )["pid"]
+    gains = ask(written_content(tmp_path, model, w_P=None, K=None, dt=dt, delay=0.0), state)["pid"]
     assert gains.pop("rest") == []
-    K, shaped = robust.shaping.pid(**gains, dt=dt), shaped_controller(state, 1.0, dt)
+    K, wanted = robust.shaping.pid(**gains, dt=dt), shaped(state, 1.0, dt)
     at = np.array([0.3, 3.0, 30.0, 200.0])
     z = np.exp(1j * at * dt) if dt else 1j * at
-    assert K(z) == pytest.approx(shaped(z), rel=1e-9)
+    assert K(z) == pytest.approx(wanted(z), rel=1e-9)
 
 
-def test_a_shape_that_is_no_pid_has_no_gains(ask):
-    content = page_content(
-        random_loop([3])[0], w_P=None, K=None, dt=0, delay=0, sources=PartSources()
-    )
+def test_a_shape_that_is_no_pid_has_no_gains(ask, tmp_path):
+    content = written_content(tmp_path, random_loop([3])[0], w_P=None, K=None, dt=0, delay=0.0)
     twice = [{"kind": "integrator", "f": 0.5}] * 2
     assert ask(content, {"gain": 1.0, "elements": twice})["pid"] is None
     filtered = [{"kind": "roll-off", "f": 50.0, "order": 1, "zeta": 0.7}]
@@ -170,13 +163,13 @@ def test_the_python_to_paste_makes_the_same_loop(seed, ask, tmp_path, monkeypatc
     model, w_P, begin, dt, delay, state = random_loop([seed])
     monkeypatch.chdir(tmp_path)
     robust.save(model, "model.json")
-    text = ask(
-        page_content(model, w_P=w_P, K=begin, dt=dt, delay=delay, sources=PartSources()), state
-    )["python"]
+    text = ask(written_content(tmp_path, model, w_P=w_P, K=begin, dt=dt, delay=delay), state)[
+        "python"
+    ]
     names: dict = {}
     exec(compile(text, "pasted", "exec"), names)
     assert "verdict:" in capsys.readouterr().out
-    K = shaped_controller(state, 1.0 if begin is None else begin, dt)
+    K = shaped(state, 1.0 if begin is None else begin, dt)
     at = np.array([0.5, 5.0, 20.0])
     z = np.exp(1j * at * dt) if dt else 1j * at
     assert names["K"](z) == pytest.approx(K(z), rel=1e-9)
