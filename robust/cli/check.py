@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-import lazy_loader
 import typer
 
 import robust
@@ -26,12 +25,6 @@ from robust.cli.options import (
     Picture,
     StepHeight,
     require_demand,
-)
-
-#: Imported when the command uses them, so that help and refusals of the command line are fast.
-certificates, from_options, models = (
-    lazy_loader.load(f"robust.{module}", suppress_warning=True)
-    for module in ("io.certificates", "reports.command", "io.models")
 )
 
 
@@ -93,18 +86,25 @@ def check(
         for path in controller
     }
     require_writable(*(one for pair in files.values() for one in pair if one is not None))
-    require_writable(
-        *(
-            certificates.certificate_path(report)
-            for report, _ in files.values()
-            if report is not None
-        )
+    from robust.io.certificates import certificate_path
+    from robust.io.models import load_model
+    from robust.reports.command import (
+        check_pictures,
+        demand_weight,
+        format_gains_of,
+        load_loops,
+        signals_from_options,
+        write_report_files,
     )
-    plant, say, reports = models.load_model(model), printer(json), {}
-    w_P = from_options.demand_weight(plant, bandwidth, peak, error)
-    signals = from_options.signals_from_options(reference_step, disturbance, noise, up_to)
+
+    require_writable(
+        *(certificate_path(report) for report, _ in files.values() if report is not None)
+    )
+    plant, say, reports = load_model(model), printer(json), {}
+    w_P = demand_weight(plant, bandwidth, peak, error)
+    signals = signals_from_options(reference_step, disturbance, noise, up_to)
     for path, (K, late) in zip(
-        controller, from_options.load_loops(controller, delay, plant.origin.unit), strict=True
+        controller, load_loops(controller, delay, plant.origin.unit), strict=True
     ):
         with spinner("checking"):
             report = robust.check(
@@ -118,13 +118,13 @@ def check(
                 signals=signals,
             )
         report = replace(report, peak=require_positive("peak", peak))
-        gains = from_options.format_gains_of(path, K, plant.origin.unit)
+        gains = format_gains_of(path, K, plant.origin.unit)
         say(f"{path}:\n{report}{gains}\n" if several else f"{report}{gains}")
         text, drawing = files[path]
         if text is not None:
-            from_options.write_report_files(report, text, say)
+            write_report_files(report, text, say)
         if drawing is not None:
-            write_pictures(drawing, from_options.check_pictures(plant, K, report))
+            write_pictures(drawing, check_pictures(plant, K, report))
         reports[str(path)] = report
     good = all(
         r.proofs.robustly_stable and (r.proofs.robust_performance or w_P is None)

@@ -7,30 +7,16 @@ import warnings
 from pathlib import Path
 from typing import Annotated, Any
 
-import lazy_loader
 import numpy as np
 import typer
 
 import nlfrf
 import robust
-from nlfrf._base.arguments import require_choice
+from nlfrf._base.arguments import as_list, require_choice
 from nlfrf._base.command import Json, finish_command, printer, spinner
 from nlfrf._base.files import json_path
 from robust._base.states import Stability
 from robust.cli.options import LoopSampleTime, Out, require_demand
-
-#: Imported when the command uses them, so that help and refusals of the command line are fast.
-designs, from_options, measured, models, pid, sampling = (
-    lazy_loader.load(f"robust.{module}", suppress_warning=True)
-    for module in (
-        "synthesis.hinf.design",
-        "reports.command",
-        "models.sets.measured",
-        "io.models",
-        "io.pid",
-        "lti.sampling",
-    )
-)
 
 _PADE_ORDER = 4  # of the computation delay in the design of a continuous loop
 
@@ -122,7 +108,11 @@ def design(
     method = method.lower()
     require_choice("--method", method, ("ncfsyn", "mixsyn", "pid"))
     require_demand(bandwidth, error)
-    from_options.require_delay(delay, sample_time)
+    from robust.io.pid import format_gains, reason_for_unusual_gains
+    from robust.reports.command import describe_bandwidth, require_delay
+    from robust.synthesis.hinf.design import describe_controller
+
+    require_delay(delay, sample_time)
     if not crossover_within > 1:
         raise ValueError(f"--crossover-within must be a factor above 1, got {crossover_within:g}")
     _require_method_of_options(
@@ -153,18 +143,18 @@ def design(
                 model, method, bandwidth, (peak, error, factor), dt=sample_time, delay=delay
             )
         words, kept = _describe_gamma(result), ""
-        words += from_options.describe_bandwidth(
+        words += describe_bandwidth(
             plant, result.K, bandwidth, method, delay=delay, within=crossover_within
         )
     free = result.K if result.K_free is None else result.K_free
-    if unusual := pid.reason_for_unusual_gains(free):
+    if unusual := reason_for_unusual_gains(free):
         warnings.warn(unusual, robust.DesignWarning, stacklevel=2)
     unit = str(getattr(plant, "unit", ""))
     robust.save(result.K, out, delay=delay, unit=unit)
     say = printer(json)
     undecided = result.stability is Stability.UNDECIDED
-    gains = pid.format_gains(free, unit, plc=not undecided)
-    say(f"{designs.describe_controller(result.K)}: {words}{gains}{kept}")
+    gains = format_gains(free, unit, plc=not undecided)
+    say(f"{describe_controller(result.K)}: {words}{gains}{kept}")
     if method == "pid":
         say(_describe_next_steps(plant, result, structure, model, out, bandwidth))
     if method == "ncfsyn" and result.gamma > 4:
@@ -200,14 +190,18 @@ def _design_fixed_structure(
 
     omega_c : crossover [Hz], and the factor that the crossover of the loop may be above it
     """
+    from robust.io.models import load_model
+    from robust.reports.command import crossover_limits, load_blas, load_fixed_factor
+
+    plant: nlfrf.Bla | robust.UncertaintyModel
     if model.suffix.lower() == ".json":
-        plant = models.load_model(model)
+        plant = load_model(model)
     else:
-        plant = from_options.load_blas([model])
-    crossover = from_options.crossover_limits(plant, *omega_c)
+        [plant] = as_list(load_blas([model]))
+    crossover = crossover_limits(plant, *omega_c)
     F, kept = 1, ""
     if fixed is not None:
-        F, factor = from_options.load_fixed_factor(fixed)
+        F, factor = load_fixed_factor(fixed)
         kept = f"\nfixed, behind it: {factor}"
     with spinner("designing"):
         result = robust.design_frf(plant, structure, omega_c=crossover, fixed=F, **limits)
@@ -233,7 +227,10 @@ def _synthesise(
     """Return the model in a file and its H-infinity controller for peak, error and factor."""
     if bandwidth is None:
         raise ValueError(f"--bandwidth must be given [Hz] for {method}")
-    plant, (peak, error, factor) = models.load_model(model), demands
+    from robust.io.models import load_model
+    from robust.lti.sampling import delayed
+
+    plant, (peak, error, factor) = load_model(model), demands
     if delay and not plant.is_single and plant.nominal.dt:
         raise ValueError(
             f"--delay must be left out for several channels, got {delay:g} s: give it to robust"
@@ -253,7 +250,7 @@ def _synthesise(
         if dt and not G.dt:
             G = robust.sampled(G, dt, delay)
         else:
-            G = sampling.delayed(G, delay, order=_PADE_ORDER)
+            G = delayed(G, delay, order=_PADE_ORDER)
         found = robust.ncfsyn(
             G, robust.shaping.crossover_weight(G, 2 * np.pi * bandwidth), factor=factor
         )
@@ -274,8 +271,10 @@ def _describe_next_steps(
     if structure == "I":
         advice = ""
     else:
+        from robust.io.pid import advice_on_structure
+
         free = result.K if result.K_free is None else result.K_free
-        advice = pid.advice_on_structure(free, plant.omega)
+        advice = advice_on_structure(free, plant.omega)
     tried = _describe_limit_checks(plant, model, between=result.met and not result.n_lines)
     if result.met:
         following = _describe_proof(plant, model, out, bandwidth)
@@ -288,7 +287,9 @@ def _describe_limit_checks(
     plant: nlfrf.Bla | robust.UncertaintyModel, model: Path, *, between: bool
 ) -> str:
     """Return text on the place where the limits of a design were tried."""
-    if measured.lines_of(plant) is None:
+    from robust.models.sets.measured import lines_of
+
+    if lines_of(plant) is None:
         return (
             f"limits tried: on a grid, for every plant within the weight of {model}; a grid proves"
             " nothing"

@@ -5,17 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import lazy_loader
 import typer
 
 import robust
 from nlfrf._base.files import require_file_of, require_writable, write_text
-
-#: Imported when the command uses them, so that help and refusals of the command line are fast.
-from_options, models = (
-    lazy_loader.load(f"robust.{module}", suppress_warning=True)
-    for module in ("reports.command", "io.models")
-)
 
 
 def export(
@@ -67,8 +60,11 @@ def export(
         raise ValueError(
             f"--dtype, --limit and --rounded must be left out except for .h and .st, got {out}"
         )
+    from robust.io.models import load_model, save_controller
+    from robust.reports.command import load_controller
+
     if is_code:
-        K, late, unit = from_options.load_controller(file)
+        K, late, unit = load_controller(file)
         write = robust.io.export_c if out.suffix == ".h" else robust.io.export_structured_text
         if dtype:
             given = {"dtype": dtype}
@@ -78,7 +74,7 @@ def export(
             require_writable(rounded)
         code = write(K, out, limit=limit or None, unit=unit, **given)
         if rounded:
-            models.save_controller(code.K, rounded, delay=late, unit=unit)
+            save_controller(code.K, rounded, delay=late, unit=unit)
         print(code)
     elif out.suffix == ".mat":
         require_file_of(
@@ -90,9 +86,9 @@ def export(
         )
         robust.io.export_matlab(robust.load(file), out)
     elif out.suffix == ".py":
-        robust.io.export_python(models.load_model(file), out)
+        robust.io.export_python(load_model(file), out)
     elif out.suffix == ".csv":
-        sections = robust.io.controller_sections(from_options.load_controller(file)[0])
+        sections = robust.io.controller_sections(load_controller(file)[0])
         if isinstance(sections, tuple):
             raise ValueError(
                 f"file must be a controller with one input and output for .csv, got {len(sections)}"

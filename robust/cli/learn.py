@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-import lazy_loader
 import numpy as np
 import typer
 
@@ -15,12 +14,6 @@ from nlfrf._base.axes import write_pictures
 from nlfrf._base.command import Commands, spinner
 from nlfrf._base.files import write_text
 from robust.cli.options import Delay, ModelFile, Out, Picture
-
-#: Imported when the command uses them, so that help and refusals of the command line are fast.
-from_options, learnings, models = (
-    lazy_loader.load(f"robust.{module}", suppress_warning=True)
-    for module in ("reports.command", "io.learning", "io.models")
-)
 
 
 class _DesignByDefault(typer.core.TyperGroup):
@@ -59,8 +52,11 @@ def design_learning(
     """Design a learning filter for a loop with repeated trials (the word design may be left
     out).
     """
-    plant = models.load_model(model)
-    [(K, late)] = from_options.load_loops([controller], delay, plant.origin.unit)
+    from robust.io.models import load_model
+    from robust.reports.command import load_loops
+
+    plant = load_model(model)
+    [(K, late)] = load_loops([controller], delay, plant.origin.unit)
     if cutoff is None:
         omega_Q = None
     else:
@@ -96,8 +92,9 @@ def step_learning(
     controller.
     """
     from nlfrf.io.trials import read_trial
+    from robust.io.learning import load_learning
 
-    filters = learnings.load_learning(learning)
+    filters = load_learning(learning)
     unit_y, unit_u = split_ratio_unit(filters.model.origin.unit)
     added = read_trial(u, "u", dt=filters.dt, unit=unit_u, column=input_column)
     error = read_trial(e, "e", dt=filters.dt, unit=unit_y, column=error_column)

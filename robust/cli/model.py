@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import lazy_loader
 import typer
 
 import robust
@@ -13,9 +12,6 @@ from nlfrf._base.axes import write_pictures
 from nlfrf._base.command import parse_number, spinner
 from nlfrf._base.files import json_path
 from robust.cli.options import Out, Picture
-
-#: Imported when the command uses them, so that help and refusals of the command line are fast.
-from_options = lazy_loader.load("robust.reports.command", suppress_warning=True)
 
 #: How an FRF of another program is read.
 _RelativeStd = Annotated[
@@ -136,12 +132,14 @@ def model(
 ) -> None:
     """Fit a nominal model to a measured BLA or FRF, and a weight to its uncertainty."""
     json_path(out)
-    blas = from_options.load_blas(
+    from robust.reports.command import fit_nominal_model, load_blas, model_pictures
+
+    blas = load_blas(
         bla, relative_std=relative_std, n_averages=averages, channel=channel, columns=columns
     )
     tau = delay if delay in (None, "estimate") else parse_number("delay", delay)
     with spinner("fitting the nominal model"):
-        nominal, words = from_options.fit_nominal_model(
+        nominal, words = fit_nominal_model(
             blas,
             n_poles=poles,
             n_zeros=zeros,
@@ -170,4 +168,4 @@ def model(
     print(result)
     robust.save(result, out)
     if picture is not None:
-        write_pictures(picture, from_options.model_pictures(result, blas))
+        write_pictures(picture, model_pictures(result, blas))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import lazy_loader
 import numpy as np
 import typer
 
@@ -14,9 +13,6 @@ from nlfrf._base.arguments import require_positive
 from nlfrf._base.axes import write_pictures
 from nlfrf._base.command import parse_number, spinner
 from robust.cli.options import Picture
-
-#: Imported when the command uses them, so that help and refusals of the command line are fast.
-from_options = lazy_loader.load("robust.reports.command", suppress_warning=True)
 
 
 def orders(
@@ -39,9 +35,11 @@ def orders(
     picture: Picture = None,
 ) -> None:
     """Fit nominal models of growing order, and choose the one that a loop or the data need."""
+    from robust.reports.command import load_blas
+
     with spinner("fitting nominal models"):
         scan = robust.models.scan_orders(
-            from_options.load_blas(bla),
+            load_blas(bla),
             n_poles=range(relative_degree or 1, most + 1),
             relative_degree=relative_degree,
             delay=delay if delay in ("estimate", "auto") else parse_number("delay", delay),

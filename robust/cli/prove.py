@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import lazy_loader
 import typer
 
 from nlfrf._base.command import Json, Resample, finish_command, printer, spinner
@@ -19,12 +18,6 @@ from robust._base.options import (
 )
 from robust._base.states import FrictionVerdict
 from robust.cli.options import ControllerFile, Delay
-
-#: Imported when the command uses them, so that help and refusals of the command line are fast.
-certificates, from_options, prover, to_prove = (
-    lazy_loader.load(f"robust.{module}", suppress_warning=True)
-    for module in ("io.certificates", "reports.command", "friction.proof.prove", "reports.prove")
-)
 
 
 def prove(
@@ -93,9 +86,14 @@ def prove(
 
     Exit code 0: proved for every machine. Exit code 1: not proved.
     """
+    from robust.friction.proof.prove import prove_all
+    from robust.io.certificates import certificate_path
+    from robust.reports.command import load_loops
+    from robust.reports.prove import MachineFiles, read_basis, save_proofs
+
     if out is not None:
-        require_writable(*(certificates.certificate_path(out, number) for number in range(2)))
-    [(K, late)] = from_options.load_loops([controller], delay)
+        require_writable(*(certificate_path(out, number) for number in range(2)))
+    [(K, late)] = load_loops([controller], delay)
     named = {
         "u": input,
         "y": output,
@@ -107,7 +105,7 @@ def prove(
     }
     named |= {"n_discard": discard or None, "resample": resample or None}
     load = {name: option for name, option in named.items() if option is not None}
-    given = to_prove.MachineFiles(
+    given = MachineFiles(
         files=tuple(machine),
         controller=controller,
         nominal=nominal,
@@ -117,13 +115,13 @@ def prove(
         masses=masses,
         load=load,
     )
-    basis = to_prove.read_basis(given)
+    basis = read_basis(given)
     with spinner("proving"):
-        proofs = prover.prove_all(basis.machines, K, basis.friction, delay=late, Fs=force)
+        proofs = prove_all(basis.machines, K, basis.friction, delay=late, Fs=force)
     text = f"{basis}\n" + "\n\n".join(map(str, proofs))
     say = printer(json)
     say(text)
     if out is not None:
         write_text(out, f"{text}\n\n{command_signature('robust prove')}\n")
-        to_prove.save_proofs(proofs, out, basis)
+        save_proofs(proofs, out, basis)
     finish_command(proofs, all(proof.verdict is FrictionVerdict.PROVED for proof in proofs), json)

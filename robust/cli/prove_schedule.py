@@ -5,18 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-import lazy_loader
 import typer
 
 import robust
 from nlfrf._base.command import Json, finish_command, parse_number, printer, spinner
 from robust.cli.options import Delay
-
-#: Imported when the command uses them, so that help and refusals of the command line are fast.
-from_options, models = (
-    lazy_loader.load(f"robust.{module}", suppress_warning=True)
-    for module in ("reports.command", "io.models")
-)
 
 
 def prove_schedule(
@@ -57,7 +50,10 @@ def prove_schedule(
     it is proved.
     """
     points = [parse_number("--at", part) for part in at.split(",")]
-    loops = from_options.load_loops(controller, delay)
+    from robust.io.models import load_bla
+    from robust.reports.command import load_loops, require_own_states
+
+    loops = load_loops(controller, delay)
     dt, late = float(loops[0][0].dt or 0.0), loops[0][1]
     delays = sorted({one for _, one in loops})
     if len(delays) > 1:
@@ -66,11 +62,11 @@ def prove_schedule(
             f" {delays[0]:g} and {delays[-1]:g} s: give --delay"
         )
     if len(loops) > 1:
-        from_options.require_own_states(controller)
+        require_own_states(controller)
     named: dict[str, Any] = {"at": points, "over": over, "unit": unit} | (
         {} if form is None else {"form": form}
     )
-    blas = [models.load_bla(path) for path in bla]
+    blas = [load_bla(path) for path in bla]
     with spinner("fitting"):
         plant = robust.models.interpolate(
             blas, n_poles=poles, degree=degree, dt=dt, order=order, **named

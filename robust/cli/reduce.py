@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import lazy_loader
 import typer
 
 import robust
@@ -19,12 +18,6 @@ from robust.cli.options import (
     Out,
     Peak,
     require_demand,
-)
-
-#: Imported when the command uses them, so that help and refusals of the command line are fast.
-from_options, models = (
-    lazy_loader.load(f"robust.{module}", suppress_warning=True)
-    for module in ("reports.command", "io.models")
 )
 
 
@@ -50,15 +43,18 @@ def reduce(
     """
     json_path(out)
     require_demand(bandwidth, error)
-    plant = models.load_model(model)
-    [(K, late)] = from_options.load_loops([controller], delay, plant.origin.unit)
-    w_P = from_options.demand_weight(plant, bandwidth, peak, error)
+    from robust.io.models import load_model
+    from robust.reports.command import demand_weight, load_controller, load_loops
+
+    plant = load_model(model)
+    [(K, late)] = load_loops([controller], delay, plant.origin.unit)
+    w_P = demand_weight(plant, bandwidth, peak, error)
     with spinner("reducing"):
         result = robust.reduce_controller(
             K, plant, w_P, order=order, delay=late, max_candidates=candidates
         )
     # a delay of zero that was only assumed does not become a known one in the file
-    known = delay is not None or from_options.load_controller(controller)[1] is not None
+    known = delay is not None or load_controller(controller)[1] is not None
     robust.save(result.K, out, delay=late if known else None, unit=plant.origin.unit)
     printer(json)(result)
     finish_command(result, result.kept, json)

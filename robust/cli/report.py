@@ -6,7 +6,6 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-import lazy_loader
 import typer
 
 import nlfrf
@@ -25,12 +24,6 @@ from robust.cli.options import (
     Peak,
     StepHeight,
     require_demand,
-)
-
-#: Imported when the command uses them, so that help and refusals of the command line are fast.
-from_options, models, prover, to_prove = (
-    lazy_loader.load(f"robust.{module}", suppress_warning=True)
-    for module in ("reports.command", "io.models", "friction.proof.prove", "reports.prove")
 )
 
 #: How the record is read.
@@ -115,8 +108,18 @@ def report(
     friction, if there are any, hold. Exit code 1: not so; the page is written.
     """
     require_demand(bandwidth, error)
-    plant = models.load_model(model)
-    [(K, late)] = from_options.load_loops([controller], delay, plant.origin.unit)
+    from robust.friction.proof.prove import prove_all
+    from robust.io.models import load_bla, load_model
+    from robust.reports.command import (
+        demand_weight,
+        load_loops,
+        signals_from_options,
+        with_units_of,
+    )
+    from robust.reports.prove import MachineFiles, read_basis
+
+    plant = load_model(model)
+    [(K, late)] = load_loops([controller], delay, plant.origin.unit)
     columns: dict[str, str | list[str] | None] = {
         "u": list(plant.inputs),
         "y": list(plant.outputs),
@@ -136,28 +139,28 @@ def report(
         n_discard=discard,
         resample=resample,
     )
-    blas = [models.load_bla(path) for path in bla or []]
-    w_P = from_options.demand_weight(plant, bandwidth, peak, error)
+    blas = [load_bla(path) for path in bla or []]
+    w_P = demand_weight(plant, bandwidth, peak, error)
     proof = None
     if stiffness is not None:
-        basis = to_prove.read_basis(
-            to_prove.MachineFiles(
+        basis = read_basis(
+            MachineFiles(
                 files=(model,), controller=controller, stiffness=stiffness, stiction=stiction
             )
         )
         # the first proof is the weakest: the page claims what holds with each machine
-        proof = prover.prove_all(basis.machines, K, basis.friction, delay=late, Fs=force)[0]
+        proof = prove_all(basis.machines, K, basis.friction, delay=late, Fs=force)[0]
     with spinner("checking and drawing"):
         result = robust.reports.write_report(
             out,
             plant,
             K,
             bla=blas,
-            record=[from_options.with_units_of(load(path), blas) for path in record or []],
+            record=[with_units_of(load(path), blas) for path in record or []],
             w_P=w_P,
             delay=late,
             friction=proof,
-            signals=from_options.signals_from_options(reference_step, disturbance, noise, up_to),
+            signals=signals_from_options(reference_step, disturbance, noise, up_to),
             title=title,
             notes=notes,
         )

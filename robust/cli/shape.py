@@ -5,16 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import lazy_loader
 import typer
 
 from robust.cli.options import Bandwidth, Delay, ErrorAtZero, LoopSampleTime, Peak, require_demand
-
-#: Imported when the command uses them, so that help and refusals of the command line are fast.
-from_options, shaping_page = (
-    lazy_loader.load(f"robust.{module}", suppress_warning=True)
-    for module in ("reports.command", "reports.shaping_page.command")
-)
 
 
 def shape(
@@ -35,10 +28,13 @@ def shape(
     nothing.
     """
     require_demand(bandwidth, error)
-    models, K, late = [from_options.load_single_model(path) for path in model], None, delay or 0.0
+    from robust.reports.command import load_loops, load_single_model, require_delay
+    from robust.reports.shaping_page.command import write_from_files
+
+    models, K, late = [load_single_model(path) for path in model], None, delay or 0.0
     if controller is not None:
-        [(K, late)] = from_options.load_loops([controller], delay, models[0].origin.unit)
-    from_options.require_delay(late, sample_time)
-    shaping_page.write_from_files(
+        [(K, late)] = load_loops([controller], delay, models[0].origin.unit)
+    require_delay(late, sample_time)
+    write_from_files(
         out, models, K, (model, controller), (bandwidth, peak, error), dt=sample_time, delay=late
     )

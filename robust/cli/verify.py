@@ -5,17 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import lazy_loader
 import typer
 
 import robust
 from nlfrf._base.command import Json, finish_command, printer, spinner
-
-#: Imported when the command uses them, so that help and refusals of the command line are fast.
-from_options, models = (
-    lazy_loader.load(f"robust.{module}", suppress_warning=True)
-    for module in ("reports.command", "io.models")
-)
 
 
 def verify(
@@ -37,14 +30,17 @@ def verify(
     json: Json = False,
 ) -> None:
     """Prove a certificate again, with all rounding outward (exit code 1: a claim is not proved)."""
+    from robust.io.models import load_model
+    from robust.reports.command import load_controller
+
     if model is None:
         plant = None
     else:
-        plant = models.load_model(model)
+        plant = load_model(model)
     if controller is None:
         K = None
     else:
-        K = from_options.load_controller(controller)[0]
+        K = load_controller(controller)[0]
     with spinner("verifying"):
         found = robust.io.verify_certificate(file, model=plant, K=K, time_cap=seconds)
     printer(json)(f"{found}\n{'VERIFIED' if found.verified else 'NOT VERIFIED'}")

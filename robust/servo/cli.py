@@ -6,7 +6,6 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-import lazy_loader
 import numpy as np
 import typer
 
@@ -24,21 +23,6 @@ from nlfrf._base.command import (
 )
 from nlfrf._base.files import command_signature, write_text
 from robust._base.options import Discard, Period, Reference, SamplingFrequency
-
-#: Imported when a command uses them, so that help and refusals of the command line are fast.
-axis_file, design, findings, gains_file, judge, levels, page, play, read = (
-    lazy_loader.load(f"robust.servo.{module}", suppress_warning=True)
-    for module in (
-        *(
-            "experiment.axis_file",
-            "experiment.design",
-            "checking.findings",
-            "gains.gains_file",
-            "checking.judge",
-        ),
-        *("experiment.levels", "page", "experiment.play", "checking.read"),
-    )
-)
 
 servo_app = Commands(
     help="A servo axis: experiments, and a check of its gains.",
@@ -113,7 +97,9 @@ def design_for_drive(
         records = nlfrf.io.load_trace(source, played, u=input, y=output)
         origin = nlfrf.io.in_design_units(records[0], played)
         if played.is_ramp:
-            found, states = levels.find_levels(records, played), ("sticks", "bends", "slides")
+            from robust.servo.experiment.levels import find_levels
+
+            found, states = find_levels(records, played), ("sticks", "bends", "slides")
             if level not in states or found.reason:
                 raise ValueError(
                     found.reason
@@ -126,12 +112,14 @@ def design_for_drive(
             "--ramp must be left out with --velocity, --strokes or --realizations, got it with one"
             " of them"
         )
+    from robust.servo.experiment.design import design_experiment, design_ramp
+
     fs = origin.drive.fs if isinstance(origin, nlfrf.rig.ServoAxis) else origin.fs
     ms = nlfrf.multisine(
         fs=fs, n_samples=period, f_min=f_min, f_max=f_max, n_realizations=realizations, rng=seed
     )
-    motion = partial(design.design_experiment, base_velocity=velocity, strokes=strokes)
-    experiment = (partial(design.design_ramp, n_levels=ramp, span=span) if ramp else motion)(
+    motion = partial(design_experiment, base_velocity=velocity, strokes=strokes)
+    experiment = (partial(design_ramp, n_levels=ramp, span=span) if ramp else motion)(
         origin,
         ms,
         rms=rms,
@@ -156,7 +144,9 @@ def play_set_points(
     out: Out,
 ) -> None:
     """Play set points on a simulated axis, and write the trace of its drive (.csv)."""
-    trace = play.play_experiment(_read_axis(axis), file, out)
+    from robust.servo.experiment.play import play_experiment
+
+    trace = play_experiment(_read_axis(axis), file, out)
     if trace.diverged:
         raise ValueError(
             f"axis must be stable under its drive, got one that diverges after {trace.t[-1]:.3g} s:"
@@ -169,7 +159,7 @@ def play_set_points(
 
 
 @servo_app.command("levels")
-def find_levels(
+def find_levels_of_ramp(
     file: Annotated[Path, typer.Argument(help="Trace of the pre-test.")],
     played: Annotated[
         Path,
@@ -184,8 +174,10 @@ def find_levels(
     """Find the levels of a pre-test at which an axis sticks, bends and slides (exit code 1: it does
     not show three).
     """
+    from robust.servo.experiment.levels import find_levels
+
     experiment = _load_experiment(played)
-    found = levels.find_levels(nlfrf.io.load_trace(file, experiment, u=input, y=output), experiment)
+    found = find_levels(nlfrf.io.load_trace(file, experiment, u=input, y=output), experiment)
     printer(json)(found)
     finish_command(found, not found.reason, json)
 
@@ -199,7 +191,9 @@ def _read_axis(path: Path) -> nlfrf.rig.ServoAxis:
             f"axis must be a preset or a .toml file, got {path.name!r}: for a trace give --first"
         )
     if path.suffix:
-        return axis_file.load_axis(path)
+        from robust.servo.experiment.axis_file import load_axis
+
+        return load_axis(path)
     return nlfrf.servo_axis(str(path))
 
 
@@ -286,13 +280,19 @@ def check_gains(
     which is approximated. Exit code 2: bad input.
     """
     traces, gains = _split_gains(file)
-    settings, say = gains_file.load_gains(gains), printer(json)
+    from robust.servo.checking.findings import DriveVerdict
+    from robust.servo.checking.judge import check
+    from robust.servo.checking.read import read_experiments, read_traces
+    from robust.servo.gains.gains_file import load_gains
+    from robust.servo.page import write_page
+
+    settings, say = load_gains(gains), printer(json)
     experiments = _load_experiments(design or [])
     if experiments:
         require_left_out(
             {"reference": reference, "period": period, "discard": discard, "resample": resample}
         )
-        records, names, conditions = read.read_experiments(
+        records, names, conditions = read_experiments(
             traces,
             experiments,
             settings,
@@ -315,15 +315,13 @@ def check_gains(
             design=design[0] if design else None,
         )
         try:
-            records, names, conditions = read.read_traces(
-                traces, settings, actual=actual, load=load
-            )
+            records, names, conditions = read_traces(traces, settings, actual=actual, load=load)
         except ValueError:
             if input is None and not design:
                 _require_design(traces)
             raise
     with progress_display("checking", even=False) as advance:
-        found = judge.check(
+        found = check(
             records,
             settings,
             names=names,
@@ -340,10 +338,10 @@ def check_gains(
     say(found)
     if out is not None and out.suffix.lower() in (".html", ".htm"):
         with spinner("drawing"):
-            page.write_page(out, found, records)
+            write_page(out, found, records)
     elif out is not None:
         write_text(out, f"{found}\n\n{command_signature('robust servo check')}\n")
-    passed = found.verdict is not findings.DriveVerdict.NOT_PASSED
+    passed = found.verdict is not DriveVerdict.NOT_PASSED
     finish_command(found.to_values() if json else found, found.safe, json, code=3 if passed else 1)
 
 
