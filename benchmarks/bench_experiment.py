@@ -19,7 +19,6 @@ import nlfrf
 from nlfrf.io import load_trace
 from nlfrf.signals import AxisLimits
 from robust.servo import design_experiment, design_ramp, find_levels, play_experiment
-from robust.servo.experiment.loop import plant_frf
 
 N = 4000
 PRESETS = {
@@ -82,7 +81,7 @@ def main(
                 U, Y = spectra(record)
                 ratios.append(np.abs(U) / experiment.force_amplitude)
                 if motion:
-                    G = plant_frf(free, experiment.ms.f)
+                    G = experiment.position_response / experiment.force_response
                     errors.append(
                         float(
                             np.max(

@@ -44,10 +44,10 @@ class DriveSource:
         point and position.
         """
         if self.plant is None:
-            G = plant_frf(self.axis, f)
+            G = _plant_frf(self.axis, f)
         else:
             G = _interpolate_frf(self.plant.f, np.asarray(self.plant.G), f=f, what="plant")
-        force = port_frf(self.axis, G, port=port, f=f)
+        force = _port_frf(self.axis, G, port=port, f=f)
         return force, G * force
 
     @property
@@ -158,7 +158,7 @@ def _interpolate_frf(known: np.ndarray, H: np.ndarray, *, f: np.ndarray, what: s
     return np.asarray(np.exp(np.interp(f, known, log_gain) + 1j * np.interp(f, known, phase)))
 
 
-def plant_frf(axis: ServoAxis, f: np.ndarray) -> np.ndarray:
+def _plant_frf(axis: ServoAxis, f: np.ndarray) -> np.ndarray:
     """Return (F,) FRF from force set point to encoder, without friction: hold, delay and current
     lag included.
     """
@@ -250,14 +250,14 @@ def crossover_frequency(axis: ServoAxis) -> float:
     The grid is fine and covers six decades below half the sampling frequency.
     """
     f = np.geomspace(1e-6, 1.0, 3000)[:-1] * axis.drive.fs / 2
-    L = 1 / port_frf(axis, plant_frf(axis, f), port="force", f=f) - 1
+    L = 1 / _port_frf(axis, _plant_frf(axis, f), port="force", f=f) - 1
     above = np.flatnonzero(np.abs(L) >= 1)
     if above.size:
         return float(f[above[-1]])
     return np.nan
 
 
-def port_frf(axis: ServoAxis, G: np.ndarray, *, port: str, f: np.ndarray) -> np.ndarray:
+def _port_frf(axis: ServoAxis, G: np.ndarray, *, port: str, f: np.ndarray) -> np.ndarray:
     """Return (F,) response of the force set point to a unit at a port, by the equations of
     docs/guide/axis.md.
 

@@ -12,8 +12,7 @@ from scipy.signal import lfilter
 import nlfrf
 import robust
 from nlfrf.rig import Drive
-from robust.servo import cascade
-from robust.servo.experiment.loop import port_frf
+from robust.servo import cascade, design_experiment
 from robust.servo.gains.p_pi import with_set_point
 from tests.support.linear_axis import PRESETS, frictionless, linear_plant, settings_of
 
@@ -211,7 +210,10 @@ def test_the_experiment_and_the_controller_are_of_one_loop(preset, more):
     G C/(1 + G C).
     """
     axis = frictionless(preset, filters=(robust.tuning.Notch(omega=HZ * 300.0, depth=0.2),), **more)
-    f, G = np.array([3.0, 40.0, 700.0]), 1e-6 * np.array([1.0 - 2.0j, -0.3j, 0.1 + 0.1j])
+    ms = nlfrf.multisine(fs=axis.drive.fs, n_samples=4000, f_min=3, f_max=700, rng=1)
+    f, rng = ms.f, np.random.default_rng(0)
+    G = 1e-6 * (rng.standard_normal(f.size) + 1j * rng.standard_normal(f.size))
+    plant = nlfrf.bla_from_frf(f, G, std=1e-9, fs=axis.drive.fs, hold="zoh")
     fed = replace(axis, drive=replace(axis.drive, velocity_feedforward=0.7))
     systems = (
         cascade(axis.drive, output_unit=axis.units[1]),
@@ -219,8 +221,9 @@ def test_the_experiment_and_the_controller_are_of_one_loop(preset, more):
     )
     z = np.exp(2j * np.pi * f * axis.drive.dt)
     C, r = (system(z, squeeze=False)[0, 0] for system in systems)
-    assert port_frf(axis, G, port="force", f=f) == pytest.approx(1 / (1 + G * C), rel=1e-9)
-    assert port_frf(fed, G, port="position", f=f) == pytest.approx(r / (1 + G * C), rel=1e-9)
+    for one, port, wanted in ((axis, "force", 1 / (1 + G * C)), (fed, "position", r / (1 + G * C))):
+        found = design_experiment((one, plant), ms, rms=1.0, port=port).force_response
+        assert found == pytest.approx(wanted, rel=1e-9)
 
 
 def test_a_loop_of_two_encoders_is_checked():

@@ -11,7 +11,8 @@ import pytest
 import nlfrf.cli
 import robust.cli
 from nlfrf import load, multisine, save
-from robust.servo.experiment.axis_file import load_axis
+from nlfrf.rig import Drive, ServoAxis
+from robust.servo import design_experiment, play_experiment
 from tests.support.printed import unwrapped
 
 
@@ -241,36 +242,88 @@ def test_what_the_commands_of_an_axis_refuse(run_step, tmp_path, arguments, mess
     assert err.count("\n") == 1
 
 
-def test_an_axis_with_units_is_the_one_in_plain_numbers(tmp_path):
-    linear, rotary = tmp_path / "linear.toml", tmp_path / "rotary.toml"
-    linear.write_text(
-        'motor_inertia = "7170 g"\nload_inertia = 15\nstiffness = "1.33 N/um"\ndamping = "100'
-        ' N/(m/s)"\nresolution = "50 nm"\n[drive]\ntorque_constant = "125 N/A"\nfs = "4 kHz"\nkv ='
-        ' "1.8 m/min/mm"\nkp = "33 A s/m"\ntn = "30 ms"\nlag = "500 us"\nlimit = "17000'
-        ' mA"\nvelocity_feedforward = "80 %"\n',
-        encoding="utf-8",
+LINEAR = """
+motor_inertia = "7170 g"
+load_inertia = 15
+stiffness = "1.33 N/um"
+damping = "100 N/(m/s)"
+resolution = "50 nm"
+[drive]
+torque_constant = "125 N/A"
+fs = "4 kHz"
+kv = "1.8 m/min/mm"
+kp = "33 A s/m"
+tn = "30 ms"
+lag = "500 us"
+limit = "17000 mA"
+velocity_feedforward = "80 %"
+"""
+ROTARY = """
+motion = "rotary"
+motor_inertia = "5200 kg cm²"
+motor_damping = "15 Nms/rad"
+[drive]
+torque_constant = "12 Nm/A"
+fs = 4000
+kv = "900 1/min"
+kp = "2 A/rpm"
+"""
+#: Text of a file, the axis in plain numbers, and how it is moved.
+WITH_UNITS = {
+    "linear": (
+        LINEAR,
+        ServoAxis(
+            motor_inertia=7.17,
+            load_inertia=15.0,
+            stiffness=1.33e6,
+            damping=100.0,
+            resolution=50e-9,
+            drive=Drive(
+                torque_constant=125.0,
+                fs=4000.0,
+                kv=30.0,
+                kp=33.0,
+                kp_unit="A/(m/s)",
+                tn=0.03,
+                lag=0.5e-3,
+                limit=17.0,
+                velocity_feedforward=0.8,
+            ),
+        ),
+        {"rms": 1000.0},
+    ),
+    "rotary": (
+        ROTARY,
+        ServoAxis(
+            motion="rotary",
+            motor_inertia=0.52,
+            motor_damping=15.0,
+            drive=Drive(
+                torque_constant=12.0, fs=4000.0, kv=15.0, kp=60 / np.pi, kp_unit="A/(rad/s)"
+            ),
+        ),
+        {"rms": 20.0, "base_velocity": 1.0, "strokes": 1},
+    ),
+}
+
+
+@pytest.mark.parametrize("motion", WITH_UNITS)
+def test_an_axis_with_units_is_the_one_in_plain_numbers(run_step, tmp_path, motion):
+    """One moves as the other does: by inertia, spring, gains, feedforward, limit and encoder."""
+    text, axis, moved = WITH_UNITS[motion]
+    (tmp_path / "axis.toml").write_text(text, encoding="utf-8")
+    ms = multisine(fs=4000, n_samples=2000, f_min=4, f_max=300, rng=1)
+    save(design_experiment(axis, ms, n_discard=1, **moved), tmp_path / "play.csv")
+    code, said, _ = run_step("servo", "play", "axis.toml", "play.csv", "-o", "by_units.csv")
+    assert code == 0
+    assert ("limit in 0.0%" in said) == (motion == "rotary")
+    play_experiment(axis, tmp_path / "play.csv", tmp_path / "plain.csv")
+    found, wanted = (
+        np.genfromtxt(tmp_path / f"{one}.csv", delimiter=",", skip_header=1)
+        for one in ("by_units", "plain")
     )
-    rotary.write_text(
-        'motion = "rotary"\nmotor_inertia = "5200 kg cm²"\nmotor_damping = "15 Nms/rad"\n'
-        '[drive]\ntorque_constant = "12 Nm/A"\nfs = 4000\nkv = "900 1/min"\nkp = "2 A/rpm"\n',
-        encoding="utf-8",
-    )
-    found = load_axis(linear)
-    assert (found.motor_inertia, found.stiffness, found.resolution) == pytest.approx(
-        (7.17, 1.33e6, 50e-9)
-    )
-    assert (found.drive.fs, found.drive.kv, found.drive.kp, found.drive.tn) == pytest.approx(
-        (4000, 30, 33, 0.03)
-    )
-    assert (found.drive.lag, found.drive.limit, found.drive.velocity_feedforward) == (
-        0.5e-3,
-        17.0,
-        0.8,
-    )
-    found = load_axis(rotary)
-    assert (found.motor_inertia, found.drive.kv, found.drive.gain) == pytest.approx(
-        (0.52, 15, 60 / np.pi)
-    )
+    off = np.abs(found - wanted).max(axis=0)
+    assert np.all(off <= 1e-9 * np.ptp(wanted, axis=0))
 
 
 @pytest.mark.parametrize(
@@ -297,7 +350,8 @@ def test_an_axis_with_units_is_the_one_in_plain_numbers(tmp_path):
         ),
     ],
 )
-def test_an_axis_that_is_not_well_written_is_refused(tmp_path, change, message):
+def test_an_axis_that_is_not_well_written_is_refused(run_step, tmp_path, change, message):
     (tmp_path / "axis.toml").write_text(AXIS_TOML.replace(*change))
-    with pytest.raises(ValueError, match=message):
-        load_axis(tmp_path / "axis.toml")
+    code, _, refused = run_step("servo", "play", "axis.toml", "play.csv", "-o", "trace.csv")
+    assert code == 2
+    assert re.search(message, refused)

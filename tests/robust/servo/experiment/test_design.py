@@ -2,6 +2,7 @@
 files.
 """
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from nlfrf.io import load_trace
 from nlfrf.rig import run
 from nlfrf.signals import AxisLimits
 from robust.servo import design_experiment, design_ramp, play_experiment
-from robust.servo.experiment.loop import closed_loop_poles, crossover_frequency, plant_frf
+from robust.servo.experiment.loop import closed_loop_poles
 
 N = 2000
 BAND = {"fs": 4000, "n_samples": N, "f_min": 4, "f_max": 300, "rng": 1}
@@ -25,6 +26,11 @@ PORTS = ("position", "velocity", "force")
 def free(name, **drive):
     axis = replace(servo_axis(name), motor_friction=None, load_friction=None, resolution=0.0)
     return replace(axis, drive=replace(axis.drive, **drive))
+
+
+def plant_of(experiment):
+    """FRF from force set point to position on the lines of an experiment, as its design has it."""
+    return experiment.position_response / experiment.force_response
 
 
 def spectrum(signal, begin, lines):
@@ -47,7 +53,7 @@ def test_the_spectrum_of_force_is_the_one_asked_for(name, port):
     asked = 1 / experiment.ms.f
     asked *= 20 / np.sqrt(np.sum(asked**2) / 2)
     assert np.allclose(np.abs(U), asked, rtol=1e-4)  # of the integration step
-    assert np.allclose(Y / U, plant_frf(axis, experiment.ms.f), rtol=1e-4)
+    assert np.allclose(Y / U, plant_of(experiment), rtol=1e-4)
     kept = slice(begin, begin + N)
     assert np.isclose(np.abs(trace.force_set[kept]).max(), experiment.peak_force, rtol=1e-4)
     assert np.isclose(np.ptp(trace.position[kept]), experiment.travel, rtol=1e-4)
@@ -153,8 +159,8 @@ def test_a_measured_loop_gives_the_spectrum_too():
     trace = run(axis, second.set_points(0), oversampling=4)
     U = spectrum(trace.force_set, 10 * N, second.ms.lines.excited)
     assert np.allclose(np.abs(U), second.force_amplitude, rtol=1e-3)
-    f = first.ms.f
-    bla = nlfrf.bla_from_frf(f, plant_frf(axis, f), std=1e-9, fs=4000, hold="zoh")
+    frf = plant_of(design_experiment(axis, MS, rms=2))
+    bla = nlfrf.bla_from_frf(first.ms.f, frf, std=1e-9, fs=4000, hold="zoh")
     by_bla = design_experiment(
         (axis, bla), multisine(fs=4000, n_samples=N, f_min=6, f_max=290, rng=2), rms=20
     )
@@ -279,9 +285,7 @@ def test_from_the_design_to_the_frf_of_either_direction(tmp_path, name):
         assert np.allclose(U, experiment.force_amplitude, rtol=0.02)
         G = np.fft.rfft(record.y.mean(axis=(0, 1)))[record.lines.excited]
         G = G / np.fft.rfft(record.u.mean(axis=(0, 1)))[record.lines.excited]
-        assert np.allclose(
-            G, plant_frf(free(name), experiment.ms.f), rtol=0.03, atol=0.003 * np.abs(G).max()
-        )
+        assert np.allclose(G, plant_of(experiment), rtol=0.03, atol=0.003 * np.abs(G).max())
         assert (record.hold, record.u_name, record.y_name) == ("zoh", "force set point", "position")
         assert (record.y_unit, record.u_unit) == axis.units
 
@@ -296,7 +300,7 @@ def test_realisations_are_files_and_are_found_in_any_order(tmp_path):
     (record,) = load_trace([tmp_path / f"trace-{m}.csv" for m in (3, 1, 2)], experiment)
     assert record.u.shape == (3, 2, 1000)
     assert np.allclose(record.r[:, 0], experiment.ms.u)
-    assert np.allclose(identify(record).G, plant_frf(axis, experiment.ms.f), rtol=1e-4)
+    assert np.allclose(identify(record).G, plant_of(experiment), rtol=1e-4)
     with pytest.raises(ValueError, match="path must be one trace per realisation, 3, got 1"):
         load_trace(tmp_path / "trace-1.csv", experiment)
     with pytest.raises(ValueError, match="agrees with realisation"):
@@ -395,8 +399,14 @@ def test_crossover_of_a_mass_under_a_velocity_loop():
     """
     axis = free("linear motor", kv=0.0, tn=np.inf, lag=0.0, delay_periods=0.0, kp=10.0)
     axis = replace(axis, motor_damping=0.0)
-    assert np.isclose(crossover_frequency(axis), 10.0 * 52.8 / 12.0 / (2 * np.pi), rtol=0.01)
-    assert np.isnan(crossover_frequency(replace(axis, drive=replace(axis.drive, kp=0.0))))
+    above = multisine(**BAND | {"f_min": 40})
+    with pytest.warns(nlfrf.DataWarning, match="far outside the lines of 50 to") as warned:
+        design_experiment(axis, above, rms=5)
+    crossover = float(re.search(r"crosses over at ([\d.]+) Hz", str(warned[0].message))[1])
+    assert np.isclose(crossover, 10.0 * 52.8 / 12.0 / (2 * np.pi), rtol=0.01)
+    still = replace(axis, drive=replace(axis.drive, kp=0.0))
+    with pytest.warns(nlfrf.DataWarning, match="crosses over nowhere, far outside the lines"):
+        design_experiment(still, above, rms=5, port="force")
 
 
 @pytest.mark.parametrize(
