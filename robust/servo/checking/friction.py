@@ -99,7 +99,7 @@ def judge_friction(
         proofs = tuple(sorted(proofs, key=lambda proof: proof.verdict is FrictionVerdict.PROVED))
     cures: tuple[FrictionCure, ...] = ()
     if proofs[0].verdict is FrictionVerdict.PROVED:
-        added = largest_added_delay((read, *ends), K, friction, delay=late, period=settings.dt)
+        added = _largest_added_delay((read, *ends), K, friction, delay=late, period=settings.dt)
     elif largest is not None:
         weakest = replace(
             proofs[0].machine, delay=read.delay
@@ -182,7 +182,7 @@ def _read_friction(
     return identify_friction(records, free=not spring, masses=masses, sliding=sliding)
 
 
-def largest_added_delay(
+def _largest_added_delay(
     machines: Sequence[FrictionPlant],
     K: control.StateSpace,
     friction: FrictionClass | Sequence[FrictionClass],

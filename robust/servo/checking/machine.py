@@ -81,7 +81,7 @@ def fit_machine(
         if late:
             reason = reason or late
             continue
-        best, others = fit_orders(machine, cascade(timing, output_unit=bla.input_units[0]))
+        best, others = _fit_orders(machine, cascade(timing, output_unit=bla.input_units[0]))
         if actual:
             leads = ""
         else:
@@ -133,7 +133,7 @@ def _reason_of_lead(machine: control.StateSpace, bla: nlfrf.Bla, settings: Drive
     )
 
 
-def fit_orders(
+def _fit_orders(
     machine: nlfrf.Bla, K: control.StateSpace
 ) -> tuple[NominalFit, tuple[NominalFit, ...]]:
     """Return the fit of a machine, and those of every order: stable, unless scatter does not

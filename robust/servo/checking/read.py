@@ -203,7 +203,7 @@ def read_experiments(
             design.velocities[one[0]] if motion is BaseMotion.MOVING else 0.0
             for one in strokes[: len(found)]
         ]
-        gains = compare_gains(design, settings)
+        gains = _compare_gains(design, settings)
         conditions += [
             Conditions(gains=gains, motion=motion, velocity=float(speed)) for speed in speeds
         ]
@@ -256,7 +256,7 @@ def _choose_levels(levels: AxisLevels, count: int) -> list[int]:
     return np.unique(np.round(np.linspace(named[0], top, count)).astype(int)).tolist()
 
 
-def compare_gains(design: nlfrf.signals.AxisExperiment, settings: Drive) -> RecordedGains:
+def _compare_gains(design: nlfrf.signals.AxisExperiment, settings: Drive) -> RecordedGains:
     """Compare the gains with those of a design; the result is UNKNOWN if kp cannot be converted to
     A.
     """

@@ -45,7 +45,7 @@ def bound_and_simulate(
     misled : True if the linear model cannot judge these gains.
     """
     stable = loop.stable or DoubtKind.CONTRADICTED in kinds
-    friction = with_bound(
+    friction = _with_bound(
         friction,
         settings,
         machine=loop.machine if loop.stable and not misled else None,
@@ -54,14 +54,14 @@ def bound_and_simulate(
         unit=loop.unit,
     )
     advance()
-    friction = simulate_drive(
+    friction = _simulate_drive(
         friction, settings, model=loop.model, report=loop.report, stable=stable, masses=masses
     )
     advance()
     return friction
 
 
-def with_bound(
+def _with_bound(
     friction: DriveFriction,
     settings: Drive,
     *,
@@ -117,7 +117,7 @@ def _with_note(friction: DriveFriction, sentence: str) -> DriveFriction:
     return replace(friction, note=". ".join(filter(None, [friction.note, sentence])))
 
 
-def simulate_drive(
+def _simulate_drive(
     friction: DriveFriction,
     settings: Drive,
     *,

@@ -169,7 +169,7 @@ class SimulatedRest:
         )
 
 
-def laws_not_refuted(force: FrictionForce) -> tuple[str, ...]:
+def _laws_not_refuted(force: FrictionForce) -> tuple[str, ...]:
     """Return the friction laws not refuted by the records.
 
     A resolved stiffness refutes rigid friction, creep refutes rigid friction and Maxwell slip,
@@ -214,7 +214,7 @@ def simulate_rest(
     """
     from scipy.stats import qmc
 
-    laws = laws_not_refuted(force)
+    laws = _laws_not_refuted(force)
     if "rigid" in laws:
         run = tuple(law for law in laws if law in _STIFF)
     else:

@@ -12,17 +12,11 @@ import nlfrf
 from nlfrf.rig import Drive
 from robust.friction.reading.force import FrictionForce
 from robust.friction.reading.in_motion import SlidingFit
+from robust.servo import check
 from robust.servo.checking.drive_friction import DriveFriction
-from robust.servo.checking.findings import DriveCheck
-from robust.servo.checking.rest import simulate_drive
-from robust.servo.checking.simulation import (
-    SimulatedRest,
-    laws_not_refuted,
-    reason_against_simulation,
-    simulate_rest,
-    with_advice,
-    with_load,
-)
+from robust.servo.checking.rest import bound_and_simulate
+from robust.servo.checking.simulation import SimulatedRest, simulate_rest, with_advice
+from tests.support.linear_axis import frictionless, settings_of
 
 #: Simulated runs, and how many of them must move for ever to be called hunting.
 RUNS, FEWEST = 12, 4
@@ -82,29 +76,45 @@ def test_laws_of_friction_hunt_alike(K0):
 
 
 def test_the_records_refute_laws():
-    assert laws_not_refuted(force()) == ("rigid", "Maxwell slip or GMS", "LuGre", "Leuven")
-    assert laws_not_refuted(force(1.0)) == (
-        "rigid",
-        "Maxwell slip or GMS",
-        "Dahl",
-        "LuGre",
-        "Leuven",
+    for stiction, more, laws in (
+        (2.0, {}, ("rigid", "Maxwell slip or GMS", "LuGre", "Leuven")),
+        (1.0, {}, ("rigid", "Maxwell slip or GMS", "Dahl", "LuGre", "Leuven")),
+        (2.0, {"K0": (1e5, 2e5)}, ("Maxwell slip or GMS", "LuGre", "Leuven")),
+        (1.0, {"K0": (1e5, 2e5), "creeps": True}, ("Dahl", "LuGre", "Leuven")),
+    ):
+        assert simulate_rest(force(stiction, **more), SETTINGS).laws == laws
+
+
+def simulated(force, settings=SETTINGS, *, fit=None, masses=1):
+    """The friction of a drive after its simulation, in a linear loop with every margin."""
+    margins, proofs = SimpleNamespace(S_worst=1.2), SimpleNamespace(robustly_stable=True)
+    report = SimpleNamespace(nominally_stable=True, proofs=proofs, peak=2.0, margins=margins)
+    loop = SimpleNamespace(stable=True, machine=None, model=None, report=report, unit="N")
+    return bound_and_simulate(
+        DriveFriction(force=force, fit=fit),
+        loop,
+        settings,
+        frozenset(),
+        misled=True,
+        Fs=None,
+        masses=masses,
+        advance=lambda: None,
     )
-    assert laws_not_refuted(force(K0=(1e5, 2e5))) == ("Maxwell slip or GMS", "LuGre", "Leuven")
-    assert laws_not_refuted(force(1.0, K0=(1e5, 2e5), creeps=True)) == ("Dahl", "LuGre", "Leuven")
 
 
 def test_what_is_not_simulated_has_its_reason():
-    assert reason_against_simulation(force(), SETTINGS) == ""
-    assert "break-away force" in reason_against_simulation(None, SETTINGS)
-    assert "break-away force" in reason_against_simulation(
-        replace(force(), Fs=np.full(2, np.nan)), SETTINGS
-    )
-    assert "velocity from differences" in reason_against_simulation(
-        force(), replace(SETTINGS, encoder="load")
-    )
-    assert "position loop" in reason_against_simulation(force(), replace(SETTINGS, kv=0.0))
-    assert "were not separated" in reason_against_simulation(force(), SETTINGS, masses=2)
+    one = force(1.0)  # it rests, so that no advice is searched
+    assert simulated(one).simulated.ended == RUNS
+    for given, settings, masses, reason in (
+        (None, SETTINGS, 1, "break-away force"),
+        (replace(one, Fs=np.full(2, np.nan)), SETTINGS, 1, "break-away force"),
+        (one, replace(SETTINGS, encoder="load"), 1, "velocity from differences"),
+        (one, replace(SETTINGS, kv=0.0), 1, "position loop"),
+        (one, SETTINGS, 2, "were not separated"),
+    ):
+        found = simulated(given, settings, masses=masses)
+        assert found.simulated is None
+        assert reason in found.unsimulated
 
 
 def test_the_advice_is_the_mildest_change_that_keeps_the_linear_verdict():
@@ -142,14 +152,15 @@ def test_a_load_on_a_stiff_spring_does_what_one_mass_does():
         load_mass=0.4, coupling=spring["stiffness"], coupling_damping=spring["damping"]
     )
     fit.stds, fit.Fs, fit.load_Fs = dict.fromkeys(("mass", "load_mass", "coupling"), 0.01), 3.0, 0.9
-    both = with_load(one, fit)
+    resting = simulated(force(1.0), fit=fit, masses=2)
+    assert resting.simulated.ended == RUNS
+    both = replace(one, load=resting.force.load)
     assert both.load.share == pytest.approx(0.3)
-    assert reason_against_simulation(both, SETTINGS, masses=2) == ""
     found, rigid = simulate_rest(both, SETTINGS), simulate_rest(one, SETTINGS)
     assert found.count == rigid.count == RUNS
     assert found.amplitude == pytest.approx(rigid.amplitude, rel=0.01)
     fit.stds["coupling"] = np.inf
-    assert with_load(one, fit).load is None
+    assert simulated(one, fit=fit, masses=2).unsimulated == "motor and load were not separated"
 
 
 def test_the_distance_that_was_asked_for_is_answered():
@@ -179,19 +190,16 @@ def test_what_hunts_in_simulation_has_not_passed_and_a_bound_is_named():
     """
     hunting = SimulatedRest(laws=("rigid",), amplitudes=np.full(RUNS, 4e-6), periods=np.ones(RUNS))
     rests = replace(hunting, amplitudes=np.zeros(RUNS))
-    margins, settings = SimpleNamespace(S_worst=1.5), SimpleNamespace(base_unit="m")
-    report = SimpleNamespace(margins=margins, peak=2.0)
+    axis = frictionless("linear motor", kv=20, kp=40, tn=0.05)
+    ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=400, rms=5, rng=1)
+    record = nlfrf.rig.simulate_servo(axis, ms, n_periods=3)
+    noise = 1e-3 * np.std(record.y) * np.random.default_rng(0).standard_normal(record.y.shape)
+    linear = check([replace(record, y=record.y + noise)], settings_of(axis))
+    assert linear.linear_passed
 
     def judged(**friction):
-        seen = SimpleNamespace(
-            linear_passed=True,
-            safe=False,
-            friction=DriveFriction(**friction),
-            report=report,
-            settings=settings,
-        )
-        seen.verdict = DriveCheck.verdict.fget(seen)
-        return seen.verdict, DriveCheck.findings.fget(seen)[0]
+        seen = replace(linear, friction=DriveFriction(**friction))
+        return seen.verdict, seen.findings[0]
 
     assert judged(simulated=hunting) == (
         "not passed",
@@ -230,10 +238,6 @@ def test_a_run_without_an_end_is_neither_rest_nor_hunting(monkeypatch):
     )
     found = simulate_rest(force(3.0), SETTINGS)
     assert (found.ended, found.count, found.hunts) == (0, 0, False)
-    margins, proofs = SimpleNamespace(S_worst=1.2), SimpleNamespace(robustly_stable=True)
-    report = SimpleNamespace(nominally_stable=True, proofs=proofs, peak=2.0, margins=margins)
-    known = simulate_drive(
-        DriveFriction(force=force(3.0)), SETTINGS, model=None, report=report, stable=True, masses=1
-    )
+    known = simulated(force(3.0))
     assert known.simulated is None
     assert "succeeded in 0 runs only" in known.unsimulated
