@@ -38,7 +38,7 @@ def machines_of_nominal(nominal: object) -> tuple[tuple[FrictionPlant, ...], str
     delay = approximated + float(getattr(nominal, "delay", 0.0))
     description = f"a nominal of order {G.nstates}, {_describe_modal_damping(G)}"
     return tuple(
-        replace(machine, delay=delay) for machine in (undamped(G), friction_plant(G))
+        replace(machine, delay=delay) for machine in (_undamped(G), friction_plant(G))
     ), description
 
 
@@ -63,11 +63,11 @@ def error_of_nominal(
     return np.asarray(np.sqrt(taken) * np.interp(omega, nominal.omega[order], relative))
 
 
-def undamped(G: control.StateSpace) -> FrictionPlant:
+def _undamped(G: control.StateSpace) -> FrictionPlant:
     """Return the machine without damping: each s^2 + d s + k of its poles and zeros loses its d,
     the mass is kept.
 
-    >>> machine = undamped(control.ss(control.tf([1], [1, 4, 80e3])))
+    >>> machine = _undamped(control.ss(control.tf([1], [1, 4, 80e3])))
     >>> bool(abs(np.linalg.eigvals(machine.A).real).max() < 1e-9), round(machine.resonance, 3)
     (True, 282.843)
     """

@@ -169,7 +169,7 @@ class FrictionForce:
         return format_facts(self.facts)
 
 
-class LevelPeak(NamedTuple):
+class _LevelPeak(NamedTuple):
     """Level of the excitation, peak of the friction force [N], its error bound [N], and its mean
     amplitude [N].
     """
@@ -218,12 +218,12 @@ def read_friction_force(
         first = len(whole)
     shown = sorted(_peak_of_level(one, sliding) for one in whole[first:])
     peaks = [_peak_of_level(one, sliding) for one in kept]
-    Fs, reason = break_away(shown, abs(sliding.coulomb), falls_later=True)
+    Fs, reason = _break_away(shown, abs(sliding.coulomb), falls_later=True)
     K0, bristle_time, damped = _stiffness_at_rest(kept, peaks, sliding, float(Fs[0]))
     f, v, slides = _slides_of(kept, sliding, float(Fs[1] / K0[0]) if np.isfinite(K0[0]) else 0.0)
     stribeck = _stribeck_velocity(f, v, abs(sliding.coulomb))
     if not np.isfinite(stribeck).all():
-        Fs, reason = break_away(shown, abs(sliding.coulomb))
+        Fs, reason = _break_away(shown, abs(sliding.coulomb))
     if np.isfinite(Fs[1]):
         largest = float(Fs[1])
     else:
@@ -270,7 +270,7 @@ def _repeats(record: nlfrf.Record) -> bool:
     return bool(changes < max(_MOST_CHANGE * np.std(y.mean(axis=0)), 2 * smallest_step(record.y)))
 
 
-def _peak_of_level(record: nlfrf.Record, sliding: SlidingFit) -> LevelPeak:
+def _peak_of_level(record: nlfrf.Record, sliding: SlidingFit) -> _LevelPeak:
     """Return the peak of the friction force at one level, up to the frequency where steps of the
     encoder are small.
     """
@@ -278,7 +278,7 @@ def _peak_of_level(record: nlfrf.Record, sliding: SlidingFit) -> LevelPeak:
     f, _, v = _friction_over_time(record, sliding, edge)
     acceleration = np.gradient(v) * record.fs
     quiet = _STEP_ACCELERATION * sliding.mass * smallest_step(record.y) * edge**2
-    return LevelPeak(
+    return _LevelPeak(
         level=float(np.std(record.r if record.r is not None else record.u)),
         peak=float(np.sort(np.abs(f))[-max(1, int(_ABOVE_PEAK * f.size))]),
         error=HALF_WIDTH * sliding.stds["mass"] * float(np.abs(acceleration).max()) / 2
@@ -470,8 +470,8 @@ def _fit_stribeck(f: np.ndarray, v: np.ndarray, vs: float | None) -> float:
     return np.inf
 
 
-def break_away(
-    peaks: Sequence[LevelPeak], coulomb: float, *, falls_later: bool = False
+def _break_away(
+    peaks: Sequence[_LevelPeak], coulomb: float, *, falls_later: bool = False
 ) -> tuple[np.ndarray, str]:
     """Return the interval of the break-away force, at which the peak force stops rising with the
     level.
@@ -510,7 +510,7 @@ def break_away(
 
 
 def _stiffness_at_rest(
-    levels: Sequence[nlfrf.Record], peaks: Sequence[LevelPeak], sliding: SlidingFit, Fs: float
+    levels: Sequence[nlfrf.Record], peaks: Sequence[_LevelPeak], sliding: SlidingFit, Fs: float
 ) -> tuple[np.ndarray, float, float]:
     """Return the interval of the stiffness, the largest damping over it of sticking friction, and
     the least damping.
@@ -544,7 +544,7 @@ def _stiffness_at_rest(
     stiff = k > _STICKS * k[np.argmax(sure)]
     highest = [(k[i] + _SIGMAS * k_std[i]) / kept[i] for i in range(k.size) if kept[i] > 0]
     K0 = np.array(
-        [sure.max(), before_coupling(max(sure.max(), min(highest, default=np.inf)), sliding)]
+        [sure.max(), _before_coupling(max(sure.max(), min(highest, default=np.inf)), sliding)]
     )
     clear = stiff & (steps > _FEWEST_STEPS_DAMPING)
     if not clear.any() or stiff.sum() < 2:  # of one level alone it is not known whether it sticks
@@ -560,7 +560,7 @@ def _stiffness_at_rest(
     )
 
 
-def before_coupling(stiffness: float, machine: SlidingFit) -> float:
+def _before_coupling(stiffness: float, machine: SlidingFit) -> float:
     """Return the largest friction stiffness of motor and load together [N/m] for a stiffness seen
     at the motor.
 

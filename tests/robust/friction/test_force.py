@@ -12,13 +12,7 @@ import pytest
 import nlfrf
 from robust import friction_plant, prove_friction
 from robust.friction import Bounded
-from robust.friction.reading.force import (
-    LevelPeak,
-    before_coupling,
-    break_away,
-    read_friction_force,
-)
-from robust.friction.reading.in_motion import identify_sliding
+from robust.friction.reading.force import read_friction_force
 
 GRID = {"fs": 4000, "n_samples": 4000}
 LUGRE = {"sigma0": 2e6, "sigma2": 0.0, "Fc": 15.4, "Fs": 20.0, "vs": 0.01}
@@ -141,16 +135,31 @@ def test_friction_of_motor_and_load_is_read_as_one(law):
     assert not found.Fs[0] > found.sliding.interval("coulomb")[1]  # neither has stiction
 
 
-def test_the_stiffness_of_a_load_that_sticks_is_behind_its_coupling():
+@pytest.mark.parametrize(("masses", "stiffness"), [(1, 4e5), (2, 4e5), (2, 1.2e6)])
+def test_the_stiffness_of_a_load_that_sticks_is_behind_its_coupling(masses, stiffness):
     """The motor shows K1 + k K2 / (k + K2) of K1 and K2: the sum is largest with K1 = 0."""
-    moving, _ = played("LuGre", levels=(2, 3), count=1)
-    one = identify_sliding(moving, (0.1, -0.1))
-    two = replace(one, load_mass=5.0, coupling=1e6, stds=one.stds | {"coupling": 0.0})
-    assert before_coupling(4e5, one) == 4e5
-    K2 = np.linspace(0, 4e6, 100001)
-    K1 = 4e5 - 1e6 * K2 / (1e6 + K2)
-    assert before_coupling(4e5, two) == pytest.approx((K1 + K2)[K1 >= 0].max(), rel=1e-3)
-    assert before_coupling(1e6, two) == np.inf
+    s = 2j * np.pi * np.fft.rfftfreq(4000, 1 / 4000)
+    link, motor, load = 1e6 + 100.0 * s, 7.0, 5.0
+    machine = motor * s**2 + 20.0 * s + link * load * s**2 / (link + load * s**2)
+    if masses == 1:
+        machine = (motor + load) * s**2 + 20.0 * s
+    fast, slow = (nlfrf.multisine(f_min=2, f_max=f_max, rng=1, **GRID) for f_max in (200, 20))
+
+    def record(ms, force, size, mean=0.0):
+        y = size * ms.u[0]
+        u = np.fft.irfft(np.fft.rfft(y) * force) + mean
+        u, y = (np.tile(one, (2, 1))[None] for one in (u, y))
+        return nlfrf.Record(u=u, y=y, fs=4000, lines=ms.lines, hold="band-limited")
+
+    moving = [record(fast, machine, 1e-3, sign * 10.0) for sign in (1, -1)]
+    at_rest = [record(slow, machine + stiffness, size) for size in (1e-9, 1e-8, 1e-6)]
+    found = read_friction_force(moving, (0.1, -0.1), at_rest, masses=masses)
+    K2 = np.linspace(0, 1e8, 1_000_001)
+    K1 = stiffness - 1e6 * K2 / (1e6 + K2)
+    expected = stiffness
+    if masses == 2:
+        expected = (K1 + K2)[K1 >= 0].max() if K1[-1] < 0 else np.inf
+    assert pytest.approx([stiffness, expected], rel=3e-3) == found.K0
 
 
 def test_levels_that_stick_show_no_break_away():
@@ -163,19 +172,39 @@ def test_levels_that_stick_show_no_break_away():
     assert "two levels or more at rest, got 1" in found.reason
 
 
+def read_peaks(forces, coulomb):
+    """The friction force of 12 kg with a Coulomb friction, from peaks of the force at rest [N].
+
+    At level k, 2**k, the axis moves by one step of its encoder, 1 nm, when the force changes sign.
+    """
+    ms = nlfrf.multisine(f_min=2, f_max=20, rng=1, **GRID)
+    s, x = 2j * np.pi * np.fft.rfftfreq(4000, 1 / 4000), 1e-3 * ms.u[0]
+    u = np.fft.irfft(np.fft.rfft(x) * (12.0 * s**2 + 20.0 * s))
+    sine = np.sin(2 * np.pi * 2 * np.arange(4000) / 4000)
+
+    def record(u, y, r):
+        u, y, r = (np.tile(one, (2, 1))[None] for one in (u, y, r))
+        return nlfrf.Record(u=u, y=y, r=r, fs=4000, lines=ms.lines, hold="band-limited")
+
+    moving = [record(u + sign * (coulomb + 2.0), x, ms.u[0]) for sign in (1, -1)]
+    at_rest = [
+        record(peak * sine, 1e-9 * (sine > 0), 2.0**k * np.sqrt(2) * sine)
+        for k, peak in enumerate(forces)
+    ]
+    return read_friction_force(moving, (0.1, -0.1), at_rest)
+
+
 def test_a_force_that_stops_to_rise_below_coulomb_friction_is_no_break_away():
     """Where the axis moves by a step of its encoder now and then, the force is that of the step at
     any level.
     """
     forces = (0.4, 0.4, 0.4, 1.8, 8.0, 10.0, 10.1, 10.2)
-    peaks = [LevelPeak(level=2.0**k, peak=peak, error=0.1) for k, peak in enumerate(forces)]
-    low, high = break_away(peaks, 8.0)[0]
+    found = read_peaks(forces, 8.0)
+    low, high = found.Fs
+    assert found.sliding.coulomb == pytest.approx(8.0, rel=1e-4)
     assert 9 < low < 10 < high < 11.5
     # peaks that fall with the level were taken where stiction has fallen
-    fallen = [
-        one._replace(peak=min(one.peak, 0.8 * 10)) if one.level > 64 else one for one in peaks
-    ]
-    assert break_away(fallen, 4.0)[0][1] > 14
+    assert read_peaks([*forces[:-1], 0.8 * 10], 4.0).Fs[1] > 14
 
 
 def test_the_bound_for_bristles_with_damping_is_the_integral_of_the_kernel():

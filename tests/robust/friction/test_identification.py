@@ -29,22 +29,19 @@ from benchmarks.read_machine import (
 )
 from nlfrf.rig import Drive
 from robust.friction.reading.balance import (
-    LOAD,
     Candidate,
     Motion,
     Terms,
     element_spectra,
     motion_of_record,
-    reaction_of_load,
     residual_of,
     slopes_of,
 )
 from robust.friction.reading.identification import without_noisy_lines
 from robust.friction.reading.intervals import covariances_of
 from robust.friction.reading.search import with_branches
-from robust.pages.text import format_sections
-from robust.servo import cascade
-from robust.servo.checking.friction import judge_friction
+from robust.servo import cascade, check
+from tests.support.linear_axis import frictionless
 
 THREE = {"stiffness": [1.2e6, 0.6e6, 0.2e6], "strength": [20 / 3] * 3}
 
@@ -431,58 +428,56 @@ def test_drive_check_judges_friction_at_motor_and_load(belt):
     settings = Drive(
         fs=4000, kv=30, kp=33 * axis.force_constant, kp_unit="N/(m/s)", lag=5e-4, delay_periods=1
     )
-    given = {
-        "actual": False,
-        "stiction": 1.5,
-        "Fs": None,
-        "spring": False,
-        "masses": 2,
-        "fit": belt,
-    }
-    found = judge_friction([], settings, **given)
+    ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=200, rms=50, rng=1)
+    record = nlfrf.rig.simulate_servo(frictionless("belt"), ms, n_periods=2)
+    noise = np.random.default_rng(0).standard_normal(record.y.shape)
+    record = replace(record, y=record.y + 1e-3 * np.std(record.y) * noise)
+
+    def checked(settings):
+        return check([record], settings, masses=2, fit=belt)
+
+    judged = checked(settings)
+    page, found = str(judged), judged.friction
     assert found.proved
     assert len(found.largest) == 2
     assert np.all(np.array(found.largest) > (20, 30))
     assert np.allclose(found.largest, (20, 30), rtol=0.08)
-    text = format_sections(found.sections)
-    assert "it holds at these values, not between them" in " ".join(text.split())
-    assert max(map(len, text.splitlines())) <= 100
-    integral = judge_friction([], replace(settings, tn=0.03), **given)
+    assert "it holds at these values, not between them" in " ".join(page.split())
+    assert max(map(len, page.splitlines())) <= 100
+    integral = checked(replace(settings, tn=0.03)).friction
     assert integral.proofs[0].verdict == "settles"
     assert "proved" in str(integral.cures[0])
-    at_load = judge_friction([], replace(settings, encoder="load"), **given)
+    at_load = checked(replace(settings, encoder="load")).friction
     assert at_load.assumed is None
     assert "only with the encoder on the motor" in at_load.note
 
 
 def test_the_reaction_of_a_load_without_friction_is_linear():
     """(k + jwc) (-m2 w^2 + jwc2) / (k + jwc + jwc2 - m2 w^2) times the motion of the motor."""
-    rng, n, lines = np.random.default_rng(0), 4096, np.arange(1, 60)
-    Y = rng.standard_normal(lines.size) + 1j * rng.standard_normal(lines.size)
-    spectrum = np.zeros(n // 2 + 1, dtype=complex)
-    spectrum[lines] = Y * n / 2
-    omega, grid = 2 * np.pi * lines, 2j * np.pi * np.arange(n // 2 + 1)
-    x, v = (np.fft.irfft(one)[np.newaxis] for one in (spectrum, grid * spectrum))
-    level = Motion(
-        omega=omega,
-        U=Y[np.newaxis],
-        Y=Y[np.newaxis],
-        noise=np.zeros((1, lines.size)),
-        excited=np.ones(lines.size, dtype=bool),
-        x=x,
-        v=v,
-        fs=float(n),
-        lines=lines,
-    )
-    m, k, c, c2 = 2.0, 3e4, 60.0, 5.0
-    numbers = dict(zip(LOAD, (*np.log([m, k, c]), c2, 0.0, 0.0), strict=True))
-    none = np.zeros(0)
-    load = Candidate(
-        terms=Terms(spring=False, load=True), numbers=numbers, stiffness=none, breakaway=none
-    )
-    link, inertia = k + 1j * omega * c, -m * omega**2 + 1j * omega * c2
-    expected = link * inertia / (link + inertia) * Y
-    assert np.abs(reaction_of_load(level, load)[0] - expected).max() < 1e-3 * np.abs(expected).max()
+    ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=2, f_max=60, rms=1e-3, rng=1)
+    m, k, c, c2, motor, delay = 2.0, 3e4, 60.0, 5.0, 1.0, 4e-4
+    s = 2j * np.pi * np.fft.rfftfreq(4000, 1 / 4000)
+    link, inertia = k + s * c, m * s**2 + s * c2
+    reaction = link * inertia / (link + inertia)
+    U = (motor * s**2 + reaction) * np.exp(s * delay) * np.fft.rfft(ms.u[0])
+    u, y = (np.tile(one, (2, 1))[None] for one in (np.fft.irfft(U), ms.u[0]))
+    records = [
+        nlfrf.Record(
+            u=u + sign * (7.0 + 0.1 * c2), y=y, fs=4000, lines=ms.lines, hold="band-limited"
+        )
+        for sign in (1, -1)
+    ]
+    fit = robust.friction.identify_sliding(records, (0.1, -0.1), masses=2)
+    truth = {
+        "mass": motor + m,
+        "load_mass": m,
+        "coupling": k,
+        "coupling_damping": c,
+        "damping": c2,
+        "coulomb": 7.0,
+        "delay": delay,
+    }
+    assert {name: getattr(fit, name) for name in truth} == pytest.approx(truth, rel=2e-3)
 
 
 def test_the_jackknife_leaves_out_one_block_after_the_other():

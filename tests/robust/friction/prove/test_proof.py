@@ -13,7 +13,7 @@ from nlfrf._base.values import value
 from nlfrf.rig import Drive
 from robust import friction_plant, prove_friction, sampled
 from robust.friction import Bounded, MaxwellSlip
-from robust.friction.nominal import undamped
+from robust.friction.nominal import machines_of_nominal
 from robust.friction.proof.protocol import FrictionClass
 from robust.servo import cascade
 from tests.support.friction_loops import (
@@ -294,7 +294,7 @@ def test_a_pade_approximation_is_taken_as_the_delay_it_stands_for(order):
     late = control.ss(control.tf(*control.pade(tau, order)) * control.tf([1.0], [1.0, 4.0, 80e3]))
     exact = friction_plant(1.0, 80e3, 4.0)
     K, friction = pd(20e3, 60.0), MaxwellSlip(64e3)
-    for machine in (undamped(late), friction_plant(late)):
+    for machine in machines_of_nominal(late)[0]:
         assert machine.delay == pytest.approx(tau, rel=1e-6)
         assert machine.A.shape == (2, 2)
         assert prove_friction(machine, K, friction).verdict == "proved"
@@ -309,13 +309,18 @@ def test_a_pade_approximation_is_taken_as_the_delay_it_stands_for(order):
         prove_friction(friction_plant(late), 1e3, friction)
 
 
+def without_damping(denominator):
+    """The machine that a proof takes for a nominal 1 / denominator, without its damping."""
+    return machines_of_nominal(control.ss(control.tf([1.0], denominator)))[0][0]
+
+
 def test_real_poles_lose_their_damping_too():
     """A free mass whose friction slides has none that swing: left where they were, "without
     damping" was damped.
     """
-    free = undamped(control.ss(control.tf([1.0], [2.0, 46.0, -20.0])))
+    free = without_damping([2.0, 46.0, -20.0])
     assert np.sort(np.linalg.eigvals(free.A).real) == pytest.approx([-(10**0.5), 10**0.5])
-    slow = undamped(control.ss(control.tf([1.0], [2.0, 500.0, 2e4])))
+    slow = without_damping([2.0, 500.0, 2e4])
     assert np.abs(np.linalg.eigvals(slow.A)) == pytest.approx([100.0, 100.0])
     assert np.abs(np.linalg.eigvals(slow.A).real).max() < 1e-6
     assert 1 / (slow.velocity @ slow.B_port) == pytest.approx(2.0)
