@@ -22,7 +22,6 @@ from nlfrf.rig import Drive
 from robust import cli
 from robust.servo import cascade, load_gains, read_experiments, read_traces, write_page
 from robust.servo import check as check_drive
-from robust.servo.checking.drive_friction import DriveFriction
 from robust.servo.checking.friction import force_over_position
 from robust.servo.checking.rest import bound_and_simulate
 from robust.servo.gains.p_pi import with_set_point
@@ -372,11 +371,13 @@ def test_the_page_of_a_trace_in_motion_says_that_friction_was_not_judged(run, fo
     assert page.count("<figure>") == 5  # FRF, three of the loop, step
 
 
-def moved(force, settings, *, stable=True, machine=None, Fs=None):
-    """The friction of a drive with its bound; without a machine the linear model judges nothing."""
+def moved(unknown, force, settings, *, stable=True, machine=None, Fs=None):
+    """An unknown friction of a drive with its bound; without a machine the linear model judges
+    nothing.
+    """
     loop = SimpleNamespace(stable=stable, machine=machine, model=None, report=None, unit="N")
     return bound_and_simulate(
-        DriveFriction(force=force),
+        replace(unknown, force=force, note="", unsimulated=""),
         loop,
         settings,
         frozenset(),
@@ -387,7 +388,7 @@ def moved(force, settings, *, stable=True, machine=None, Fs=None):
     )
 
 
-def test_a_pole_that_ends_at_once_does_not_hide_the_bound():
+def test_a_pole_that_ends_at_once_does_not_hide_the_bound(moving):
     """A fit of a trace in motion had a pole at -9e6 rad/s next to a zero, at 4 kHz: no bound could
     follow it.
     """
@@ -397,7 +398,7 @@ def test_a_pole_that_ends_at_once_does_not_hide_the_bound():
     force = SimpleNamespace(sliding=read, load=None, bristle_time=np.nan, Fs=np.full(2, np.nan))
 
     def bound(machine, force):
-        return moved(force, settings, machine=machine, Fs=26.0).within
+        return moved(moving[2].friction, force, settings, machine=machine, Fs=26.0).within
 
     fitted = control.ss(rigid * (s + 9.1e6) / (s + 9e6))
     assert np.isinf(bound(fitted, None))
@@ -1096,7 +1097,7 @@ def test_friction_is_bounded_by_what_is_read_in_motion_where_the_linear_model_do
     assert 1e-6 * float(found[1]) == pytest.approx(true.error_bound, rel=0.02)
 
 
-def test_an_unstable_loop_gives_no_bound_of_friction():
+def test_an_unstable_loop_gives_no_bound_of_friction(moving):
     """Neither where the loop of what was read is unstable, nor where the linear model is and
     nothing ran with it.
     """
@@ -1105,7 +1106,7 @@ def test_an_unstable_loop_gives_no_bound_of_friction():
     force = SimpleNamespace(sliding=read, load=None, bristle_time=np.nan, Fs=np.array([20.0, 26.0]))
 
     def judged(slides):
-        return moved(force, settings, stable=slides)
+        return moved(moving[2].friction, force, settings, stable=slides)
 
     assert judged(True).outcome == judged(False).outcome == "open"
     assert (

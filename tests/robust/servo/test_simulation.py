@@ -13,9 +13,8 @@ from nlfrf.rig import Drive
 from robust.friction.reading.force import FrictionForce
 from robust.friction.reading.in_motion import SlidingFit
 from robust.servo import check
-from robust.servo.checking.drive_friction import DriveFriction
 from robust.servo.checking.rest import bound_and_simulate
-from robust.servo.checking.simulation import SimulatedRest, simulate_rest, with_advice
+from robust.servo.checking.simulation import simulate_rest, with_advice
 from tests.support.linear_axis import frictionless, settings_of
 
 #: Simulated runs, and how many of them must move for ever to be called hunting.
@@ -44,6 +43,31 @@ def force(stiction=2.0, *, K0=(np.nan, np.nan), stribeck=(1e-3, 2e-3), creeps=Fa
         creeps=creeps,
         stribeck=np.array(stribeck),
     )
+
+
+@pytest.fixture(scope="module")
+def linear():
+    """The check of one linear trace, whose friction is unknown."""
+    axis = frictionless("linear motor", kv=20, kp=40, tn=0.05)
+    ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=400, rms=5, rng=1)
+    record = nlfrf.rig.simulate_servo(axis, ms, n_periods=3)
+    noise = 1e-3 * np.std(record.y) * np.random.default_rng(0).standard_normal(record.y.shape)
+    found = check([replace(record, y=record.y + noise)], settings_of(axis))
+    assert found.linear_passed
+    return found
+
+
+@pytest.fixture(scope="module")
+def unknown(linear):
+    """The friction of a drive of which nothing is known."""
+    return replace(linear.friction, note="", unsimulated="")
+
+
+def runs(amplitudes, periods=1.0):
+    """The end of simulated runs, with these amplitudes and periods."""
+    found = simulate_rest(force(1.0), SETTINGS)
+    ended = {"amplitudes": amplitudes * np.ones(RUNS), "periods": periods * np.ones(RUNS)}
+    return replace(found, laws=("rigid",), offsets=None, **ended)
 
 
 def test_stiction_makes_an_axis_hunt_and_no_stiction_lets_it_rest():
@@ -85,13 +109,13 @@ def test_the_records_refute_laws():
         assert simulate_rest(force(stiction, **more), SETTINGS).laws == laws
 
 
-def simulated(force, settings=SETTINGS, *, fit=None, masses=1):
+def simulated(unknown, force, settings=SETTINGS, *, fit=None, masses=1):
     """The friction of a drive after its simulation, in a linear loop with every margin."""
     margins, proofs = SimpleNamespace(S_worst=1.2), SimpleNamespace(robustly_stable=True)
     report = SimpleNamespace(nominally_stable=True, proofs=proofs, peak=2.0, margins=margins)
     loop = SimpleNamespace(stable=True, machine=None, model=None, report=report, unit="N")
     return bound_and_simulate(
-        DriveFriction(force=force, fit=fit),
+        replace(unknown, force=force, fit=fit),
         loop,
         settings,
         frozenset(),
@@ -102,9 +126,9 @@ def simulated(force, settings=SETTINGS, *, fit=None, masses=1):
     )
 
 
-def test_what_is_not_simulated_has_its_reason():
+def test_what_is_not_simulated_has_its_reason(unknown):
     one = force(1.0)  # it rests, so that no advice is searched
-    assert simulated(one).simulated.ended == RUNS
+    assert simulated(unknown, one).simulated.ended == RUNS
     for given, settings, masses, reason in (
         (None, SETTINGS, 1, "break-away force"),
         (replace(one, Fs=np.full(2, np.nan)), SETTINGS, 1, "break-away force"),
@@ -112,12 +136,12 @@ def test_what_is_not_simulated_has_its_reason():
         (one, replace(SETTINGS, kv=0.0), 1, "position loop"),
         (one, SETTINGS, 2, "were not separated"),
     ):
-        found = simulated(given, settings, masses=masses)
+        found = simulated(unknown, given, settings, masses=masses)
         assert found.simulated is None
         assert reason in found.unsimulated
 
 
-def test_the_advice_is_the_mildest_change_that_keeps_the_linear_verdict():
+def test_the_advice_is_the_mildest_change_that_keeps_the_linear_verdict(unknown):
     found = simulate_rest(force(3.0), SETTINGS)
     asked = []
 
@@ -127,12 +151,12 @@ def test_the_advice_is_the_mildest_change_that_keeps_the_linear_verdict():
 
     advised = with_advice(found, force(3.0), SETTINGS, keeps)
     assert advised.advice
-    assert DriveFriction(simulated=advised).answers("m")["change"] == advised.advice
+    assert replace(unknown, simulated=advised).answers("m")["change"] == advised.advice
     last = simulate_rest(force(3.0), asked[-1])  # played again
     assert last.amplitude <= found.amplitude / 2
     refused = with_advice(found, force(3.0), SETTINGS, lambda other: False)
     assert (
-        DriveFriction(simulated=refused)
+        replace(unknown, simulated=refused)
         .answers("m")["change"]
         .startswith("none of the tried changes ")
     )
@@ -141,7 +165,7 @@ def test_the_advice_is_the_mildest_change_that_keeps_the_linear_verdict():
     )
 
 
-def test_a_load_on_a_stiff_spring_does_what_one_mass_does():
+def test_a_load_on_a_stiff_spring_does_what_one_mass_does(unknown):
     """The friction is shared between both, and each has its numbers from the same draws."""
     one, omega = force(3.0), 2 * np.pi * 400
     spring = {
@@ -152,7 +176,7 @@ def test_a_load_on_a_stiff_spring_does_what_one_mass_does():
         load_mass=0.4, coupling=spring["stiffness"], coupling_damping=spring["damping"]
     )
     fit.stds, fit.Fs, fit.load_Fs = dict.fromkeys(("mass", "load_mass", "coupling"), 0.01), 3.0, 0.9
-    resting = simulated(force(1.0), fit=fit, masses=2)
+    resting = simulated(unknown, force(1.0), fit=fit, masses=2)
     assert resting.simulated.ended == RUNS
     both = replace(one, load=resting.force.load)
     assert both.load.share == pytest.approx(0.3)
@@ -160,45 +184,44 @@ def test_a_load_on_a_stiff_spring_does_what_one_mass_does():
     assert found.count == rigid.count == RUNS
     assert found.amplitude == pytest.approx(rigid.amplitude, rel=0.01)
     fit.stds["coupling"] = np.inf
-    assert simulated(one, fit=fit, masses=2).unsimulated == "motor and load were not separated"
-
-
-def test_the_distance_that_was_asked_for_is_answered():
-    """It is answered by what is proved, else by a hunting axis that swings by more."""
-    hunting = SimulatedRest(laws=("rigid",), amplitudes=np.full(RUNS, 4e-6), periods=np.ones(RUNS))
     assert (
-        DriveFriction(simulated=hunting)
+        simulated(unknown, one, fit=fit, masses=2).unsimulated
+        == "motor and load were not separated"
+    )
+
+
+def test_the_distance_that_was_asked_for_is_answered(unknown):
+    """It is answered by what is proved, else by a hunting axis that swings by more."""
+    hunting = runs(4e-6)
+    assert (
+        replace(unknown, simulated=hunting)
         .answers("m", 3e-6)["within"]
         .endswith("Within 3 um: no, as simulated")
     )
     assert (
-        DriveFriction(simulated=hunting)
+        replace(unknown, simulated=hunting)
         .answers("m", 5e-6)["within"]
         .endswith("Within 5 um: not proved; in simulation yes")
     )
     rests = replace(hunting, amplitudes=np.zeros(RUNS))
-    assert DriveFriction(simulated=rests).answers("m", 7e-6)["within"].endswith("not proved")
+    assert replace(unknown, simulated=rests).answers("m", 7e-6)["within"].endswith("not proved")
     away = replace(rests, offsets=np.full(RUNS, 8e-6))  # at rest, off the set point
-    assert DriveFriction(simulated=away).answers("m", 7e-6)["within"].endswith("no, as simulated")
+    assert (
+        replace(unknown, simulated=away).answers("m", 7e-6)["within"].endswith("no, as simulated")
+    )
     assert "eventually at most 8 um off the set point" in str(away)
-    assert "Asked" not in DriveFriction(simulated=rests).answers("m")["within"]
+    assert "Asked" not in replace(unknown, simulated=rests).answers("m")["within"]
 
 
-def test_what_hunts_in_simulation_has_not_passed_and_a_bound_is_named():
+def test_what_hunts_in_simulation_has_not_passed_and_a_bound_is_named(linear, unknown):
     """The first line said that the linear loop passed, and "not judged" stood above a bound that
     was proved.
     """
-    hunting = SimulatedRest(laws=("rigid",), amplitudes=np.full(RUNS, 4e-6), periods=np.ones(RUNS))
+    hunting = runs(4e-6)
     rests = replace(hunting, amplitudes=np.zeros(RUNS))
-    axis = frictionless("linear motor", kv=20, kp=40, tn=0.05)
-    ms = nlfrf.multisine(fs=4000, n_samples=4000, f_min=5, f_max=400, rms=5, rng=1)
-    record = nlfrf.rig.simulate_servo(axis, ms, n_periods=3)
-    noise = 1e-3 * np.std(record.y) * np.random.default_rng(0).standard_normal(record.y.shape)
-    linear = check([replace(record, y=record.y + noise)], settings_of(axis))
-    assert linear.linear_passed
 
     def judged(**friction):
-        seen = replace(linear, friction=DriveFriction(**friction))
+        seen = replace(linear, friction=replace(unknown, **friction))
         return seen.verdict, seen.findings[0]
 
     assert judged(simulated=hunting) == (
@@ -218,7 +241,7 @@ def test_what_hunts_in_simulation_has_not_passed_and_a_bound_is_named():
 def test_one_run_alone_is_no_hunting():
     one = np.zeros(RUNS)
     one[3] = 1e-5
-    found = SimulatedRest(laws=("rigid",), amplitudes=one, periods=np.full(RUNS, np.nan))
+    found = runs(one, np.nan)
     assert not found.hunts
     assert f"rests in {RUNS - 1} of {RUNS} runs" in str(found)
     one[4] = np.nan  # the integration did not come to its end
@@ -228,16 +251,16 @@ def test_one_run_alone_is_no_hunting():
     assert f"rests in {RUNS - 2} of {RUNS - 1} runs" in str(found)
     assert "1 more failed" in " ".join(str(found).split())
     one[: FEWEST - 1] = 1e-5
-    assert SimulatedRest(laws=("rigid",), amplitudes=one, periods=np.full(RUNS, 0.1)).hunts
+    assert runs(one, 0.1).hunts
 
 
-def test_a_run_without_an_end_is_neither_rest_nor_hunting(monkeypatch):
+def test_a_run_without_an_end_is_neither_rest_nor_hunting(unknown, monkeypatch):
     run = nlfrf.rig.run
     monkeypatch.setattr(
         nlfrf.rig, "run", lambda axis, *_, **__: replace(run(axis, np.zeros(8)), diverged=True)
     )
     found = simulate_rest(force(3.0), SETTINGS)
     assert (found.ended, found.count, found.hunts) == (0, 0, False)
-    known = simulated(force(3.0))
+    known = simulated(unknown, force(3.0))
     assert known.simulated is None
     assert "succeeded in 0 runs only" in known.unsimulated
