@@ -51,7 +51,6 @@ def imported(path, nodes):
 #: Files that reach a module under any name: each attribute there, and each word of a text, may be a
 #: name of a module.
 LATE = (
-    "lazy_loader.load(",
     "import_module(",
     "sys.modules[",
     "reader.contents",
