@@ -34,7 +34,7 @@ _OPTIONS = LOAD_OPTIONS | {
 
 
 @app.callback()
-def common(version: Version = False) -> None:
+def _common(version: Version = False) -> None:
     """Best linear approximations with a distortion bound from one multisine experiment."""
 
 

@@ -54,7 +54,7 @@ _OPTIONS = LOAD_OPTIONS | {
 
 
 @app.callback()
-def common(version: Version = False) -> None:
+def _common(version: Version = False) -> None:
     """Uncertainty models of measured machines, controllers for them, and checks with proofs."""
 
 

@@ -30,7 +30,10 @@ from nlfrf._base.arguments import (
     require_real_array,
 )
 from nlfrf._base.values import value
-from nlfrf.rig.bench import machine as axes
+from nlfrf.rig.bench.machine import (
+    pack_laws,
+    stack_matrices,
+)
 from nlfrf.rig.bench.rig import Rig, initial_memory, require_one_axis
 from nlfrf.rig.bench.simulate import Arrays, Progress, run_each
 from nlfrf.rig.bench.trajectory import Trajectory, require_samples
@@ -194,11 +197,11 @@ def _run_axes_once(
     """
     from nlfrf.rig.kernels.coupled import run_axes_loop as run_compiled
 
-    laws, grids = axes.pack_laws(rig.friction)
+    laws, grids = pack_laws(rig.friction)
     memory = memory_at(rig, laws, begin)
     rows = np.zeros((len(r), 4, rig.n_axes))
     y, u = np.zeros((len(r), rig.n_outputs)), np.zeros((len(r), rig.n_inputs))
-    machine = axes.stack_matrices(rig.mass, rig.stiffness, damping=rig.damping, cubic=rig.cubic)
+    machine = stack_matrices(rig.mass, rig.stiffness, damping=rig.damping, cubic=rig.cubic)
     places = np.array(rig.sensors), np.array(rig.actuators)
     length = run_compiled(
         machine,

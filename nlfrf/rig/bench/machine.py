@@ -199,7 +199,7 @@ def pack_laws(friction: Laws) -> tuple[np.ndarray, np.ndarray]:
     return laws, grids
 
 
-def initial_memory(friction: Laws) -> packing.Memory:
+def stack_memories(friction: Laws) -> packing.Memory:
     """Return the memories of axes at rest: (n, N_STATES) and (n, 4, entries)."""
     packed = [pack_law(law) for law in friction if law is not None]
     entries = max(

@@ -18,7 +18,15 @@ import numpy as np
 
 from nlfrf._base.arguments import DataWarning, require_choice, require_nonnegative, require_positive
 from nlfrf._base.values import ArrayField, value
-from nlfrf.rig.bench import machine as axes
+from nlfrf.rig.bench.machine import (
+    FIELDS,
+    check_axes,
+    check_single_axis,
+    integrate_axes,
+    poles,
+    stack_matrices,
+    stack_memories,
+)
 from nlfrf.rig.kernels import data as packing
 from nlfrf.rig.laws.integration import integrate
 from nlfrf.rig.laws.laws import Leuven, LuGre, pack_law
@@ -165,11 +173,11 @@ class Rig:
 
     def __post_init__(self) -> None:
         if self.several:
-            checked: Mapping[str, object] = axes.check_axes(
-                {name: getattr(self, name) for name in axes.FIELDS}
+            checked: Mapping[str, object] = check_axes(
+                {name: getattr(self, name) for name in FIELDS}
             )
         else:
-            checked = axes.check_single_axis({name: getattr(self, name) for name in axes.FIELDS})
+            checked = check_single_axis({name: getattr(self, name) for name in FIELDS})
             require_positive("mass", self.mass)
             require_nonnegative("stiffness", self.stiffness)
             require_nonnegative("damping", self.damping)
@@ -206,7 +214,7 @@ class Rig:
         `gain` is 1 for a machine that sticks and 0 for one that slides.
         """
         mass, stiffness, damping = map(np.atleast_2d, (self.mass, self.stiffness, self.damping))
-        return axes.poles(
+        return poles(
             mass, stiffness, damping, self.friction if self.several else [self.friction], gain
         )
 
@@ -311,7 +319,7 @@ def require_one_axis(rig: Rig, where: str) -> Rig:
 
 def initial_memory(rig: Rig) -> packing.Memory:
     if rig.several:
-        return axes.initial_memory(rig.friction)
+        return stack_memories(rig.friction)
     law, grid = pack_law(rig.friction)
     return packing.initial_memory(law.curve, grid)
 
@@ -325,9 +333,9 @@ def integrate_rig(
     4, axes): position, velocity, z and friction force; None if the step was unstable.
     """
     if rig.several:
-        machine = axes.stack_matrices(rig.mass, rig.stiffness, damping=rig.damping, cubic=rig.cubic)
+        machine = stack_matrices(rig.mass, rig.stiffness, damping=rig.damping, cubic=rig.cubic)
         forces = drive.reshape(len(drive), 3, rig.n_inputs) @ rig.actuators.T
-        return axes.integrate_axes(
+        return integrate_axes(
             machine, rig.friction, memory=memory, drive=forces, h=h, substeps=substeps
         )
     law, grid = pack_law(rig.friction)

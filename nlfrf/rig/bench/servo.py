@@ -37,7 +37,6 @@ from nlfrf._base.arguments import (
 from nlfrf._base.drive_entries import PORTS
 from nlfrf._base.values import value
 from nlfrf.records.record import Record, SignalLabels
-from nlfrf.rig.bench import machine as axes
 from nlfrf.rig.bench.closed_loop import (
     MAX_HALVINGS,
     initial_axes,
@@ -46,6 +45,10 @@ from nlfrf.rig.bench.closed_loop import (
     steps_per_sample,
 )
 from nlfrf.rig.bench.drive import Drive
+from nlfrf.rig.bench.machine import (
+    pack_laws,
+    stack_matrices,
+)
 from nlfrf.rig.bench.rig import Rig
 from nlfrf.rig.bench.simulate import Arrays, Progress, run_all
 from nlfrf.rig.bench.trajectory import Trajectory
@@ -280,7 +283,7 @@ def _attempt(
     from nlfrf.rig.kernels.servo import GAINS, SIGNALS, step_servo
 
     rig, drive, n = axis.rig, axis.drive, signals["force"].size
-    laws, grids = axes.pack_laws(rig.friction)
+    laws, grids = pack_laws(rig.friction)
     memory = memory_at(rig, laws, begin)
     Ts = 1 / drive.fs
     gains = {
@@ -297,7 +300,7 @@ def _attempt(
     rows, written = np.zeros((n, 4, rig.n_axes)), np.zeros((n, len(SIGNALS)))
     length = int(
         step_servo(
-            axes.stack_matrices(rig.mass, rig.stiffness, damping=rig.damping, cubic=None),
+            stack_matrices(rig.mass, rig.stiffness, damping=rig.damping, cubic=None),
             laws,
             grids,
             memory.state,

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from nlfrf._base.arguments import DataWarning, require_real_array
 from nlfrf.rig.kernels import data as kernel_data
+from nlfrf.rig.kernels.data import initial_memory
 from nlfrf.rig.laws.curves import (
     Curve,
     ElasticPlastic,
@@ -77,7 +78,7 @@ def hysteresis_force(curve: Curve, z: ArrayLike) -> np.ndarray:
 
     path = np.array(require_real_array("z", z, ndim=1))
     packed, grid = pack_curve(curve)
-    memory = kernel_data.initial_memory(packed, grid)
+    memory = initial_memory(packed, grid)
     force = np.empty_like(path)
     kernels.follow_path(packed, grid, memory.state, memory.stack, path, force)
     warn_of_forgotten_loops(memory.state[kernel_data.LOST])

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from nlfrf.rig.kernels import data as kernel_data
+from nlfrf.rig.kernels.data import Memory
 from nlfrf.rig.laws.laws import OwnFriction, UserLawData
 
 
@@ -15,7 +16,7 @@ def integrate(
     law: kernel_data.Law,
     *,
     grid: kernel_data.Grid,
-    memory: kernel_data.Memory,
+    memory: Memory,
     drive: np.ndarray,
     h: float,
     substeps: int,
@@ -48,7 +49,7 @@ def _integrate_user_law(
     body: kernel_data.Body,
     law: OwnFriction,
     *,
-    memory: kernel_data.Memory,
+    memory: Memory,
     drive: np.ndarray,
     h: float,
     substeps: int,

@@ -23,6 +23,7 @@ from nlfrf._base.arguments import (
 )
 from nlfrf._base.values import ArrayField, value
 from nlfrf.rig.kernels import data as kernel_data
+from nlfrf.rig.kernels.data import initial_memory
 from nlfrf.rig.laws.curves import NO_GRID, Curve, Linear, MaxwellSlip, Tanh
 from nlfrf.rig.laws.hysteresis import pack_curve
 
@@ -298,7 +299,7 @@ def element_forces(sliders: VaryingSliders, x: ArrayLike, v: ArrayLike, *, fs: f
             f" {speed.size}"
         )
     law, grid = _pack_sliders(sliders)
-    memory = kernel_data.initial_memory(law.curve, grid)
+    memory = initial_memory(law.curve, grid)
     forces = np.empty((grid.shape[1], path.size))
     follow_sliders(law, grid, memory.stack, path, speed, 1 / require_positive("fs", fs), forces)
     return forces
