@@ -10,11 +10,9 @@ from nlfrf.rig.laws.laws import (
     GeneralizedMaxwellSlip,
     Leuven,
     LuGre,
-    OwnFriction,
-    VaryingSliders,
-    element_forces,
-    load_forces,
 )
+from nlfrf.rig.laws.own import OwnFriction
+from nlfrf.rig.laws.sliders import VaryingSliders, element_forces, load_forces
 
 __all__ = [
     "Coulomb",

@@ -39,7 +39,8 @@ from nlfrf.rig.bench.simulate import Arrays, Progress, run_each
 from nlfrf.rig.bench.trajectory import Trajectory, require_samples
 from nlfrf.rig.kernels import data as packing
 from nlfrf.rig.laws.hysteresis import warn_of_forgotten_loops
-from nlfrf.rig.laws.laws import UserLawData, pack_law
+from nlfrf.rig.laws.laws import pack_law
+from nlfrf.rig.laws.own import UserLawData
 
 #: Halvings of the step after which a loop that still runs away counts as diverged.
 MAX_HALVINGS = 6

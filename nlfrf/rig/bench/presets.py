@@ -12,7 +12,7 @@ import numpy as np
 from nlfrf._base.arguments import require_choice
 from nlfrf.rig.bench.drive import Drive
 from nlfrf.rig.bench.servo import ServoAxis
-from nlfrf.rig.laws.laws import VaryingSliders
+from nlfrf.rig.laws.sliders import VaryingSliders
 
 
 def _sliders(K0: float, Fs: float, stiction: float, vs: float) -> VaryingSliders:

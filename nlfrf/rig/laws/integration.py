@@ -8,7 +8,7 @@ import numpy as np
 
 from nlfrf.rig.kernels import data as kernel_data
 from nlfrf.rig.kernels.data import Memory
-from nlfrf.rig.laws.laws import OwnFriction, UserLawData
+from nlfrf.rig.laws.own import OwnFriction, UserLawData
 
 
 def integrate(
