@@ -1,8 +1,8 @@
 """Margins of a loop: disk margins, classical margins, distances between plants."""
 
+from robust.analysis.classical import ClassicalMargins, classical_margins
 from robust.analysis.disk import DiskMargin, LoopMargins, disk_margin, disk_margins
 from robust.analysis.gap import ncf_margin, nu_gap
-from robust.analysis.performance import ClassicalMargins, classical_margins
 
 __all__ = [
     "ClassicalMargins",

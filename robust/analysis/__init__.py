@@ -2,6 +2,7 @@
 
 aliases          a sampled loop with a set of continuous plants: all aliases of a frequency together
 bounds           the region that |L| must avoid at any phase
+classical        crossover, phase and gain margin, bandwidth
 curves           S, T and the measures of robust stability (rs) and performance (rp) over frequency, for the whole set
 disk             disk margins: allowed change of gain, of phase or of both, in all channels at once
 family           loops around random plants of the set
@@ -14,12 +15,13 @@ lmi_proofs       proofs for one channel by a matrix inequality that cvxpy solves
 loop             plant, controller, hold and delay on one time base: stability, peaks, the loop around another plant
 loop_proofs      proofs of stability and performance for the whole set at all frequencies
 loop_of_channels  a set and a controller for several channels on one time base
+loop_gains       singular values of L, S, T and K S over frequency
 loop_level       the level at which a loop moves the machine, compared with the measured levels
-performance      classical margins, gains of the loop, step responses
 report           `RobustnessReport`: its fields and its text
 robust_gain      `robgain`: the factor on the uncertainty at which a gain reaches a level
 robustness       `check`: assembles the loop of a model and a controller, calls a judge, returns the report
 sampled_set      a sampled set that contains a continuous set for several channels, every alias included
+step             a step of the reference: overshoot, rise and settling time, output of the actuator
 text             every sentence of a report
 worst_plant      `worst_case`: the plant of the set with the largest gain, as a system
 """

@@ -9,11 +9,7 @@ import numpy as np
 from nlfrf._base.values import ArrayField, value
 from robust._base.states import Stability, Verdict
 from robust._base.types import SystemField
-from robust.analysis.performance import (
-    USUAL_PEAK,
-    ClassicalMargins,
-    classical_margins,
-)
+from robust.analysis.classical import USUAL_PEAK, ClassicalMargins, classical_margins
 from robust.lti.grids import NO_PEAK, Peak, peak_of
 from robust.pages.section import Fact
 from robust.proofs.search.certificate import Certificate

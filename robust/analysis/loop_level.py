@@ -37,7 +37,7 @@ from robust._base.channels import is_single
 from robust._base.types import Controller
 from robust.analysis.curves import Curves
 from robust.analysis.loop import Loop, assemble_loop, decide_nominal_stability
-from robust.analysis.performance import simulate_step
+from robust.analysis.step import simulate_step
 from robust.lti.connections import worst_sensitivity
 from robust.lti.lti import is_stable, replace_infinite
 from robust.lti.norms import continuous_image

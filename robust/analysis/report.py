@@ -9,10 +9,10 @@ import numpy as np
 from nlfrf._base.types import Json
 from nlfrf._base.values import to_plain, value
 from robust._base.states import Demand, Verdict
+from robust.analysis.classical import USUAL_PEAK, ClassicalMargins
 from robust.analysis.disk import LoopMargins
 from robust.analysis.findings import Findings, Given
 from robust.analysis.loop_level import LoopLevel, describe_encoder_noise
-from robust.analysis.performance import USUAL_PEAK, ClassicalMargins
 from robust.analysis.text import (
     CLAIM_HINT,
     PLANT_ALONE,

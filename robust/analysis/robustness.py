@@ -26,6 +26,7 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf._base.arguments import keep_warnings, require_choice, require_positive, short_form
 from robust._base.types import Controller, Weight
+from robust.analysis.classical import USUAL_PEAK
 from robust.analysis.findings import METHODS, Effort, Findings, ProofMethod
 from robust.analysis.judge_exact import judge_exact
 from robust.analysis.judge_lines import (
@@ -45,7 +46,6 @@ from robust.analysis.loop_level import (
     require_one_channel_loop,
 )
 from robust.analysis.loop_of_channels import LoopOfChannels
-from robust.analysis.performance import USUAL_PEAK
 from robust.analysis.report import RobustnessReport
 from robust.analysis.text import describe_confidence
 from robust.lti.connections import biproper_inverse

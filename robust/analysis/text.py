@@ -11,10 +11,10 @@ from nlfrf import Bla
 from nlfrf._base.arguments import format_hertz
 from robust._base.states import Stability, Verdict
 from robust.analysis.aliases import RsBreakdown
+from robust.analysis.classical import USUAL_PEAK, USUAL_PHASE_MARGIN
 from robust.analysis.curves import MuCurves
 from robust.analysis.findings import Margins, Proofs
 from robust.analysis.loop import Loop
-from robust.analysis.performance import USUAL_PEAK, USUAL_PHASE_MARGIN
 from robust.lti.grids import Peak
 from robust.models.fit.weights import MAX_CHOSEN_ORDER
 from robust.models.sets.forms import FORMS

@@ -28,8 +28,8 @@ from robust.analysis.loop import (
 )
 from robust.analysis.loop_of_channels import performance_loop, set_gain
 from robust.analysis.loop_proofs import has_worst_gain_below
-from robust.analysis.performance import StepResponse, step_of_plant
 from robust.analysis.sampled_set import set_on_controller_time_base
+from robust.analysis.step import StepResponse, step_of_plant
 from robust.lti.connections import block_diagonal, in_series, upper_lft, worst_perturbation
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response, response_by_channel, timebase

@@ -9,8 +9,9 @@ import numpy as np
 from nlfrf._base.arguments import label_with_unit, require_integer, require_kind
 from nlfrf._base.axes import axes_or_new, finish_axes, to_decibel
 from robust.analysis.family import LoopFamily
-from robust.analysis.performance import LoopGains, StepResponse
+from robust.analysis.loop_gains import LoopGains
 from robust.analysis.report import RobustnessReport
+from robust.analysis.step import StepResponse
 from robust.plot.style import COLOR, fit_vertical_axis, mark_band, to_hertz
 
 if TYPE_CHECKING:

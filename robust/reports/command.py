@@ -24,8 +24,8 @@ from nlfrf._base.files import command_signature, require_file_of, write_text
 from nlfrf._base.units import units_differ
 from robust._base.channels import is_single
 from robust._base.warnings import DesignWarning
+from robust.analysis.loop_gains import loop_gains
 from robust.analysis.loop_level import LoopSignals, NoiseSignal, StepSignal
-from robust.analysis.performance import loop_gains
 from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
 from robust.io.certificates import certificate_path, save_certificate, verify_certificate

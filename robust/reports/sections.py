@@ -11,8 +11,9 @@ import numpy as np
 import nlfrf
 from nlfrf._base.arguments import format_hertz
 from robust.analysis.family import sample_loops
-from robust.analysis.performance import loop_gains, step_of_plant
+from robust.analysis.loop_gains import loop_gains
 from robust.analysis.report import RobustnessReport
+from robust.analysis.step import step_of_plant
 from robust.analysis.worst_plant import worst_case
 from robust.io.biquads import loop_sections
 from robust.io.pid import format_gains

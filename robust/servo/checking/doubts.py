@@ -13,8 +13,8 @@ from nlfrf._base.arguments import (
     format_hertz,
 )
 from nlfrf.rig import Drive
+from robust.analysis.classical import classical_margins
 from robust.analysis.loop import assemble_loop, decide_nominal_stability
-from robust.analysis.performance import classical_margins
 from robust.analysis.report import RobustnessReport
 from robust.models.sets.model import UncertaintyModel
 from robust.servo.checking.findings import BaseMotion, Conditions, Doubt, DoubtKind, RecordedGains

@@ -16,8 +16,8 @@ from nlfrf._base.types import JsonObject
 from nlfrf._base.values import to_plain, value
 from nlfrf.rig import Drive
 from robust._base.states import State
-from robust.analysis.performance import StepResponse
 from robust.analysis.report import RobustnessReport
+from robust.analysis.step import StepResponse
 from robust.friction.units import format_length
 from robust.lti.grids import Peak
 from robust.pages.section import Fact, Section

@@ -17,9 +17,9 @@ from nlfrf.rig import Drive
 from robust._base.states import Verdict
 from robust._base.warnings import DesignWarning
 from robust.analysis.loop import assemble_loop
-from robust.analysis.performance import StepResponse, measure_step, simulate_step
 from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check as check_loop
+from robust.analysis.step import StepResponse, measure_step, simulate_step
 from robust.models.fit.nominal_fit import NominalFit
 from robust.models.sets.build import uncertainty
 from robust.models.sets.model import UncertaintyModel

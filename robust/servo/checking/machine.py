@@ -13,7 +13,7 @@ from nlfrf._base.arguments import (
     format_hertz,
 )
 from nlfrf.rig import Drive
-from robust.analysis.performance import classical_margins
+from robust.analysis.classical import classical_margins
 from robust.friction.reading.balance import motion_of_record
 from robust.friction.reading.in_motion import fit_linear
 from robust.friction.reading.numbers import HALF_WIDTH

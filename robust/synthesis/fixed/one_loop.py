@@ -25,7 +25,7 @@ from nlfrf._base.arguments import (
 from robust._base.states import Stability
 from robust._base.types import Controller
 from robust._base.warnings import DesignWarning
-from robust.analysis.performance import classical_margins
+from robust.analysis.classical import classical_margins
 from robust.friction.classes.maxwell_slip import MaxwellSlip
 from robust.friction.plant import FrictionPlant
 from robust.friction.proof.prove import prove_friction
