@@ -67,6 +67,8 @@ class Dissipation:
 # stable subspace of a symplectic pencil: iterations from zero fail for slow integrators.
 
 _NEWTON_STEPS = 2
+#: Reason why there is no Gramian.
+_NO_REST = "a state of the loop does not come to rest by itself"
 
 Stretch = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -87,10 +89,15 @@ def balancing_coordinates(
     """
     W = _gramian(A, B, spans=spans, jumps=jumps, block=block)
     unit = np.sqrt(np.maximum(np.diag(W), 1e-300))
-    values, vectors = np.linalg.eigh(W / np.outer(unit, unit))
+    with np.errstate(over="ignore", invalid="ignore"):
+        scaled = W / np.outer(unit, unit)
+    if not np.isfinite(scaled).all():
+        raise np.linalg.LinAlgError(_NO_REST)
+    values, vectors = np.linalg.eigh(scaled)
     return np.asarray(unit[:, None] * vectors * np.sqrt(np.maximum(values, 1e-9 * values[-1])))
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what overflows is no Gramian, and is refused
 def _gramian(
     A: np.ndarray, B: np.ndarray, *, spans: np.ndarray, jumps: np.ndarray, block: Block | None
 ) -> np.ndarray:
@@ -112,13 +119,12 @@ def _gramian(
     unit = np.sqrt(np.maximum(np.diag(W), 1e-300))
     unit[unit < 1e-12 * unit.max()] = 1.0
     W, Phi = W / np.outer(unit, unit), Phi * unit / unit[:, None]
-    with np.errstate(over="ignore", invalid="ignore"):
-        for _ in range(60):  # doubling: W = sum Phi^k W Phi^k'
-            W, Phi = W + Phi @ W @ Phi.T, Phi @ Phi
-            if np.linalg.norm(Phi) < 1e-12:
-                break
-        else:
-            raise np.linalg.LinAlgError("a state of the loop does not come to rest by itself")
+    for _ in range(60):  # doubling: W = sum Phi^k W Phi^k'
+        W, Phi = W + Phi @ W @ Phi.T, Phi @ Phi
+        if np.linalg.norm(Phi) < 1e-12:
+            break
+    else:
+        raise np.linalg.LinAlgError(_NO_REST)
     W = W * np.outer(unit, unit)
     total = np.zeros((n, n))
     for move, driven in parts:
