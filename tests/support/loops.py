@@ -84,8 +84,8 @@ class Loop:
 
     @property
     def rounds(self) -> bool:
-        """Whether G and K joined in doubles are not stable, though the loop is."""
-        return self.dt > 0 and self.stable and np.abs(self.poles).max() >= 1
+        """Whether G and K joined in doubles have another pole than the loop: beside z = 1."""
+        return self.dt > 0 and self.stable and np.abs(self.poles).max() > 1 - 1e-12
 
     def grown(self, factor: float) -> Loop:
         """The loop with a set larger by a factor."""
@@ -325,6 +325,13 @@ def in_fast_clock(dt):
     """The integrator of K stands where exp(j w T) rounds to one: T = 1 and S = 0 there."""
     slow = Loop(LAG, tf([2.0, 1.0], [1.0, 0.0]), tf(0.03))
     return Loop(LAG, bilinear(slow.K, dt), tf(0.03), unclocked=slow)
+
+
+def with_mode_above_nyquist():
+    """What the mode folds down makes most of the margin, with every alias in phase."""
+    w1 = 2 * np.pi * 16
+    G = tf(2.0, [1.0, 1.0]) + tf(0.15 * w1**2, [1.0, 0.02 * w1, w1**2])
+    return Loop(G, tf(0.5, dt=0.05), tf(0.2), tolerance=2e-3)
 
 
 # ---- Closed loops on the stability boundary, beside it, and unstable where the response looks fine.
@@ -604,6 +611,7 @@ LOOPS: dict[str, Loop | Structure] = {
     **rising_sets,
     **on_axis,
     **clocked,
+    "a mode above the Nyquist frequency": with_mode_above_nyquist(),
     **{f"an integrator in a clock of {dt:g} s": in_fast_clock(dt) for dt in (1e-6, 1e-7)},
     **boundary,
     **peaks,

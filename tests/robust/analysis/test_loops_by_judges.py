@@ -12,6 +12,7 @@ from tests.support.loops import LATER, LOOPS, Loop, boundary
 from tests.support.responses import response
 
 BELOW = "a weight with a mode at 1e-10 rad/s", "a weight with a mode at 1e-14 rad/s"
+UNWARNED = "light mode 9 on the boundary"
 ULP, DENORMAL = "a sampled pole one ulp inside the boundary", "a mode of the least damping"
 #: Rows that are not true today, and why: (judge, loop) -> reason.
 NOT_YET = {
@@ -20,6 +21,7 @@ NOT_YET = {
         for judge in ("check_structure without certificates", "check of two side by side")
         for loop in BELOW
     },
+    ("mu", UNWARNED): "a warning of scipy on its Lyapunov equation gets through",
     **{
         (judge, ULP): "exp(j w T) rounds to one: rs is the one of the next frequency"
         for judge in ("check", "check without certificates", "check by an inequality", "worst_case")
@@ -68,8 +70,10 @@ def test_a_judge_says_what_is_true(judge, loop):
     if truth.rs is not None:
         assert not (said.robust and truth.rs <= 1)
         assert not (said.refuted and truth.rs > 1 + truth.tolerance)
-        if judge.proves and truth.rs != 1:
-            assert (said.robust, said.refuted) == (truth.rs > 1, truth.rs < 1)
+        if truth.rs > 1 + judge.proves:
+            assert said.robust
+        if truth.rs < 1 - judge.proves:
+            assert said.refuted
         lies_between(said.rs, truth.rs * (1 - below), truth.rs * (1 + above))
         if np.isfinite(said.broken or np.inf):
             lies_between(said.broken, truth.rs * (1 - 2e-3), truth.rs * 1.01)
@@ -80,14 +84,16 @@ def test_a_judge_says_what_is_true(judge, loop):
     if truth.S is not None:
         # S grows as the margin ends, and with it what doubles make of the distance to it
         near = 1 + 1 / max(abs(1 - 1 / truth.rs), 1e-9)
-        proved = (below, truth.tolerance if judge.proves else above)
+        proves = judge.proves < np.inf
+        proved = (below, truth.tolerance if proves else above)
         less, more = (min(0.5, near * one + 1e-17 * truth.S) for one in proved)
         lies_between(said.S, truth.S * (1 - more), truth.S * (1 + less))
-        assert not (judge.proves and said.lines)
+        assert not (proves and said.lines)
         lies_between(said.shown, truth.S * (1 - less), truth.S * (1 + more))
     if truth.rp is not None:
         lies_between(said.rp, truth.rp * (1 - 1e-3), truth.rp * (1 + 1e-3))
-        assert said.met == (truth.rp < 1) or not judge.proves
+        assert not (said.met and truth.rp >= 1)
+        assert said.met or truth.rp > 1 - judge.proves
     if truth.disk is not None:
         lies_between(said.disk, truth.disk * (1 - below), truth.disk * (1 + above))
     if said.curves is not None and not loop.known:
@@ -139,7 +145,8 @@ def shows_it(loop, said):
 )
 def test_a_set_is_robust_up_to_its_limit_and_not_beyond(loop):
     loop = LOOPS[loop]
-    for share, verdict in ((0.99, "robust"), (1.01, "not robust")):
+    for share in (0.99, 1.01):
         at_limit = loop.grown(share * loop.truth.rs)
-        report = check(model_of(at_limit), at_limit.K, delay=loop.delay)
-        assert report.verdict == verdict, report.reason
+        verdict = check(model_of(at_limit), at_limit.K, delay=loop.delay).verdict
+        assert verdict.is_robust == (share < 1)
+        assert (verdict == "not robust") == (share > 1)
