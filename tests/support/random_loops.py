@@ -58,15 +58,40 @@ def zpk(zeros, poles, gain, dt=0.0):
 
 
 def tf_response(system, omega):
-    """Response by one dense solve a frequency, without scaling or balancing."""
-    dt = system.dt or 0.0
+    """Response by one dense solve a frequency, without scaling or balancing; of sections in series
+    by one section after the other.
+    """
+    dt, n = system.dt or 0.0, system.A.shape[0]
     s = np.exp(1j * omega * dt) if dt else 1j * omega
-    n = system.A.shape[0]
-    if n == 0:
-        return np.full(omega.size, system.D[0, 0], dtype=complex)
+    groups = _groups(system.A)
+    if all(len(group) <= 2 for group in groups):
+        x = np.zeros((n, omega.size), complex)
+        for group in groups:
+            x[group] = _section(
+                s, system.A[np.ix_(group, group)], system.B[group] + system.A[group] @ x
+            )
+        return (system.C @ x)[0] + system.D[0, 0]
     pencil = s[:, None, None] * np.eye(n) - system.A
     x = np.linalg.solve(pencil, np.broadcast_to(system.B.astype(complex), (omega.size, n, 1)))
     return (system.C @ x)[:, 0, 0] + system.D[0, 0]
+
+
+def _groups(A):
+    """States that act on each other, each group behind those that act on it."""
+    acts = (A != 0) | np.eye(len(A), dtype=bool)
+    for _ in range(len(A).bit_length()):
+        acts = acts @ acts
+    groups = {tuple(np.flatnonzero(row & column)) for row, column in zip(acts, acts.T, strict=True)}
+    return [list(group) for group in sorted(groups, key=lambda group: acts[group[0]].sum())]
+
+
+def _section(s, A, right):
+    """(s - A)^-1 right (n, W), of one state or two."""
+    if len(A) == 1:
+        return right / (s - A)
+    (a, b), (c, d) = A
+    solved = np.array([(s - d) * right[0] + b * right[1], c * right[0] + (s - a) * right[1]])
+    return solved / ((s - a) * (s - d) - b * c)
 
 
 def sampled_response(G, T, delay, omega, n_alias=400):
