@@ -231,7 +231,7 @@ def is_measurable(loop) -> bool:
 
 
 def has_many_aliases(loop) -> bool:
-    """Whether worst_case searches the phases of aliases for seconds."""
+    """Whether worst_case proves for seconds what aliases add."""
     if loop.kind != "sampled":
         return False
     return "inverse" in loop.form or np.abs(loop.G.poles()).max() > np.pi / loop.dt

@@ -347,7 +347,7 @@ def beside_the_boundary(dt, inside):
     K = -np.nextafter(limit, 0) if inside == "one ulp" else -limit * (1 - inside)
     away = float(limit + K)  # exact
     if not away:
-        return Loop(G, tf(K, dt=dt), tf(1e-17, dt=dt), stable=False, known=Truth(stable=False))
+        return Loop(G, tf(K, dt=dt), tf(1e-17, dt=dt), stable=False, known=ON_THE_BOUNDARY)
     S, w, T = limit / away, 1e-17, -K / away
     known = Truth(stable=True, rs=1 / (w * T), S=S / (1 - w * T))
     return Loop(G, tf(K, dt=dt), tf(w, dt=dt), known=known)
@@ -356,7 +356,8 @@ def beside_the_boundary(dt, inside):
 def oscillator(damping):
     """The plant alone, its mode on the axis or beside it."""
     G = control.ss([[0.0, 1.0], [-1.0, -damping]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
-    return Loop(G, tf(0.0), tf(1e-17), stable=damping > 0, known=Truth(stable=damping > 0))
+    known = Truth(stable=True) if damping else ON_THE_BOUNDARY
+    return Loop(G, tf(0.0), tf(1e-17), stable=known.stable, known=known)
 
 
 boundary = {
@@ -365,6 +366,9 @@ boundary = {
         for dt in (0.0, 0.1)
         for name, inside in (("on", 0.0), ("one ulp inside", "one ulp"), ("1e-13 inside", 1e-13))
     },
+    "a sampled pole one ulp inside, its stability": replace(
+        beside_the_boundary(0.1, "one ulp"), known=Truth(stable=True)
+    ),
     "a mode on the axis": oscillator(0.0),
     "a mode of the least damping": oscillator(5e-324),
     "a hidden unstable pole": Loop(

@@ -1,5 +1,5 @@
-"""What floating point cannot tell, `check` decides: poles beside the boundary of ill-conditioned
-loops, peaks of one, scalings.
+"""What floating point cannot tell, `check` decides: poles on the boundary and beside it,
+ill-conditioned loops.
 """
 
 import control
@@ -33,6 +33,22 @@ def test_an_ill_conditioned_loop_beside_the_boundary():
         stable = float(margin(G, beside)) < 0
         assert report.nominally_stable == stable
         assert report.verdict == ("robust" if stable else "not robust"), report.reason
+
+
+@pytest.mark.parametrize("dt", [0.0, 0.1])
+def test_a_pole_on_the_boundary_is_not_stable_and_its_neighbour_is(dt):
+    """1/(s + 1) under -1, and z - 1/2 under 1/2: by one unit in the last place."""
+    G = (
+        control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
+        if not dt
+        else control.ss([[0.5]], [[1]], [[1]], [[0]], dt)
+    )
+    limit = -1.0 if not dt else -0.5
+    found = check(model_of(G, 1e-17), limit)
+    assert (found.nominally_stable, found.verdict) == (False, "not robust")
+    assert "on the stability boundary or beyond it" in found.reason
+    beside = check(model_of(G, 1e-17), np.nextafter(limit, 0))
+    assert (beside.nominally_stable, beside.verdict) == (True, "robust")
 
 
 def test_a_peak_that_floating_point_leaves_open_is_decided():
