@@ -51,9 +51,7 @@ class Loop:
     reach: float | None = None  # and the demand to this largest |w_P S|
     tolerance: float = 1e-5
     known: Truth | None = None  # in closed form; else by brute force
-    unclocked: Loop | None = (
-        None  # the loop that it is in a clock so fast that nothing else differs
-    )
+    unclocked: Loop | None = None  # of a clock so fast that nothing differs: the loop without it
 
     @property
     def dt(self) -> float:

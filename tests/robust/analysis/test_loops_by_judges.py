@@ -21,6 +21,9 @@ NOT_YET = {
         for judge in ("check_structure without certificates", "check of two side by side")
         for loop in BELOW
     },
+    ("check by an inequality", "a sampled pole one ulp inside, its stability"): (
+        "a product of an infinite and a zero number warns"
+    ),
     ("mu", UNWARNED): "a warning of scipy on its Lyapunov equation gets through",
     **{
         (judge, ULP): "exp(j w T) rounds to one: rs is the one of the next frequency"
@@ -41,7 +44,9 @@ NOT_YET = {
 
 
 def rows():
-    """Judge and loop of each row; what one judge of a few loops takes goes to `make attack`."""
+    """Judge and loop of each row. A slow judge has a few loops here and the rest in `make attack`;
+    loops on the boundary are left to it by slow judges only.
+    """
     for name, judge in JUDGES.items():
         heard = 0
         for loop in filter(lambda loop: judge.hears(LOOPS[loop]), LOOPS):
@@ -60,7 +65,8 @@ def test_a_judge_says_what_is_true(judge, loop):
     judge, loop = JUDGES[judge], LOOPS[loop]
     said, truth = judge.says(loop), loop.truth
     if judge.decides:
-        assert said.stable == truth.stable or (judge.rounds and not said.stable)
+        rounded = judge.rounds and loop.rounds and not said.stable
+        assert said.stable == truth.stable or rounded
     if not (truth.stable and said.stable is not False):
         assert not any((said.stable, said.robust, said.met))
         assert not said.why or truth.words in said.why
