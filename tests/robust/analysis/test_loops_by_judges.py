@@ -155,4 +155,5 @@ def test_a_set_is_robust_up_to_its_limit_and_not_beyond(loop):
         at_limit = loop.grown(share * loop.truth.rs)
         verdict = check(model_of(at_limit), at_limit.K, delay=loop.delay).verdict
         assert verdict.is_robust == (share < 1)
-        assert (verdict == "not robust") == (share > 1)
+        if loop.kind != "sampled":  # where aliases count, a set that is too large may stay open
+            assert (verdict == "not robust") == (share > 1)
