@@ -100,17 +100,24 @@ def structure_grid(N: control.StateSpace) -> np.ndarray:
         size = np.abs(s)
     else:
         size = np.ones(1)
-    size = size[(size > 1e-9 * np.median(size)) & (size < _MAX_MODE_RATIO * np.median(size))]
+    near = (size > np.median(size) / _MAX_MODE_RATIO) & (size < np.median(size) * _MAX_MODE_RATIO)
     if dt:
         top = np.pi / dt
     else:
         top = np.inf
-    low, high = size.min() / 30, min(size.max() * 30, top)
+    low, high = size[near].min() / 30, min(size[near].max() * 30, top)
     sharp = s[(np.abs(s.real) < 0.3 * np.abs(s)) & (s.imag > 0)]
-    omega = np.unique(np.concatenate([np.geomspace(low, high, 120), cluster_at_modes(sharp, 21)]))
+    omega = np.concatenate([np.geomspace(low, high, 120), cluster_at_modes(sharp, 21)])
+    # a mode far away, as of a weight with almost integral action, is looked at by itself
+    far = np.outer(size[~near], _MODE_OFFSETS).ravel()
+    omega = np.unique(
+        np.concatenate(
+            [omega[(omega >= low) & (omega <= high)], far[(far > 1e-150) & (far < min(1e150, top))]]
+        )
+    )
     # at zero frequency (and at Nyquist) N is real, and real perturbations have effects that they
     # have nowhere nearby
-    return np.concatenate([[0.0], omega[(omega >= low) & (omega <= high)], [top] if dt else []])
+    return np.concatenate([[0.0], omega, [top] if dt else []])
 
 
 def cluster_at_modes(sharp: np.ndarray, n: int) -> np.ndarray:

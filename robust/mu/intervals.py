@@ -15,6 +15,7 @@ decides over the rationals.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -170,12 +171,16 @@ class _IntervalSearch:
         search, exact = ScalingSearch.of(system, blocks, level), to_matrices(system)
         A = search.matrices[0]
         sizes = [1 if kind == "full" else rows for rows, _, kind in blocks]
+        with warnings.catch_warnings():
+            # beside the boundary it may prove nothing: exact arithmetic decides
+            warnings.simplefilter("ignore", RuntimeWarning)
+            stability = solve_continuous_lyapunov(A.T, -np.eye(len(A)))
         none, *nothing = (ComplexMatrix.of(np.zeros((size, size))) for size in (len(A), *sizes))
         claim = IntervalClaim(
             system=exact,
             blocks=blocks,
             level=level,
-            stability=solve_continuous_lyapunov(A.T, -np.eye(len(A))),
+            stability=stability,
             # g is sqrt(2) times the state of the continuous image
             T=search.T * level / (np.sqrt(2) if exact.dt else 1),
             cuts=np.zeros(0),

@@ -11,20 +11,12 @@ from tests.support.judges import JUDGES, model_of
 from tests.support.loops import LATER, LOOPS, Loop, boundary
 from tests.support.responses import response
 
-BELOW = "a weight with a mode at 1e-10 rad/s", "a weight with a mode at 1e-14 rad/s"
-UNWARNED = "light mode 9 on the boundary"
 ULP, DENORMAL = "a sampled pole one ulp inside the boundary", "a mode of the least damping"
 #: Rows that are not true today, and why: (judge, loop) -> reason.
 NOT_YET = {
-    **{
-        (judge, loop): "the grid of mu does not see a mode this slow: rs is 20 times too large"
-        for judge in ("check_structure without certificates", "check of two side by side")
-        for loop in BELOW
-    },
     ("check by an inequality", "a sampled pole one ulp inside, its stability"): (
         "a product of an infinite and a zero number warns"
     ),
-    ("mu", UNWARNED): "a warning of scipy on its Lyapunov equation gets through",
     **{
         (judge, ULP): "exp(j w T) rounds to one: rs is the one of the next frequency"
         for judge in ("check", "check without certificates", "check by an inequality", "worst_case")
