@@ -52,7 +52,7 @@ def rows():
             yield pytest.param(name, loop, marks=marks, id=f"{name}: {loop}")
 
 
-@pytest.mark.parametrize(("judge", "loop"), rows())
+@pytest.mark.parametrize(("judge", "loop"), list(rows()))
 def test_a_judge_says_what_is_true(judge, loop):
     judge, loop = JUDGES[judge], LOOPS[loop]
     said, truth = judge.says(loop), loop.truth
