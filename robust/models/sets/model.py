@@ -118,6 +118,7 @@ from robust.models.sets.records import (
 )
 
 _SET_TOLERANCE = 1e-6  # relative excess over the radius that still counts as inside
+_BESIDE = 1e-9  # relative step away from a line on which plant and nominal are infinite
 _MAX_TRIALS = (
     20  # draws for each plant that is wanted: rounding may take a realisation out of its set
 )
@@ -590,16 +591,28 @@ class UncertaintyModel:
         plant : control.FrequencyResponseData, compared at its own frequencies; or a system,
         compared at `omega`.
         """
+        omega, G, nominal = self._responses(plant, self.omega)
+        poles = ~np.isfinite(G + nominal).reshape(omega.size, -1).all(axis=1)
+        if poles.any() and not isinstance(plant, control.FrequencyResponseData):
+            # both are infinite at an undamped pole of both: the distance is that beside it
+            beside = np.where(poles, (1 + _BESIDE) * omega, omega)
+            omega, G, nominal = self._responses(plant, beside)
+        return self.normalized_distance(omega, G, nominal)
+
+    def _responses(
+        self, plant: AnySystem, omega: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return frequencies (W,), and (W, ...) responses of a plant and of the nominal; those of
+        an FRF at its own frequencies.
+        """
         omega, G = frequency_response(
             "plant",
             plant,
-            self.omega,
+            omega,
             self.centre.clocks(self.weights),
             (self.n_outputs, self.n_inputs),
         )
-        return self.normalized_distance(
-            omega, *(np.moveaxis(x, -1, 0) for x in (G, self.at(omega)))
-        )
+        return omega, np.moveaxis(G, -1, 0), np.moveaxis(self.at(omega), -1, 0)
 
     def normalized_distance(
         self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray

@@ -147,3 +147,21 @@ def test_systems_of_several_channels_beside_frfs_are_held_between_their_lines():
     assert "FRFs at their 25 lines and systems at all frequencies" in model.origin.source
     assert model.contains(moved)
     assert model.contains(frf)
+
+
+@pytest.mark.parametrize("form", ["multiplicative", "additive", "inverse-multiplicative"])
+def test_a_line_on_an_undamped_pole_of_the_nominal_is_compared_beside_it(form):
+    """G_p = 1.01 G and G are infinite at 1 rad/s; their ratio is not."""
+    G, omega = control.tf([1.0], [1.0, 0.0, 1.0]), np.array([0.5, 1.0, 2.0])
+    model = robust.UncertaintyModel(
+        G, control.tf([0.1], [1]), form, omega, np.full(3, 0.05), perturbation="LTI"
+    )
+    found = model.distance(1.01 * G)
+    wanted = {
+        "multiplicative": 0.1,
+        "inverse-multiplicative": 0.1 / 1.01,
+        "additive": 0.1 * np.abs(1 / (1 - omega**2 + [0, 2e-9, 0])),
+    }[form]
+    np.testing.assert_allclose(found, np.broadcast_to(wanted, 3), rtol=1e-5)
+    if form == "multiplicative":
+        assert all(model.contains(plant) for plant in model.sample(3, rng=0))
