@@ -194,14 +194,11 @@ def describe_confidence(
     """Describe the confidence of a set, then its joint probability; empty if none is claimed."""
     if not isinstance(model, UncertaintyModel) or np.isnan(model.confidence):
         return ()
-    confidence, joint = model.confidence, model.joint.frf
-    if (
-        model.alternative_form is not None
-    ):  # both sets have to contain the truth: their error probabilities add up
+    confidence, joint = model.confidence, _probability_of_whole_frf(model)
+    if model.alternative_form is not None:  # both sets have to contain the truth
         confidence = 2 * confidence - 1
-        joint = max(joint + model.alternative_form.joint.frf - 1, 0.0)
     percent = f"{100 * confidence:.4g} %"
-    if np.isnan(joint):
+    if joint is None:
         estimated = ""
     else:
         estimated = format_probability(joint)
@@ -214,11 +211,23 @@ def describe_confidence(
         text += f" ({estimated} by estimate)" if estimated else ""
     else:
         text = f"each line of another realisation lies within the radius with {percent} probability"
-        if estimated:
+        if joint is not None:
             whole = (f"a whole FRF lies under the weight with {estimated}{_compare_joint(joint)}",)
-        else:
-            whole = ()
     return (f"subject to the warnings, {text}" if model.warnings else text), *whole
+
+
+def _probability_of_whole_frf(model: UncertaintyModel) -> float | None:
+    """Return the estimated probability that a whole FRF lies in the set, in both of its forms if it
+    has two; None if it is unknown.
+    """
+    joint, other = model.joint, model.alternative_form
+    if joint is None:
+        return None
+    if other is None:
+        return joint.frf
+    if other.joint is None:
+        return None
+    return max(joint.frf + other.joint.frf - 1, 0.0)  # the error probabilities add up
 
 
 def _compare_joint(joint: float) -> str:

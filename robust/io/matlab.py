@@ -30,6 +30,7 @@ from robust.lti.lti import response, timebase
 from robust.models.sets.coprime import factor_systems
 from robust.models.sets.forms import BLOCK_FORMS, ELEMENTS, FORMS, Form, MatrixForm
 from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.records import JointProbability
 from robust.proofs.exact.channel_files import ChannelsClaim
 from robust.proofs.exact.interval_kyp import IntervalClaim
 from robust.proofs.exact.scaled_kyp import ScaledClaim, place_scalings
@@ -149,6 +150,7 @@ def _model_and_loader(model: UncertaintyModel) -> _StructAndLoader:
 
 def _set_struct(kind: str, model: UncertaintyModel) -> dict[str, object]:
     """Return the part of a struct that models with one channel and with several share."""
+    joint = model.joint or JointProbability(frf=np.nan, bla=np.nan)  # an unknown number of MATLAB
     struct: dict[str, object] = {
         "kind": kind,
         "freq": model.omega,
@@ -156,8 +158,8 @@ def _set_struct(kind: str, model: UncertaintyModel) -> dict[str, object]:
         "class": model.perturbation,
         "Ts": model.dt,
         **{name: getattr(model, name) for name in ("radius", "form", "confidence", "simultaneous")},
-        "joint": model.joint.frf,
-        "joint_bla": model.joint.bla,
+        "joint": joint.frf,
+        "joint_bla": joint.bla,
         "extrapolation": model.origin.extrapolation,
         "source": model.origin.source,
     }

@@ -170,6 +170,7 @@ _FIELDS_LEFT_OUT = {
     MODEL_SCHEMA: ("left", "right", "alternative_form"),
     MATRIX_SCHEMA: ("weight", "scaling"),
 }
+_LEFT_OUT_WHEN_EMPTY = ("budget", "scaling", "records", "alternative_form", "warnings")
 _COMPLEX_FIELDS = {MODEL_SCHEMA: ("G",), MATRIX_SCHEMA: ("G", "variance", "gamma")}
 _RECORD_FIELDS = {
     MODEL_SCHEMA: ("omega", "G", "variance", "scatter", "confirmed", "rms_u", "rms_y"),
@@ -183,10 +184,7 @@ def encode_model(model: UncertaintyModel) -> JsonObject:
     content: JsonObject = {"schema": schema, "version": VERSION, "units": _UNITS}
     for name in field_names(model):
         held = getattr(model, name)
-        unknown = held is None or (
-            name in ("records", "warnings", "budget", "scaling") and not held
-        )
-        if unknown or name in _FIELDS_LEFT_OUT[schema]:
+        if name in _FIELDS_LEFT_OUT[schema] or (name in _LEFT_OUT_WHEN_EMPTY and not held):
             continue
         if name == "records":
             held = [
@@ -221,13 +219,15 @@ _TUPLE_DECODERS: dict[str, Callable[[Json], object]] = {
     "tuple[control.StateSpace, ...]": decode_system,
     "tuple[SystemField, ...]": decode_system,
 }
-_VALUES = {"Origin": Origin, "JointProbability": JointProbability}
+_VALUES = {"Origin": Origin, "JointProbability | None": JointProbability}
 
 
 def _decode_field(content: Json, kind: str) -> Any:
     """Return a field from JSON, by its declared type."""
     if kind == "str":
         return one_line(content)
+    if kind.endswith("| None") and content is None:
+        return None
     if kind == "bool":
         return content
     if kind in _TUPLE_DECODERS:

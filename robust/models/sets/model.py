@@ -174,9 +174,9 @@ class UncertaintyModel:
     scaling : tuple of control.StateSpace
         W1 and W2 of the coprime form, which shape the plant: W2 G W1. Each is 1 by default. Empty
         for other forms.
-    joint : JointProbability
+    joint : JointProbability or None
         Estimated probability that the set contains all lines of an FRF together; the smallest one
-        if the set is from several levels.
+        if the set is from several levels. None for a set that was not made from records.
     records : tuple of RecordSummary
         Summary of each record: lines, FRF and scatter, which `validate` uses, and the level (rms of
         input and output), which `predict_level` uses.
@@ -242,7 +242,7 @@ class UncertaintyModel:
     budget: Mapping[str, np.ndarray] = field(default_factory=dict)
     origin: Origin = Origin()
     scaling: tuple[SystemField, ...] = ()
-    joint: JointProbability = JointProbability()
+    joint: JointProbability | None = None
     records: tuple[RecordSummary, ...] = ()
     left: tuple[control.StateSpace, ...] = ()
     right: tuple[control.StateSpace, ...] = ()
@@ -487,7 +487,7 @@ class UncertaintyModel:
         if percent:
             percent += "for all lines together" if self.simultaneous else "per line"
         of, whole, size = self.delta.describe(self.omega, self.radius, self.origin.unit)
-        if not np.isnan(self.joint.frf):
+        if self.joint is not None:
             percent += f" (a whole {whole} {format_probability(self.joint.frf)})"
         other = self.alternative_form
         return (

@@ -139,8 +139,7 @@ class Origin:
 
 @value
 class JointProbability:
-    """Estimated probability that a whole FRF lies in a set, all its lines together; nan if it is
-    not known.
+    """Estimated probability that a whole FRF lies in a set, all its lines together.
 
     Fields
     ------
@@ -150,8 +149,8 @@ class JointProbability:
         For the best linear approximation.
     """
 
-    frf: float = float("nan")
-    bla: float = float("nan")
+    frf: float
+    bla: float
 
 
 def summarize_record(bla: Bla, recorded: Bla | None = None) -> RecordSummary:

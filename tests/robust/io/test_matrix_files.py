@@ -15,6 +15,7 @@ from scipy.io import loadmat
 
 import robust
 from robust.models import Origin
+from robust.models.sets.records import JointProbability
 from tests.support.responses import response_by_channel
 from tests.support.signed import signed
 
@@ -40,7 +41,7 @@ def model(form):
         inputs=("Fx", "µ"), outputs=('a "b"', "y"),
         origin=Origin(extrapolation="flat", source="a record"),
     )  # fmt: skip
-    return replace(made, joint=replace(made.joint, frf=0.97))
+    return replace(made, joint=JointProbability(frf=0.97, bla=0.99))
 
 
 MODELS = {form: model(form) for form in ("elements", "additive", "input")}
@@ -57,7 +58,7 @@ def test_a_model_comes_back_to_the_bit(form, tmp_path):
     for name in ("form", "confidence", "simultaneous", "perturbation", "inputs", "outputs"):
         assert getattr(back, name) == getattr(one, name), name
     assert (back.origin.extrapolation, back.origin.source) == ("flat", "a record")
-    assert (back.joint.frf, np.isnan(back.joint.bla)) == (0.97, True)
+    assert (back.joint.frf, back.joint.bla) == (0.97, 0.99)
     for a, b in zip(
         (back.nominal, *back.left, *back.right), (one.nominal, *one.left, *one.right), strict=True
     ):

@@ -122,7 +122,7 @@ def test_several_levels_tell_the_least_and_sampled_models_tell_it_too():
         held, robust.sampled(control.ss(control.tf([900.0], [1, 900.0])), 1 / 1024), order=2
     )
     assert 0 <= sampled.joint.frf <= 1
-    assert np.isnan(UncertaintyModel(PLANT, 0.3, "additive", F, np.full(F.size, 0.1)).joint.frf)
+    assert UncertaintyModel(PLANT, 0.3, "additive", F, np.full(F.size, 0.1)).joint is None
 
 
 def test_all_lines_together_is_wider_and_holds_more():
@@ -163,6 +163,8 @@ def test_files_keep_it(tmp_path):
         np.testing.assert_array_equal(
             getattr(again.records[0], part), getattr(model.records[0], part)
         )
+    save(UncertaintyModel(PLANT, 0.3, "additive", F, np.full(F.size, 0.1)), tmp_path / "own.json")
+    assert load(tmp_path / "own.json").joint is None
 
 
 def with_probability(model, p):

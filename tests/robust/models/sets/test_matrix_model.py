@@ -251,8 +251,8 @@ def test_two_forms_may_be_tried_for_their_price(tmp_path):
 def test_the_errors_of_two_forms_add_up():
     """Both sets hold the truth with at least 1 - 0.05 - 0.05, and all lines with 1 - 0.2 - 0.1."""
     G, w = plant(), (number(0.1),) * 2
-    additive = replace(made("additive", G, w, w), joint=JointProbability(frf=0.9))
-    both = made("elements", G, (), w * 2, joint=JointProbability(frf=0.8))
+    additive = replace(made("additive", G, w, w), joint=JointProbability(frf=0.9, bla=0.99))
+    both = made("elements", G, (), w * 2, joint=JointProbability(frf=0.8, bla=0.99))
     said = " ".join(
         robust.check(replace(both, alternative_form=additive), 0.01 * np.eye(2)).confidence
     )
