@@ -203,6 +203,18 @@ class LevelState(enum.Enum):
 
 
 @value
+class _NoiseExtent:
+    """What is known of the effect of a noise beyond its rms in the nominal loop: its size over the
+    set, and its share in the measured band.
+    """
+
+    u_worst: float  # upper bound of the rms of u over the set; inf with an unstable plant
+    y_worst: float
+    u_in_band: float  # share of the power of u in the measured band; nan without power
+    y_in_band: float
+
+
+@value
 class _SignalLevel:
     """Effect of one signal of a loop on the plant; means are left out."""
 
@@ -211,12 +223,11 @@ class _SignalLevel:
     # swing
     u: float
     y: float  # the same for the plant output [unit of y]
-    u_worst: float = float(
-        "nan"
-    )  # upper bound of u over the set; inf with an unstable plant, nan for a step
-    y_worst: float = float("nan")
-    u_in_band: float = float("nan")  # share of the power of u in the measured band; nan for a step
-    y_in_band: float = float("nan")
+    noise: _NoiseExtent | None  # None for a step, whose transient has neither
+
+    def beyond_rms(self, name: str) -> float:
+        """Return a number of the noise by name; nan for a step."""
+        return float("nan") if self.noise is None else float(getattr(self.noise, name))
 
 
 @value
@@ -226,8 +237,8 @@ class LoopLevel:
     Fields
     ------
     signals : tuple of SignalLevel
-        Level caused by each signal alone: name, rms of u and y, their bounds over the set, and
-        share of the power in the measured band.
+        Level caused by each signal alone: name, rms of u and y, and for a noise the bounds of both
+        over the set and the shares of the power in the measured band.
     u, y : float
         Rms at plant input and output [unit of u, unit of y] caused by all signals together, which
         are assumed to be independent.
@@ -278,7 +289,7 @@ class LoopLevel:
         """
         power = np.array([getattr(one, name) for one in self.signals])
         power = (power / max(power.max(), 1e-300)) ** 2
-        share = np.array([getattr(one, f"{name}_in_band") for one in self.signals])
+        share = np.array([one.beyond_rms(f"{name}_in_band") for one in self.signals])
         total = power.sum()
         if total > 0:
             return float(np.sum(power[power > 0] * share[power > 0]) / total)
@@ -425,18 +436,21 @@ def predict_level(
         )
         for name, signal in signals.named().items()
     )
-    totals = {
-        part: hypot(*(getattr(one, part) for one in found))
-        for part in ("u", "y", "u_worst", "y_worst")
-    }
+    u, y = hypot(*(one.u for one in found)), hypot(*(one.y for one in found))
+    u_worst, y_worst = (
+        hypot(*(one.beyond_rms(part) for one in found)) for part in ("u_worst", "y_worst")
+    )
     measured = _measured_levels(model, bla)
     return LoopLevel(
         signals=found,
-        **totals,
+        u=u,
+        y=y,
+        u_worst=u_worst,
+        y_worst=y_worst,
         u_measured=measured[0],
         y_measured=measured[1],
-        u_state=find_state(totals["u"], *measured[0]),
-        y_state=find_state(totals["y"], *measured[1]),
+        u_state=find_state(u, *measured[0]),
+        y_state=find_state(y, *measured[1]),
         unit=model.origin.unit,
     )
 
@@ -482,7 +496,7 @@ def _step_level(name: str, signal: StepSignal, loop: Loop) -> _SignalLevel:
         _, out = simulate_step(system)
         swing = np.maximum(out.max(axis=1), 0.0) - np.minimum(out.min(axis=1), 0.0)
         rms = np.abs(float(signal.height)) * swing * _RMS_OF_SWING
-    return _SignalLevel(name=name, u=float(rms[0]), y=float(rms[1]))
+    return _SignalLevel(name=name, u=float(rms[0]), y=float(rms[1]), noise=None)
 
 
 def _noise_level(name: str, signal: NoiseSignal, loop: Loop) -> _SignalLevel:
@@ -509,10 +523,12 @@ def _noise_level(name: str, signal: NoiseSignal, loop: Loop) -> _SignalLevel:
         name=name,
         u=u,
         y=y,
-        u_worst=u_worst,
-        y_worst=y_worst,
-        u_in_band=float(share[0]),
-        y_in_band=float(share[1]),
+        noise=_NoiseExtent(
+            u_worst=u_worst,
+            y_worst=y_worst,
+            u_in_band=float(share[0]),
+            y_in_band=float(share[1]),
+        ),
     )
 
 

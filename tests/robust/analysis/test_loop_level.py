@@ -124,7 +124,7 @@ def test_noise_in_a_band():
     wanted = 4 / (high - low) * (high - low - np.arctan(high) + np.arctan(low))
     assert level.u**2 == pytest.approx(wanted, rel=1e-9)
     measured = 4 / (high - low) * (1 - np.arctan(2) + np.arctan(1))  # from 1 to 2 rad/s
-    assert level.signals[0].u_in_band == pytest.approx(measured / wanted, rel=1e-9)
+    assert level.signals[0].noise.u_in_band == pytest.approx(measured / wanted, rel=1e-9)
 
 
 def test_signals_add_as_independent():
@@ -145,7 +145,8 @@ def test_a_step_is_the_sinusoid_of_its_swing():
     np.testing.assert_allclose([level.u, level.y], np.array([9.0, 0.9]) * 2 / np.sqrt(8), rtol=1e-3)
     pushed = level_of(plant_set(), 9.0, disturbance=StepSignal(1.0))  # u from 1 to 0.1
     np.testing.assert_allclose([pushed.u, pushed.y], np.array([1.0, 0.1]) / np.sqrt(8), rtol=1e-3)
-    assert np.isnan([level.u_worst, level.y_worst, level.signals[0].y_in_band]).all()
+    assert np.isnan([level.u_worst, level.y_worst, level.share_in_band("y")]).all()
+    assert level.signals[0].noise is None
 
 
 def test_a_delay_counts_as_itself():
