@@ -45,6 +45,7 @@ from robust.models.sets.forms import ADDITIVE, ELEMENTS
 from robust.models.sets.measured import warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel, require_record_form, require_several_channels
 from robust.models.sets.radius import diagonal_bound
+from robust.models.sets.records import RecordHold
 from robust.proofs.exact.claim import to_matrices
 from robust.proofs.exact.folded_sets import ALIASES, FoldedClaim, FoldedPart, verify_folded
 from robust.proofs.search.certificate import EXACT, Certificate, failed_certificate
@@ -157,7 +158,7 @@ def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> Sampl
         budget={},
         alternative_form=None,
         records=(),
-        origin=replace(model.origin, hold="zoh", fs=1 / dt),
+        origin=replace(model.origin, hold=RecordHold(kind="zoh", fs=1 / dt)),
     )
     return SampledSet(model=made, omega=omega, own_share=share, claim=_folded_claim(model, made))
 

@@ -23,7 +23,7 @@ from robust.io.biquads import sections_by_name
 from robust.io.from_matlab import is_state_space, load_matlab_system
 from robust.lti.realisation import multivariable, state_space
 from robust.models.sets.model import UncertaintyModel
-from robust.models.sets.records import JointProbability, Origin, RecordSummary
+from robust.models.sets.records import JointProbability, Origin, RecordHold, RecordSummary
 
 # ---- Systems and numbers as JSON, exact to the bit, in files with a versioned schema.
 #
@@ -219,7 +219,11 @@ _TUPLE_DECODERS: dict[str, Callable[[Json], object]] = {
     "tuple[control.StateSpace, ...]": decode_system,
     "tuple[SystemField, ...]": decode_system,
 }
-_VALUES = {"Origin": Origin, "JointProbability | None": JointProbability}
+_VALUES = {
+    "Origin": Origin,
+    "RecordHold | None": RecordHold,
+    "JointProbability | None": JointProbability,
+}
 
 
 def _decode_field(content: Json, kind: str) -> Any:

@@ -360,11 +360,11 @@ def _hold_factor(model: UncertaintyModel, bla: Bla, inside: np.ndarray) -> np.nd
             " between which this FRF is unknown. A model with a fitted nominal (fit_nominal)"
             " allows any lines"
         )
-    if "unknown" in (model.origin.hold, bla.hold):
+    hold = model.origin.hold
+    if hold is None or "unknown" in (hold.kind, bla.hold):
         return np.ones(bla.omega.size)
-    own, other = (
-        hold_correction(bla.omega, one.hold, fs=one.fs, dt=0.0) for one in (bla, model.origin)
-    )
+    own = hold_correction(bla.omega, bla.hold, fs=bla.fs, dt=0.0)
+    other = hold_correction(bla.omega, hold.kind, fs=hold.fs, dt=0.0)
     return np.asarray(own / other)
 
 

@@ -68,7 +68,7 @@ from robust.models.sets.radius import (
     resolve_scaling,
     sum_of_parts,
 )
-from robust.models.sets.records import Origin
+from robust.models.sets.records import Origin, RecordHold
 
 
 @keep_warnings
@@ -301,8 +301,10 @@ def _set_in_form(request: _SetRequest, recorded: list[Bla]) -> UncertaintyModel:
             extrapolation=str(rules),
             delay=request.delay,
             omega_c=request.omega_c,
-            hold=first.hold if len({bla.hold for bla in blas}) == 1 else "unknown",
-            fs=min(bla.fs for bla in blas),
+            hold=RecordHold(
+                kind=first.hold if len({bla.hold for bla in blas}) == 1 else "unknown",
+                fs=min(bla.fs for bla in blas),
+            ),
             unit=first.unit,
         ),
     )

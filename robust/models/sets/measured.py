@@ -20,13 +20,12 @@ from robust.models.fit.measurement import frd
 from robust.models.sets.forms import DEFAULT_FORM
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import RadiusSpec, record_radius_parts, sum_of_parts
-from robust.models.sets.records import Origin
+from robust.models.sets.records import Origin, RecordHold
 
 #: Any object with an FRF on its lines.
 FrfSource: TypeAlias = UncertaintyModel | Bla | control.FrequencyResponseData
 # largest rate of the record over that of the controller at which the holds may be the same
 _RATE_RATIO = 1.5
-_NO_RECORD = "no record"  # the hold of an FRF from another program, about which nothing is known
 
 
 @value
@@ -41,8 +40,7 @@ class PlantLines:
     W: np.ndarray  # (W,) complex scaling of the plant, if the form depends on its units
     form: str = DEFAULT_FORM
     perturbation: str = "LTI"  # class of the set
-    hold: str = _NO_RECORD  # of the inputs of the record
-    fs: float = float("nan")  # sampling frequency of the record [Hz]
+    hold: RecordHold | None = None  # None for an FRF from another program
     unit: str = ""
     dt: float = 0.0  # sampling time of a sampled FRF [s]; 0 for any other
 
@@ -53,10 +51,11 @@ class PlantLines:
         Aliasing from above Nyquist is unknown and left out.
         """
         factor = np.exp(-1j * omega * delay)
-        if self.hold not in (_NO_RECORD, "unknown"):
-            return np.asarray(factor * hold_correction(omega, self.hold, fs=self.fs, dt=dt))
+        hold = self.hold
+        if hold is not None and hold.kind != "unknown":
+            return np.asarray(factor * hold_correction(omega, hold.kind, fs=hold.fs, dt=dt))
         if dt and not self.dt:
-            _warn_of_record(self.hold, self.fs, dt)
+            _warn_of_hold(hold, dt)
             return np.asarray(factor * hold_response(omega, dt))
         return factor
 
@@ -90,8 +89,7 @@ def lines_of_bla(plant: Bla) -> PlantLines:
         G=plant.G.reshape(plant.n_outputs, plant.n_inputs, n),
         w=np.full(n, np.nan + 0j),
         W=np.ones(n),
-        hold=plant.hold,
-        fs=plant.fs,
+        hold=RecordHold(kind=plant.hold, fs=plant.fs),
         unit=plant.unit,
     )
     if not plant.is_single:
@@ -124,7 +122,6 @@ def _lines_of_set(plant: UncertaintyModel) -> PlantLines | None:
         form=plant.form,
         perturbation=plant.perturbation,
         hold=plant.origin.hold,
-        fs=plant.origin.fs,
         unit=plant.unit,
         dt=float(plant.nominal.dt or 0),
     )
@@ -140,7 +137,7 @@ class PlantAlone:
     form: str = DEFAULT_FORM
     perturbation: str = "LTI"
     omega: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    origin: Origin = Origin(hold=_NO_RECORD)
+    origin: Origin = Origin()
 
     @property
     def dt(self) -> float:
@@ -172,13 +169,13 @@ def warn_of_unknown_hold(model: UncertaintyModel | PlantAlone, dt: float) -> Non
     A sampled nominal has its hold inside.
     """
     if not model.dt:
-        _warn_of_record(model.origin.hold, model.origin.fs, dt)
+        _warn_of_hold(model.origin.hold, dt)
 
 
-def _warn_of_record(hold: str, fs: float, dt: float) -> None:
-    if hold == "unknown" and dt * fs < _RATE_RATIO:
+def _warn_of_hold(hold: RecordHold | None, dt: float) -> None:
+    if hold is not None and hold.kind == "unknown" and dt * hold.fs < _RATE_RATIO:
         data_warning(
-            f"hold of the record (sampled at {fs:g} Hz) is unknown: the check adds the hold of"
+            f"hold of the record (sampled at {hold.fs:g} Hz) is unknown: the check adds the hold of"
             f" the controller at {1 / dt:g} Hz, but if u was the command of a converter, the"
             " record already contains a hold, which is then counted twice. Load the record with"
             ' hold="zoh" (u is the command) or hold="band-limited" (u was measured after the'

@@ -102,6 +102,23 @@ class RecordSummary:
 
 
 @value
+class RecordHold:
+    """Course of the inputs of a record between two samples.
+
+    Fields
+    ------
+    kind : str
+        As `Bla.hold`: "zoh" (a hold of 1/fs, which the FRF contains), "band-limited" (no hold), or
+        "unknown".
+    fs : float
+        Sampling frequency of the record [Hz], as `Bla.fs`; nan for an FRF that came without one.
+    """
+
+    kind: str
+    fs: float
+
+
+@value
 class Origin:
     """Source of an uncertainty set: its records, and its assumption outside the measured band.
 
@@ -115,10 +132,8 @@ class Origin:
         Delay that the nominal contains [s], for information.
     omega_c : float
         Crossover [rad/s] of the loop for which the nominal was fitted; nan if none was given.
-    hold : str
-        Hold of the inputs of the record, as `Bla.hold`.
-    fs : float
-        Sampling frequency of the record [Hz]; nan if there is none.
+    hold : RecordHold or None
+        Hold of the inputs of the record, with its sampling frequency; None without a record.
     unit : str
         Unit of y over u, for one channel.
 
@@ -132,8 +147,7 @@ class Origin:
     extrapolation: str = "not stated"
     delay: float = 0.0
     omega_c: float = float("nan")
-    hold: str = "unknown"
-    fs: float = float("nan")
+    hold: RecordHold | None = None
     unit: str = ""
 
 

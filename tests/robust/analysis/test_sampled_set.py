@@ -12,11 +12,12 @@ from robust import UncertaintyModel, check, sampled, worst_case
 from robust.analysis import sample_loops
 from robust.analysis.sampled_set import sampled_set
 from robust.models import Origin
+from robust.models.sets.records import RecordHold
 from tests.support.responses import response, response_by_channel
 
 T = 0.02
 OMEGA = np.geomspace(0.5, 100, 40)
-RECORDED = Origin(hold="zoh", fs=5e3)
+RECORDED = Origin(hold=RecordHold(kind="zoh", fs=5e3))
 
 
 def rising(x):

@@ -147,7 +147,8 @@ def test_the_page_of_an_older_model_shows_what_its_bla_knows(
 
 def test_what_the_check_itself_warns_of_is_in_its_report():
     model = uncertainty(identify(recorded()), PLANT, order=2, above="flat")
-    model = replace(model, origin=replace(model.origin, hold="unknown"))
+    unknown = replace(model.origin.hold, kind="unknown")
+    model = replace(model, origin=replace(model.origin, hold=unknown))
     report, said = shown(check, model, control.ss([], [], [], [[0.05]], 1 / 512))
     assert "hold of the record" in said[0]
     assert report.warnings == tuple(said)

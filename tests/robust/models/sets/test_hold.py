@@ -61,7 +61,8 @@ def test_at_the_rate_of_the_controller_a_discrete_fit_is_what_it_sees():
     assert fit.hold == "zoh"
     assert phase_error(fit.G, OMEGA) < 0.05
     model = robust.uncertainty(bla, fit, order=2)
-    assert (model.origin.hold, model.origin.fs, model.origin.unit) == ("zoh", FS, "mm/N")
+    hold, unit = model.origin.hold, model.origin.unit
+    assert (hold.kind, hold.fs, unit) == ("zoh", FS, "mm/N")
     assert model.radius.max() < 1e-2
 
 
@@ -112,7 +113,8 @@ def test_an_unknown_hold_is_warned_of_where_it_matters(tmp_path):
     )  # far below its rate, it does not
     robust.save(model, tmp_path / "m.json")
     again = robust.load(tmp_path / "m.json")
-    assert (again.origin.hold, again.origin.fs, again.origin.unit) == ("unknown", FS, "mm/N")
+    hold, unit = again.origin.hold, again.origin.unit
+    assert (hold.kind, hold.fs, unit) == ("unknown", FS, "mm/N")
 
 
 MIXED = np.array([[1.0, 0.2], [-0.1, 0.5]])
