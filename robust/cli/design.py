@@ -337,6 +337,7 @@ def _advise_on_missed_limits(result: robust.Design, structure: str) -> str:
         helps[1] = "a higher order"
     if result.omega_c:
         helps.insert(0, "a lower --bandwidth")
-    if len(result.omega_c) == 2 and max(result.crossovers, default=0) > 0.98 * result.omega_c[1]:
+    crossovers = () if result.loop is None else result.loop.crossovers
+    if len(result.omega_c) == 2 and max(crossovers, default=0) > 0.98 * result.omega_c[1]:
         helps.append("--crossover-within inf, if a mode above the crossover may lift |L| above one")
     return f"to meet the limits: {'; or '.join(helps)}"

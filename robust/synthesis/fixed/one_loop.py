@@ -30,6 +30,7 @@ from robust.friction.classes.maxwell_slip import MaxwellSlip
 from robust.friction.plant import FrictionPlant
 from robust.friction.proof.prove import prove_friction
 from robust.friction.reading.assumed_class import MachineWithFriction, machines_of
+from robust.lti.grids import peak_of
 from robust.lti.low_frequency import read_below
 from robust.lti.lti import is_constant, one_sampling_time, require_sampling_time, response
 from robust.lti.realisation import state_space
@@ -60,7 +61,7 @@ from robust.synthesis.fixed.structures import (
     ControllerStructure,
     structure_of,
 )
-from robust.synthesis.hinf.design import Design
+from robust.synthesis.hinf.design import Design, DesignedLoop
 
 #: Repetitions of a design on lines of the loop found, the degradation there that causes one, and
 #: the largest violation of a demand with which it continues from its result.
@@ -578,7 +579,6 @@ def _evaluate_design(
         reason = why
     if undecided := describe_open_reading(K, task.family, task.n_unstable):
         state, reason = Stability.UNDECIDED, f"{undecided}; {reason}"
-    crossovers, peak_S, peak_T = _describe_loop(task, K)
     return Design(
         K=K,
         K_free=K_free,
@@ -587,9 +587,7 @@ def _evaluate_design(
         reason=reason,
         stability=state,
         history=history,
-        crossovers=crossovers,
-        peak_S=peak_S,
-        peak_T=peak_T,
+        loop=_describe_loop(task, K),
     )
 
 
@@ -662,18 +660,17 @@ def _with_lines_named(
     )
 
 
-def _describe_loop(
-    task: DesignTask, K: control.StateSpace
-) -> tuple[tuple[float, ...], float, float]:
+def _describe_loop(task: DesignTask, K: control.StateSpace) -> DesignedLoop:
     """Return the crossovers of the nominal loops of the family, and their largest |S| and |T| on
     the lines.
     """
     crossovers: list[float] = []
-    peaks = []
+    S, T = [], []
     for at in task.family:
         own = at if len(task.family) > 1 else task.at  # including the lines of its loop
-        L = own.G[own.known] * response(K, own.omega[own.known])
-        crossovers += classical_margins(own.omega[own.known], L).crossovers
-        peaks.append((np.abs(1 / (1 + L)).max(), np.abs(L / (1 + L)).max()))
-    peak_S, peak_T = np.max(peaks, axis=0)
-    return tuple(sorted(crossovers)), float(peak_S), float(peak_T)
+        omega = own.omega[own.known]
+        L = own.G[own.known] * response(K, omega)
+        crossovers += classical_margins(omega, L).crossovers
+        S.append(peak_of(omega, np.abs(1 / (1 + L))))
+        T.append(peak_of(omega, np.abs(L / (1 + L))))
+    return DesignedLoop(crossovers=tuple(sorted(crossovers)), peak_S=max(S), peak_T=max(T))

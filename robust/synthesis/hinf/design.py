@@ -11,6 +11,7 @@ import numpy as np
 from nlfrf._base.arguments import format_hertz
 from nlfrf._base.values import value
 from robust._base.states import Stability
+from robust.lti.grids import Peak
 from robust.proofs.search.certificate import Certificate
 
 
@@ -34,6 +35,23 @@ class Unpacked:
 
     def __iter__(self) -> Iterator[Any]:
         return iter((self.K, self.CL, getattr(self, self.LEVEL), self))
+
+
+@value
+class DesignedLoop:
+    """The nominal loop of a design, as its lines show it; of a family every loop.
+
+    Fields
+    ------
+    crossovers : tuple of float
+        Frequencies with |L| = 1 [rad/s], in order.
+    peak_S, peak_T : Peak
+        Largest |S| and |T| on the lines, and where [rad/s].
+    """
+
+    crossovers: tuple[float, ...]
+    peak_S: Peak
+    peak_T: Peak
 
 
 @value
@@ -63,14 +81,12 @@ class Design(Unpacked):
         The closed loop with the norm gamma: for `mixsyn` from r to the weighted e, u and y, for
         `ncfsyn` from the perturbations (p_out, p_in) of the shaped plant to its (u, y). None for a
         design on the lines of an FRF.
-    crossovers : tuple of float
-        Frequencies with |L| = 1 [rad/s], of the nominal and of every plant of a family. Only
-        `design_frf` fills this field, for a design with one loop.
+    loop : DesignedLoop or None
+        Crossovers and largest |S| and |T| of the nominal and of every plant of a family, from
+        `design_frf` for one loop. None from other designs, and if no controller was found.
     omega_c : tuple of float
         Requested crossover of `design_frf` [rad/s]: at least the first, at most the second; empty
         if none was requested.
-    peak_S, peak_T : float
-        Largest |S| and |T| of the nominal on the lines; nan if they were not computed.
     stability : Stability or None
         Stability of the loop with every plant, from `design_frf`; undecided if the FRF does not
         determine it. None from other designs.
@@ -102,10 +118,8 @@ class Design(Unpacked):
     gamma_min: float = float("nan")
     met: bool = True
     reason: str = ""
-    crossovers: tuple[float, ...] = ()
+    loop: DesignedLoop | None = None
     omega_c: tuple[float, ...] = ()
-    peak_S: float = float("nan")
-    peak_T: float = float("nan")
     stability: Stability | None = None
     n_lines: int = 0
     K_free: control.StateSpace | None = None
@@ -139,9 +153,10 @@ class Design(Unpacked):
         """Describe the crossover of the nominal loop, and its largest |S| and |T|; empty if not
         computed.
         """
-        if np.isnan(self.peak_S):
+        if self.loop is None:
             return ""
-        at = [format_hertz(omega) for omega in self.crossovers]
+        crossovers = self.loop.crossovers
+        at = [format_hertz(omega) for omega in crossovers]
         if len(at) > 4:
             most = f"{at[0]} to {at[-1]} ({len(at)} of them)"
         else:
@@ -153,9 +168,10 @@ class Design(Unpacked):
             f"crossover{'s' * (len(at) > 1)}"
             f" {most or 'nowhere on the lines'}{f', asked {asked}' * bool(self.omega_c)}"
         )
-        if self.omega_c and self.crossovers and self.crossovers[0] < 0.98 * self.omega_c[0]:
+        if self.omega_c and crossovers and crossovers[0] < 0.98 * self.omega_c[0]:
             text += f" (|L| crosses one at {at[0]} already: a mode may reach the crossover asked)"
-        return f"{text}; nominal max |S| {self.peak_S:.3g}, max |T| {self.peak_T:.3g}"
+        S, T = self.loop.peak_S.value, self.loop.peak_T.value
+        return f"{text}; nominal max |S| {S:.3g}, max |T| {T:.3g}"
 
     @property
     def certified(self) -> bool:

@@ -11,8 +11,9 @@ import pytest
 
 import robust
 from robust import UncertaintyModel, check, cli, design_frf, load, save
+from robust.lti.grids import Peak
 from robust.models import Origin
-from robust.synthesis.hinf.design import Design
+from robust.synthesis.hinf.design import Design, DesignedLoop
 from tests.support.printed import unwrapped
 
 HZ = 2 * np.pi
@@ -31,13 +32,13 @@ def test_a_crossover_is_limited_on_every_line_above(structure):
     omega = np.linspace(most, 0.999e3 * np.pi, 20_000)
     L = robust.sampled(MODE, 1e-3)(np.exp(1e-3j * omega)) * design.K(np.exp(1e-3j * omega))
     assert np.abs(L).max() <= 1 + 2e-3
-    assert HZ * 1 * 0.98 <= design.crossovers[-1] <= most * 1.02
+    assert HZ * 1 * 0.98 <= design.loop.crossovers[-1] <= most * 1.02
     assert "asked 1 Hz to 8 Hz; nominal" in str(design).replace("\n    ", " ")
 
 
 def test_one_number_is_a_least_crossover():
     design = design_frf(control.tf([1], [0.05, 1]), "PI", M_S=1.5, omega_c=HZ * 2, dt=1e-3)
-    assert design.crossovers[-1] > HZ * 4
+    assert design.loop.crossovers[-1] > HZ * 4
     assert "asked 2 Hz or above" in design.loop_in_words
 
 
@@ -127,8 +128,10 @@ def test_a_crossover_below_the_one_asked_is_named():
     asked.
     """
     design = Design(
-        K=control.ss([], [], [], [[2.0]]), gamma=float("nan"), peak_S=2.0, peak_T=2.0,
-        crossovers=(2.0, HZ * 1.9, HZ * 2.1), omega_c=(HZ * 2,),
+        K=control.ss([], [], [], [[2.0]]), gamma=float("nan"), omega_c=(HZ * 2,),
+        loop=DesignedLoop(
+            crossovers=(2.0, HZ * 1.9, HZ * 2.1), peak_S=Peak(2.0, 2.0), peak_T=Peak(2.0, 2.0)
+        ),
     )  # fmt: skip
     assert (
         "|L| crosses one at 0.3183 Hz already: a mode may reach the crossover asked"

@@ -56,9 +56,11 @@ def test_a_design_says_where_its_loop_crosses_over_and_how_far_it_peaks():
     )
     z = np.exp(1j * np.linspace(0.1, np.pi / 5e-3, 20000) * 5e-3)
     L = L(z)
-    assert design.peak_S == pytest.approx(np.abs(1 / (1 + L)).max(), rel=1e-3)
-    assert design.peak_T == pytest.approx(max(1.0, np.abs(L / (1 + L)).max()), rel=1e-3)
-    (crossover,) = design.crossovers
+    loop, S = design.loop, np.abs(1 / (1 + L))
+    assert loop.peak_S.value == pytest.approx(S.max(), rel=1e-3)
+    assert S[np.argmin(np.abs(np.angle(z) / 5e-3 - loop.peak_S.omega))] > 0.99 * S.max()
+    assert loop.peak_T.value == pytest.approx(max(1.0, np.abs(L / (1 + L)).max()), rel=1e-3)
+    (crossover,) = loop.crossovers
     near = np.argmin(np.abs(np.log(np.abs(L))))
     assert crossover == pytest.approx(np.angle(z[near]) / 5e-3, rel=1e-2)
     row = str(design).splitlines()[1]
