@@ -43,7 +43,7 @@ from robust.lti.lti import is_stable, replace_infinite
 from robust.lti.norms import continuous_image
 from robust.models.sets.forms import plant_numerator
 from robust.models.sets.model import UncertaintyModel, require_one_channel
-from robust.models.sets.records import rms_levels
+from robust.models.sets.records import level_of_record
 
 
 @value(kw_only=False)
@@ -463,15 +463,16 @@ def require_one_channel_loop(model: object) -> None:
 def _measured_levels(model: UncertaintyModel, bla: Bla | Sequence[Bla] | None) -> np.ndarray:
     """Return (2, 2) lowest and highest rms of u, and of y, over the records; nan if unknown."""
     if bla is None:
-        levels = [(one.rms_u, one.rms_y) for one in model.records]
+        levels = [one.level for one in model.records]
     else:
         blas = as_list(bla)
         if not blas or not all(map(is_single, blas)):
             raise ValueError(f"bla must be an nlfrf.Bla or a list of them, got {short_form(bla)}")
-        levels = [rms_levels(one) for one in blas]
-    if not levels:
+        levels = [level_of_record(one) for one in blas]
+    known = [(level.rms_u, level.rms_y) for level in levels if level is not None]
+    if not known or len(known) < len(levels):
         return np.full((2, 2), np.nan)
-    return np.array([np.min(levels, axis=0), np.max(levels, axis=0)]).T
+    return np.array([np.min(known, axis=0), np.max(known, axis=0)]).T
 
 
 def find_state(rms: float, low: float, high: float) -> LevelState:

@@ -23,7 +23,13 @@ from robust.io.biquads import sections_by_name
 from robust.io.from_matlab import is_state_space, load_matlab_system
 from robust.lti.realisation import multivariable, state_space
 from robust.models.sets.model import UncertaintyModel
-from robust.models.sets.records import JointProbability, Origin, RecordHold, RecordSummary
+from robust.models.sets.records import (
+    JointProbability,
+    Origin,
+    RecordHold,
+    RecordLevel,
+    RecordSummary,
+)
 
 # ---- Systems and numbers as JSON, exact to the bit, in files with a versioned schema.
 #
@@ -173,8 +179,8 @@ _FIELDS_LEFT_OUT = {
 _LEFT_OUT_WHEN_EMPTY = ("budget", "scaling", "records", "alternative_form", "warnings")
 _COMPLEX_FIELDS = {MODEL_SCHEMA: ("G",), MATRIX_SCHEMA: ("G", "variance", "gamma")}
 _RECORD_FIELDS = {
-    MODEL_SCHEMA: ("omega", "G", "variance", "scatter", "confirmed", "rms_u", "rms_y"),
-    MATRIX_SCHEMA: ("omega", "dof", "G", "variance", "gamma"),
+    MODEL_SCHEMA: ("omega", "G", "variance", "scatter", "confirmed", "level"),
+    MATRIX_SCHEMA: ("omega", "dof", "G", "variance", "confirmed", "gamma"),
 }
 
 
@@ -223,6 +229,7 @@ _VALUES = {
     "Origin": Origin,
     "RecordHold | None": RecordHold,
     "JointProbability | None": JointProbability,
+    "RecordLevel | None": RecordLevel,
 }
 
 
@@ -252,9 +259,10 @@ def _decode_field(content: Json, kind: str) -> Any:
 
 def _decode_record(content: JsonObject, schema: str) -> RecordSummary:
     """Return the record summary of a model."""
+    types = {field.name: str(field.type) for field in fields(RecordSummary)}
     parts: dict[str, ArrayField] = {}
     for part in _RECORD_FIELDS[schema]:
-        held = _decode(content[part])
+        held = _decode_field(content[part], types[part])
         if part in _COMPLEX_FIELDS[schema]:
             if held.ndim != (2 if schema == MODEL_SCHEMA else 4):
                 raise ValueError(

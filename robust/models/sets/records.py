@@ -21,6 +21,20 @@ _MAX_DOF = 1e6  # stands for infinity, which a file cannot hold
 
 
 @value
+class RecordLevel:
+    """Level at which the FRF of a record holds.
+
+    Fields
+    ------
+    rms_u, rms_y : float
+        Rms of the input and of the output on the excited lines [unit of u, unit of y].
+    """
+
+    rms_u: float
+    rms_y: float
+
+
+@value
 class RecordSummary:
     """The FRF of one record and its likely scatter, for any number of channels. The first axis of
     every array is over the lines.
@@ -43,10 +57,9 @@ class RecordSummary:
         channel.
     confirmed : float
         Median ratio of `variance` to the variance behind `Bla.bound`. It is below one if G scatters
-        less between neighbouring lines than the distortion level predicts. For one channel.
-    rms_u, rms_y : float
-        Rms of the input and of the output on the excited lines [unit of u, unit of y]: the level at
-        which G holds. nan if the level is unknown, as for several channels.
+        less between neighbouring lines than the distortion level predicts; one for several channels.
+    level : RecordLevel or None
+        Rms of input and output; None if they are unknown, as for several channels.
 
     Notes
     -----
@@ -68,12 +81,11 @@ class RecordSummary:
     omega: np.ndarray
     G: np.ndarray
     variance: np.ndarray
+    confirmed: float
     gamma: np.ndarray | None = None
     dof: np.ndarray | None = None
     scatter: np.ndarray | None = None
-    confirmed: float = float("nan")
-    rms_u: float = float("nan")
-    rms_y: float = float("nan")
+    level: RecordLevel | None = None
 
     @property
     def is_single(self) -> bool:
@@ -176,7 +188,12 @@ def summarize_record(bla: Bla, recorded: Bla | None = None) -> RecordSummary:
     if not bla.is_single:
         G, C, gamma = (np.moveaxis(x, 2, 0) for x in (bla.G, bla.cov.bound, bla.cov.gamma))
         return RecordSummary(
-            omega=bla.omega, G=G, variance=C, gamma=gamma, dof=np.minimum(bla.dof, _MAX_DOF)
+            omega=bla.omega,
+            G=G,
+            variance=C,
+            confirmed=1.0,
+            gamma=gamma,
+            dof=np.minimum(bla.dof, _MAX_DOF),
         )
     # relative to |G|, which a level follows across a resonance, except where G itself is below its
     # scatter
@@ -185,35 +202,33 @@ def summarize_record(bla: Bla, recorded: Bla | None = None) -> RecordSummary:
     ratio = np.divide(rough, level, out=np.ones(level.size), where=level > 0)
     share = np.minimum(np.where(np.isfinite(ratio), ratio, 1.0), 1.0)
     variance = level * share * size
-    rms_u, rms_y = rms_levels(bla if recorded is None else recorded)
     return RecordSummary(
         omega=bla.omega,
         G=bla.G,
         variance=variance,
         scatter=bla.experiment.n_realizations * bla.distorted_share() * variance,
         confirmed=float(np.median(share)),
-        rms_u=rms_u,
-        rms_y=rms_y,
+        level=level_of_record(bla if recorded is None else recorded),
     )
 
 
-def rms_levels(bla: Bla) -> tuple[float, float]:
+def level_of_record(bla: Bla) -> RecordLevel | None:
     """Return the rms of input and output on the excited lines, from the mean power over
-    realisations; nan if unknown.
+    realisations; None if unknown.
 
     A Bla contains Y but not U. Realisations have one amplitude |U|, so the mean of |Y / U|^2 is
     |G|^2 + (M - 1) times the variance of their mean. For noise, the coherence is the share of G U
     in |Y|^2.
     """
     Y = bla.levels.excited
-    if Y.shape[-1] != bla.f.size:
-        return float("nan"), float("nan")
+    if Y.shape[-1] != bla.f.size or np.isnan(Y).any():
+        return None
     power_y = np.mean(np.abs(Y) ** 2, axis=0) / 2
     linear = np.where(np.isfinite(bla.coherence), bla.coherence, 1.0)
     gain = np.abs(bla.G) ** 2 + (bla.experiment.n_realizations - 1) * bla.var_total
     # the input of a line without response is unknown
     power_u = np.divide(power_y * linear, gain, out=np.zeros(gain.size), where=gain > 0)
-    return float(np.sqrt(power_u.sum())), float(np.sqrt(power_y.sum()))
+    return RecordLevel(rms_u=float(np.sqrt(power_u.sum())), rms_y=float(np.sqrt(power_y.sum())))
 
 
 def _window_mean(x: np.ndarray) -> np.ndarray:

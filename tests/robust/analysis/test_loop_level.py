@@ -243,9 +243,9 @@ def test_a_model_remembers_the_level_of_its_records(n_realizations, dt):
     blas = [nlfrf.identify(record) for record in records]
     model = robust.uncertainty(blas, robust.fit_nominal(blas, n_poles=2, dt=dt))
     for evidence, record in zip(model.records, records, strict=True):
-        assert evidence.rms_u == pytest.approx(record.u.std(), rel=1e-9)
+        assert evidence.level.rms_u == pytest.approx(record.u.std(), rel=1e-9)
         on_lines = np.abs(np.fft.rfft(record.y[:, 0])[:, record.lines.excited]) / 1024
-        assert evidence.rms_y == pytest.approx(
+        assert evidence.level.rms_y == pytest.approx(
             np.sqrt(2 * np.mean(np.sum(on_lines**2, axis=1))), rel=1e-9
         )
 
@@ -259,8 +259,8 @@ def test_noise_records_have_a_level_too():
     evidence = robust.uncertainty(bla, control.tf([2.0], [1.0]), order=0, above="flat").records[0]
     # white: the band from 0.1 to 0.4 of 0.5 holds six tenths of the power; chi-square of 2 x 150 x
     # 121 numbers
-    assert evidence.rms_u == pytest.approx(0.7 * np.sqrt(0.6), rel=0.03)
-    assert evidence.rms_y == pytest.approx(np.sqrt(0.6 * (4 * 0.49 + 0.16)), rel=0.03)
+    assert evidence.level.rms_u == pytest.approx(0.7 * np.sqrt(0.6), rel=0.03)
+    assert evidence.level.rms_y == pytest.approx(np.sqrt(0.6 * (4 * 0.49 + 0.16)), rel=0.03)
 
 
 def test_states_against_the_measured_levels():
@@ -276,8 +276,8 @@ def test_states_against_the_measured_levels():
     ):
         level = level_of(model, K, disturbance=NoiseSignal(rms, 2 * np.pi, 2 * np.pi * 60))
         assert level.u_state is state
-    np.testing.assert_allclose(level.u_measured, [low.rms_u, high.rms_u])
-    np.testing.assert_allclose(level.y_measured, [low.rms_y, high.rms_y])
+    np.testing.assert_allclose(level.u_measured, [low.level.rms_u, high.level.rms_u])
+    np.testing.assert_allclose(level.y_measured, [low.level.rms_y, high.level.rms_y])
     assert "1.6 times above the measured 0.1 to 0.2" in unwrapped(level)
     # a sinusoid at the mode moves far with little force
     level = level_of(model, K, disturbance=sine(0.09, 20.0))
@@ -301,11 +301,11 @@ def test_what_is_not_known_is_said_so(tmp_path):
     model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2))
     robust.save(model, tmp_path / "new.json")
     new = robust.load(tmp_path / "new.json")
-    old = replace(
-        model, records=tuple(replace(one, rms_u=np.nan, rms_y=np.nan) for one in model.records)
-    )
+    old = replace(model, records=tuple(replace(one, level=None) for one in model.records))
+    robust.save(old, tmp_path / "old.json")
+    assert robust.load(tmp_path / "old.json").records[0].level is None
     signals = {"disturbance": NoiseSignal(0.1, 2 * np.pi, 2 * np.pi * 60)}
-    assert new.records[0].rms_u == model.records[0].rms_u
+    assert new.records[0].level.rms_u == model.records[0].level.rms_u
     assert level_of(new, 0.0, **signals).inside
     level = level_of(old, 0.0, **signals)
     assert (level.u_state, level.y_state, level.inside) == (UNKNOWN, UNKNOWN, False)
