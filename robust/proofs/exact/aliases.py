@@ -19,7 +19,7 @@ of one or more disproves nothing: the result is then undecided.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import field, replace
+from dataclasses import replace
 from functools import lru_cache, partial, reduce
 from itertools import pairwise
 from math import ceil
@@ -373,22 +373,31 @@ def _is_close(top: arb, found: arb, below_one: bool) -> bool:
 
 
 @value(copy=False)
+class _DemandSizes:
+    """Upper bounds on an interval for a performance weight: |w_P S|, |w_P F S|, |1 - |F|^2 S|."""
+
+    PS: arb
+    PFS: arb
+    centre: arb
+
+
+@value(copy=False)
 class _Sizes:
-    """Upper bounds on an interval:
-
-    |K S|, |F S|, |F K S|, |h_0 G K S|, |h_0|; |w_P S|, |w_P F S|, |1 - |F|^2 S|.
-
-    Without a performance weight the last three are nan, so no bound with them is below one.
-    """
+    """Upper bounds on an interval: |K S|, |F S|, |F K S|, |h_0 G K S|, |h_0|."""
 
     KS: arb
     FS: arb
     FKS: arb
     GKS: arb
     hold: arb
-    PS: arb = field(default_factory=arb.nan)
-    PFS: arb = field(default_factory=arb.nan)
-    centre: arb = field(default_factory=arb.nan)
+    demand: _DemandSizes | None  # None without a performance weight
+
+    def demand_of(self, name: str) -> _DemandSizes | None:
+        """Return the bounds that a claim of performance needs; None for one of stability."""
+        if name == ALIASED[STABILITY]:
+            return None
+        assert self.demand is not None  # LoopClaim refuses performance without a weight
+        return self.demand
 
 
 def _bound_sizes(aliases: AliasBounds, t: Terms, *, low: arb, high: arb, others: _Sums) -> _Sizes:
@@ -429,15 +438,21 @@ def _bound_sizes(aliases: AliasBounds, t: Terms, *, low: arb, high: arb, others:
         FS, FKS = GS_ * w, GKS0 * w
     else:
         FS, FKS = S * w, KS_ * w
-    found = {"KS": KS_, "FS": FS, "FKS": FKS, "GKS": GKS0 * hold, "hold": hold}
+    demand = None
     if t.P_num is not None:
         size = _sqrt_upper(-lower_bound(t.P_num * arb(-1)), lower_bound(t.P_den))
-        found |= {
-            "PS": S * size,
-            "PFS": FS * size,
-            "centre": _bound_centre(aliases, t, closed=closed, S=S, low=low, high=high),
-        }
-    return _Sizes(**{name: upper_end(x) for name, x in found.items()})
+        centre = _bound_centre(aliases, t, closed=closed, S=S, low=low, high=high)
+        demand = _DemandSizes(
+            PS=upper_end(S * size), PFS=upper_end(FS * size), centre=upper_end(centre)
+        )
+    return _Sizes(
+        KS=upper_end(KS_),
+        FS=upper_end(FS),
+        FKS=upper_end(FKS),
+        GKS=upper_end(GKS0 * hold),
+        hold=upper_end(hold),
+        demand=demand,
+    )
 
 
 def _bound_centre(
@@ -464,29 +479,30 @@ def _bound_centre(
 
 def _claim_measure(claim: LoopClaim, name: str, *, u: _Sizes, s: _Sums, scaling: arb) -> arb:
     """Return an upper bound of the quantity that must be below one for a claim."""
-    operator, performance = claim.perturbation == "operator", name != ALIASED[STABILITY]
+    operator, demand = claim.perturbation == "operator", u.demand_of(name)
     if not claim.inverse and operator:
         gain = u.FKS**2 + _product_or_zero(u.KS**2, s.FF)
-        if name == ALIASED[OPERATOR_PERFORMANCE]:
+        if demand is not None and name == ALIASED[OPERATOR_PERFORMANCE]:
             return (
                 gain
                 + u.KS**2 * scaling
-                + u.PS**2
-                + (u.PFS**2 + _product_or_zero(u.PS**2, s.FF)) / scaling
+                + demand.PS**2
+                + (demand.PFS**2 + _product_or_zero(demand.PS**2, s.FF)) / scaling
             )
         return gain
     if not claim.inverse:
-        return u.hold * u.FKS + _product_or_zero(u.KS, s.F) + (u.PS if performance else 0)
+        return u.hold * u.FKS + _product_or_zero(u.KS, s.F) + (0 if demand is None else demand.PS)
     own = u.FS + u.FKS * s.G
     if operator:
         F, G = s.FF.sqrt(), s.GG.sqrt()
         return _largest_singular_value_2x2(
             own, u.GKS * F, c=u.FKS * G, d=s.F_max + _product_or_zero(u.KS * G, F)
         )
-    if not performance:
+    if demand is None:
         return own + _product_or_zero(u.KS + u.FKS, s.GF)
     r, q, A = _product_or_zero(u.KS, s.GF), _product_or_zero(u.FKS, s.GF), u.FKS * s.G
-    return (u.PS + r) * (u.centre + r) + (u.PFS + q) * (A + q + u.GKS) + (u.FS + A + q) ** 2 + 2 * r
+    first, second = (demand.PS + r) * (demand.centre + r), (demand.PFS + q) * (A + q + u.GKS)
+    return first + second + (u.FS + A + q) ** 2 + 2 * r
 
 
 def _joint_claim_measure(
@@ -612,7 +628,8 @@ def prove_with_aliases(
         if not claim.inverse or claim.perturbation == "operator" or not bound.is_finite():
             return False
         # the distance needs many more operations: only where both bounds fail
-        radius = sizes.KS * others.discs + (0 if name == ALIASED[STABILITY] else sizes.PS)
+        demand = sizes.demand_of(name)
+        radius = sizes.KS * others.discs + (0 if demand is None else demand.PS)
         return discs.exceed(radius, t, y, v=sizes.GKS, low=arb(low), high=arb(high))
 
     top = float((arb.pi() / arb(axis.dt)).upper()) * (1 + 1e-15)
