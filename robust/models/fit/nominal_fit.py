@@ -91,9 +91,9 @@ class NominalFit:
     n_parameters: int
     class_std: np.ndarray
     unlikelihood: float
-    omega_c: float = float("nan")
+    p_value: float
+    omega_c: float
     uncertainty: FitUncertainty | None = None
-    p_value: float = float("nan")
     hold: str = "unknown"
     unit: str = ""
     delays: np.ndarray | None = None
