@@ -482,14 +482,14 @@ def _claim_measure(claim: LoopClaim, name: str, *, u: _Sizes, s: _Sums, scaling:
     operator, demand = claim.perturbation == "operator", u.demand_of(name)
     if not claim.inverse and operator:
         gain = u.FKS**2 + _product_or_zero(u.KS**2, s.FF)
-        if demand is not None and name == ALIASED[OPERATOR_PERFORMANCE]:
-            return (
-                gain
-                + u.KS**2 * scaling
-                + demand.PS**2
-                + (demand.PFS**2 + _product_or_zero(demand.PS**2, s.FF)) / scaling
-            )
-        return gain
+        if demand is None:
+            return gain
+        return (
+            gain
+            + u.KS**2 * scaling
+            + demand.PS**2
+            + (demand.PFS**2 + _product_or_zero(demand.PS**2, s.FF)) / scaling
+        )
     if not claim.inverse:
         return u.hold * u.FKS + _product_or_zero(u.KS, s.F) + (0 if demand is None else demand.PS)
     own = u.FS + u.FKS * s.G

@@ -164,6 +164,17 @@ class LoopClaim:
                 f"perturbation must be one of {', '.join(_CLASSES)} for {self.claims}, got"
                 f" {self.perturbation}"
             )
+        proved = {ALIASED[STABILITY]}  # of operators whose perturbations act at every alias
+        if not self.inverse:
+            proved.add(ALIASED[OPERATOR_PERFORMANCE])
+        if (
+            self.perturbation == "operator"
+            and not set(self.claims) & set(ALIASED.values()) <= proved
+        ):
+            raise ValueError(
+                f"claims must be {' or '.join(sorted(proved))} for operators, because no other"
+                f" condition with aliases is known, got {self.claims}"
+            )
         if self.performance is None and not set(self.claims) <= {STABILITY, ALIASED[STABILITY]}:
             raise ValueError("performance must be given where performance is claimed, got none")
         if not 0 <= self.delay < np.inf:

@@ -228,6 +228,24 @@ def test_performance_counts_every_alias():
         assert report.curves.rp.max() == pytest.approx(target, rel=2e-3)
 
 
+@pytest.mark.parametrize(
+    ("form", "name"),
+    [
+        ("multiplicative", "robust performance"),
+        ("inverse-multiplicative", "robust performance"),
+        ("inverse-multiplicative", "robust performance with one scaling"),
+    ],
+)
+def test_performance_of_operators_is_not_claimed_without_a_condition(form, name):
+    """|w_P S| is 100 for the nominal, whose stability alone was examined for such a claim."""
+    w = control.ss(control.tf([0.1], [0.3, 1]))
+    report = check(the_set(control.tf([1], [1, 1]), w, form, "operator"), gain(0.5, 0.1))
+    claim = report.proofs.certificates[0].claim
+    demand = replace(claim.controller, D=np.array([[100.0]]), dt=0.0)
+    with pytest.raises(ValueError, match=r"claims must be .*every alias included.* for operators"):
+        replace(claim, performance=demand, claims=(f"{name}, every alias included",))
+
+
 @pytest.mark.attack(every=3)
 @pytest.mark.parametrize("kind", ["LTI", "operator"])
 @pytest.mark.parametrize(
