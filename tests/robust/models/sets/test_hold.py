@@ -87,12 +87,13 @@ def test_frf_checks_and_designs_see_the_hold_once():
     K = control.ss([[0.5]], [[0.05]], [[0.5]], [[0.0]], 1 / FS)
     for hold in ("zoh", "band-limited"):
         bla = nlfrf.identify(record(hold))
-        report = robust.check(bla, K)
-        z = np.exp(1j * report.curves.omega / FS)
-        S = 1 / (1 + K(z) * seen(z))
-        # above, a band-limited record does not know what folds down
-        inside = report.curves.omega < 2 * np.pi * 100
-        assert np.abs(report.curves.S / S - 1)[inside].max() < (2e-3 if hold == "zoh" else 0.1)
+        for plant in (bla, robust.uncertainty(bla, robust.frd(bla))):
+            report = robust.check(plant, K)
+            z = np.exp(1j * report.curves.omega / FS)
+            S = 1 / (1 + K(z) * seen(z))
+            # above, a band-limited record does not know what folds down
+            inside = report.curves.omega < 2 * np.pi * 100
+            assert np.abs(report.curves.S / S - 1)[inside].max() < (2e-3 if hold == "zoh" else 0.1)
         assert robust.design_frf(bla, "PI", M_S=2.0, dt=1 / FS).K.dt == 1 / FS
 
 
