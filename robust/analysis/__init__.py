@@ -21,6 +21,7 @@ report           `RobustnessReport`: its fields and its text
 robust_gain      `robgain`: the factor on the uncertainty at which a gain reaches a level
 robustness       `check`: assembles the loop of a model and a controller, calls a judge, returns the report
 sampled_set      a sampled set that contains a continuous set for several channels, every alias included
+signals          reference, disturbance and noise that act on a loop
 step             a step of the reference: overshoot, rise and settling time, output of the actuator
 text             every sentence of a report
 worst_plant      `worst_case`: the plant of the set with the largest gain, as a system

@@ -4,10 +4,10 @@ from .loop_gains import LoopGains as LoopGains
 from .loop_gains import loop_gains as loop_gains
 from .loop_level import LevelState as LevelState
 from .loop_level import LoopLevel as LoopLevel
-from .loop_level import LoopSignals as LoopSignals
-from .loop_level import NoiseSignal as NoiseSignal
-from .loop_level import StepSignal as StepSignal
 from .loop_level import predict_level as predict_level
 from .robustness import check_structure as check_structure
+from .signals import LoopSignals as LoopSignals
+from .signals import NoiseSignal as NoiseSignal
+from .signals import StepSignal as StepSignal
 from .worst_plant import WorstCase as WorstCase
 from .worst_plant import breaking_perturbation as breaking_perturbation

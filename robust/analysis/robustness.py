@@ -39,14 +39,10 @@ from robust.analysis.judge_lines import (
 )
 from robust.analysis.judge_mu import judge_mu, judge_system
 from robust.analysis.loop import Loop, assemble_loop
-from robust.analysis.loop_level import (
-    LoopSignals,
-    encoder_noise,
-    predict_level,
-    require_one_channel_loop,
-)
+from robust.analysis.loop_level import encoder_noise, predict_level, require_one_channel_loop
 from robust.analysis.loop_of_channels import LoopOfChannels
 from robust.analysis.report import RobustnessReport
+from robust.analysis.signals import LoopSignals
 from robust.analysis.text import describe_confidence
 from robust.lti.connections import biproper_inverse
 from robust.lti.grids import structure_grid

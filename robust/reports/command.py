@@ -25,9 +25,9 @@ from nlfrf._base.units import units_differ
 from robust._base.channels import is_single
 from robust._base.warnings import DesignWarning
 from robust.analysis.loop_gains import loop_gains
-from robust.analysis.loop_level import LoopSignals, NoiseSignal, StepSignal
 from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
+from robust.analysis.signals import LoopSignals, NoiseSignal, StepSignal
 from robust.io.certificates import certificate_path, save_certificate, verify_certificate
 from robust.io.models import has_own_states, load_bla, load_controller_context, load_model
 from robust.io.models import load_controller as load_stored_controller

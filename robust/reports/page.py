@@ -16,9 +16,9 @@ from nlfrf._base.arguments import add_warnings, as_list, require_kind
 from nlfrf._base.files import page_path, write_text
 from robust._base.channels import require_matrix, require_single
 from robust._base.types import Controller, Weight
-from robust.analysis.loop_level import LoopSignals
 from robust.analysis.report import RobustnessReport
 from robust.analysis.robustness import check
+from robust.analysis.signals import LoopSignals
 from robust.analysis.text import describe_confidence
 from robust.friction.proof.protocol import FrictionProof
 from robust.lti.realisation import multivariable, state_space
