@@ -9,7 +9,7 @@ from scipy.linalg import expm
 from nlfrf._base.arguments import require_nonnegative, require_positive
 from robust._base.types import LinearSystem
 from robust.lti.connections import block_diagonal, in_series
-from robust.lti.lti import poles, response, timebase, with_names, zeros
+from robust.lti.lti import balance_matrix, poles, response, timebase, with_names, zeros
 from robust.lti.norms import to_discrete
 from robust.lti.realisation import from_roots, multivariable
 
@@ -68,13 +68,18 @@ def sampled(system: LinearSystem, dt: float, delay: float = 0.0) -> control.Stat
         rest = 0.0
     A, B, C, D = system.A, system.B, system.C, system.D
     n, m = B.shape
+    # the exponential squares a matrix as often as its entries are large: those of a sum of modes in
+    # companion form reach 1e50
+    near, scales = balance_matrix(A) if n else (A, np.ones(0))
+    drive = B / scales[:, None]
+    unit = float(np.abs(drive).max(initial=0.0)) or 1.0
 
     def held(duration: float) -> tuple[np.ndarray, np.ndarray]:
         both = np.zeros((n + m, n + m))
-        both[:n, :n], both[:n, n:] = A, B
+        both[:n, :n], both[:n, n:] = near, drive / unit
         with np.errstate(all="ignore"):  # judged below
             both = expm(both * duration)
-        return both[:n, :n], both[:n, n:]
+        return scales[:, None] * both[:n, :n] / scales, scales[:, None] * both[:n, n:] * unit
 
     Phi, _ = held(dt)
     after, late = held(dt - rest)

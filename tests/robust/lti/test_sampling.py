@@ -118,6 +118,19 @@ def test_riccati_equations():
     )
 
 
+@pytest.mark.parametrize("delay", [0.0, 0.4e-3])
+def test_a_sum_of_modes_in_companion_form_is_sampled(delay):
+    """Its matrix has entries of 1e40: each mode by itself, in two states, is the reference."""
+    omega, zeta, dt = 2 * np.pi * np.geomspace(35, 300, 8), 0.01, 1e-3
+    s = control.tf("s")
+    modes = [1 / (s**2 + 2 * zeta * w * s + w**2) for w in omega]
+    whole = control.ss(sum(modes))
+    assert np.abs(whole.A).max() > 1e40
+    z = np.exp(1j * np.linspace(0.01, 3.1, 40))
+    each = [sampled(control.ss(mode), dt, delay)(z) for mode in modes]
+    np.testing.assert_allclose(sampled(whole, dt, delay)(z), sum(each), rtol=1e-6)
+
+
 @pytest.mark.parametrize("delay", [0.0, 0.3])
 def test_a_pole_beyond_floating_point_is_refused(delay):
     with pytest.raises(
