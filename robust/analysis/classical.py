@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import control
@@ -15,10 +16,7 @@ from nlfrf._base.values import value
 from robust._base.types import AnySystem
 from robust.lti.connections import closed_loop
 from robust.lti.grids import NO_PEAK, Peak, structure_grid
-from robust.lti.lti import (
-    response,
-    timebase,
-)
+from robust.lti.lti import poles, response, timebase, to_s_plane, zeros
 from robust.lti.realisation import state_space
 from robust.pages.section import Fact
 
@@ -28,8 +26,14 @@ _BETWEEN = 8  # subdivisions between two frequencies of the grid of a system
 USUAL_PEAK = 2.0
 #: Phase margin [deg] below which a loop is close to instability (SP 2.4.3).
 USUAL_PHASE_MARGIN = 30.0
-# |Im L| over |L| below which the last point, just below Nyquist, counts as real
-_REAL_TOLERANCE = 1e-6
+# The first or last value of a loop gain counts as a negative number if |Im L / Re L| is below the
+# first number there and in one of two cases. It is below the second number, relative to the next
+# value (just below Nyquist). Or it is proportional to the distance from zero or infinite frequency
+# within the third, relative, and the slope of |L| is below the fourth. The next value is that at the
+# last number from the end [log], or farther.
+_NEARLY_REAL, _SMALLER, _PROPORTIONAL, _FLAT, _APART = 0.05, 0.1, 0.1, 0.05, 1e-4
+# Rounds in which the intervals with a crossing are divided, and parts of each interval.
+_N_DIVISIONS, _PARTS = 4, 16
 
 
 @value
@@ -172,7 +176,9 @@ def classical_margins(
     Returns
     -------
     ClassicalMargins
-        The margins, computed by linear interpolation of log |L| and phase over log frequency.
+        The margins, computed by linear interpolation of log |L| and phase over log frequency. A
+        gain margin may also stand at the first or the last frequency, if L tends to a negative
+        number there.
 
     Raises
     ------
@@ -218,8 +224,10 @@ def classical_margins(
         np.ceil((phase.min() / np.pi - 1) / 2), np.floor((phase.max() / np.pi - 1) / 2) + 1
     )
     real = [_zero_crossings(x, phase - (2 * n + 1) * np.pi) for n in turns]
-    if abs(L[-1].imag) < _REAL_TOLERANCE * abs(L[-1]) and L[-1].real < 0:
-        real.append(x[-1:])
+    # at zero, infinite or the Nyquist frequency the phase ends, and crosses nothing
+    real += [x[:1]] * _tends_to_negative_number(x, L) + [x[-1:]] * _tends_to_negative_number(
+        -x[::-1], L[::-1]
+    )
     at = np.unique(np.concatenate([np.zeros(0), *real]))
     factor = np.exp(-np.interp(at, x, size))
     found = replace(
@@ -231,6 +239,50 @@ def classical_margins(
     reached = _zero_crossings(x, S)
     if S[0] < 0 and reached.size:
         return replace(found, bandwidth=float(np.exp(reached[0])))
+    return found
+
+
+def _tends_to_negative_number(x: np.ndarray, L: np.ndarray) -> bool:
+    """Return whether a loop gain (W,) is a negative number at its first value, as at Nyquist, or
+    tends to one where x (W,) tends to minus infinity.
+    """
+    k = int(np.searchsorted(x, x[0] + _APART))
+    if L[0].real >= 0 or k == x.size:
+        return False
+    aside = [one.imag / one.real if one.real else np.inf for one in (L[0], L[k])]
+    proportional = aside[0] * np.exp(x[k] - x[0])
+    tends = abs(aside[1] - proportional) <= _PROPORTIONAL * abs(proportional) and abs(
+        np.log(np.abs(L[k] / L[0]))
+    ) < _FLAT * (x[k] - x[0])
+    return bool(
+        abs(aside[0]) < _NEARLY_REAL and (tends or abs(aside[0]) < _SMALLER * abs(aside[1]))
+    )
+
+
+def frequencies_of_crossings(
+    loop_gain: Callable[[np.ndarray], np.ndarray], omega: np.ndarray, roots: np.ndarray
+) -> np.ndarray:
+    """Return frequencies [rad/s] close to each side of every crossover of a loop gain, of every
+    crossing of the negative real axis and of |S| = 1/sqrt(2), so that `classical_margins` may
+    interpolate between them.
+
+    Beside a light mode a grid in the logarithm of frequency is too coarse: |L| falls with the
+    distance from the mode. `roots` : poles and zeros of the loop in the s plane.
+    """
+    at = np.union1d(omega, mode_lines(roots, (float(omega[0]), float(omega[-1]))))
+    found, parts = np.zeros(0), np.linspace(0, 1, _PARTS + 1)
+    for _ in range(_N_DIVISIONS):
+        L = loop_gain(at)
+        known = np.isfinite(L) & (L != 0)
+        at, L = at[known], L[known]
+        above, reached = np.abs(L) > 1, np.abs(1 + L) < np.sqrt(2)
+        k = np.flatnonzero(
+            (above[1:] != above[:-1])
+            | (reached[1:] != reached[:-1])
+            | (np.abs(np.diff(np.angle(L))) > np.pi)
+        )
+        found = np.union1d(at[k], at[k + 1])
+        at = np.unique(at[k, None] * (at[k + 1] / at[k])[:, None] ** parts)
     return found
 
 
@@ -259,6 +311,10 @@ def _loop_gain_of(L: object) -> tuple[np.ndarray, np.ndarray]:
     )
     if dt:
         omega = np.unique(np.minimum(omega, np.pi / dt * (1 - 1e-9)))
+    roots = to_s_plane(np.concatenate([poles(system), zeros(system), poles(closed)]), dt)
+    omega = np.union1d(
+        omega, frequencies_of_crossings(lambda at: response(system, at), omega, roots)
+    )
     return omega, response(system, omega)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from robust.analysis.aliases import RsBreakdown, rs_breakdown
 from robust.analysis.findings import Effort, Findings, Margins, Proofs, decide_verdict
 from robust.analysis.lmi_proofs import prove_set_by
-from robust.analysis.loop import Loop, decide_nominal_stability, find_margins
+from robust.analysis.loop import Loop, crossings_of, decide_nominal_stability, find_margins
 from robust.analysis.text import (
     NO_MARGINS,
     NOTHING_PROVED,
@@ -53,6 +53,7 @@ def judge_exact(loop: Loop, effort: Effort) -> Findings:
             band=loop.band,
         )
     places = np.array([peak.omega for peak in peaks if peak is not None])
+    places = np.concatenate([places, crossings_of(loop, omega)])
     curves = curves.merge(loop.curves(places)).in_band(omega[0], omega[-1])
     proofs = prove_set_by(loop, curves, margins.largest_rs, effort)
     folding = _rs_breakdown_at_peak(loop, margins)

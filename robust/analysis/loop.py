@@ -25,11 +25,19 @@ from robust.analysis.aliases import (
     evaluate_aliases,
     fold_aliases,
 )
+from robust.analysis.classical import frequencies_of_crossings
 from robust.analysis.curves import Curves, loop_curves
 from robust.analysis.findings import Given, Margins
 from robust.lti.connections import closed_loop, in_series
 from robust.lti.grids import Peak, find_peak, loop_grid, refine_peaks
-from robust.lti.lti import is_constant, sampling_times_differ, timebase
+from robust.lti.lti import (
+    is_constant,
+    poles,
+    sampling_times_differ,
+    timebase,
+    to_s_plane,
+    zeros,
+)
 from robust.lti.realisation import stable_weight, state_space
 from robust.lti.sampling import delay_samples, delayed, sampled
 from robust.lti.stability import StabilityResult, delay_pole_count, poles_with_rounding
@@ -263,6 +271,18 @@ class Loop:
     ) -> Peak:
         """Find the largest value of a curve of this loop and its frequency (`find_peak`)."""
         return find_peak(curve, omega, band=band, top=self.omega_max)
+
+
+def crossings_of(loop: Loop, omega: np.ndarray) -> np.ndarray:
+    """Return frequencies [rad/s] close to each side of every crossing of the nominal loop gain that
+    a classical margin is read from, as `frequencies_of_crossings`.
+    """
+    roots = [to_s_plane(loop.modes, loop.dt)]
+    for part in (loop.G, loop.K):
+        roots.append(to_s_plane(np.concatenate([poles(part), zeros(part)]), loop.dt))
+    return frequencies_of_crossings(
+        lambda at: loop.plant_response(at) * loop.responders["K"](at), omega, np.concatenate(roots)
+    )
 
 
 def assemble_loop(

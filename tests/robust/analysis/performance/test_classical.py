@@ -221,3 +221,68 @@ def test_a_gain_margin_may_stand_at_nyquist(gain):
     found = robust.check(model, control.ss([], [], [], [[gain]], T)).classical
     assert found.gain_margin == pytest.approx(2 / gain, rel=1e-6)
     assert found.omega_gain == pytest.approx(np.pi / T)
+
+
+def margins_of(L):
+    """The classical margins of a loop by `check` and by the system itself."""
+    L = control.ss(L)
+    model = UncertaintyModel(
+        L, 1e-9, "multiplicative", np.array([1.0]), np.array([1e-9]), perturbation="LTI"
+    )
+    one = control.ss([], [], [], [[1.0]], L.dt)
+    return check(model, one, certify=False).classical, robust.margins.classical_margins(L)
+
+
+@pytest.mark.parametrize(
+    ("L", "gain", "reduction"),
+    [
+        (control.tf([2], [1, -1]), np.inf, 0.5),  # stable for gains above one half
+        (control.tf([0.5, -0.5], [1, 2, 1]), 2.0, 0.0),  # (s + 1)^2 + k (s - 1)/2
+        (control.tf([-0.5, 1], [1, 2]), 2.0, 0.0),  # s + 2 + k (2 - s)/2
+        (control.tf([-2], [1, 1, 1]) * 0.25, 2.0, 0.0),
+        (control.tf([5e-4], [1, 0.999], 0.1), 2.0, 0.0),  # z + 0.999 + 5e-4 k, at Nyquist
+        (control.tf([1], [1, 0, 0]) * control.tf([1, 1], [0.1, 1]), np.inf, 0.0),
+    ],
+)
+def test_a_gain_margin_may_stand_where_the_frequencies_end(L, gain, reduction):
+    """The phase ends there at 180 degrees, and crosses nothing: 2/(s - 1) needs at least half its
+    gain, and was said to need none.
+    """
+    for seen in margins_of(L):
+        assert seen.gain_margin == pytest.approx(gain, rel=1e-3)
+        assert seen.gain_reduction == pytest.approx(reduction, rel=1e-3, abs=1e-9)
+
+
+def beside_a_light_mode(seed):
+    """A loop with an integrator and two light modes with zeros beside them; None if it is
+    unstable.
+    """
+    rng = np.random.default_rng(seed)
+    L = control.tf([10 ** rng.uniform(-2, 0)], [10 ** rng.uniform(-1, 1), 1, 0])
+    for _ in range(2):
+        at, zeta = 10 ** rng.uniform(-0.5, 1.5), 10 ** rng.uniform(-6, -2, 2)
+        zero = at * rng.uniform(0.9, 1.1)
+        zeros = [1 / zero**2, 2 * zeta[0] / zero, 1]
+        L = L * control.tf(zeros, [1 / at**2, 2 * zeta[1] / at, 1])
+    return L if unstable_poles(L, 1.0) == 0 else None
+
+
+def unstable_poles(L, gain):
+    return int(np.sum(control.feedback(control.ss(gain * L), 1).poles().real > 0))
+
+
+def test_a_gain_margin_beside_a_light_mode():
+    """A pole crosses the axis at the gain margin: said to be 27 dB where it is 21 dB, between two
+    points of the grid beside the mode.
+    """
+    seen = 0
+    for seed in range(60):
+        L = beside_a_light_mode(seed)
+        if L is None:
+            continue
+        for found in margins_of(L):
+            factors = [found.gain_margin, found.gain_reduction]
+            for factor in (k for k in factors if 1e-6 < k < 1e6):
+                seen += 1
+                assert unstable_poles(L, 0.999 * factor) != unstable_poles(L, 1.001 * factor)
+    assert seen > 20
