@@ -74,6 +74,11 @@ class Curves:
         )
 
     @property
+    def loop_gain(self) -> np.ndarray:
+        """Complex G K (W,)."""
+        return self.G * self.K
+
+    @property
     def K_S(self) -> np.ndarray:
         """Complex K S (W,), finite at the poles of K."""
         return replace_infinite(self.K) * self.S

@@ -24,9 +24,10 @@ from robust.analysis.findings import (
     ReportCurves,
     decide_verdict,
 )
+from robust.analysis.performance import frequencies_of_crossings
 from robust.analysis.text import LINES_ADVICE, LINES_NOT_PROVED, LINES_PROVED, explain_lines
 from robust.lti.connections import require_shape
-from robust.lti.grids import controller_mode_lines, interpolate_frf, peak_of
+from robust.lti.grids import controller_mode_lines, interpolate_frf, peak_of, refine_peaks
 from robust.lti.low_frequency import read_below
 from robust.lti.lti import (
     common_sampling_time,
@@ -82,12 +83,8 @@ class LoopOnLines:
         """Return the plant (W,) with hold and delay."""
         return G * self.plant.hold_and_delay_factor(omega, dt=self.dt, delay=self.delay)
 
-    @cached_property
-    def curves(self) -> Curves:
-        """Curves on the lines, and between them around the modes of the controller, which is known
-        there.
-        """
-        at = np.union1d(self.omega, controller_mode_lines(self.K, (self.omega[0], self.omega[-1])))
+    def curves_at(self, at: np.ndarray) -> Curves:
+        """Curves at frequencies (W,) from the first line to the last, the FRF interpolated."""
         measured, w, W = (
             interpolate_frf(at, self.omega, part) for part in (self.G, self.plant.w, self.plant.W)
         )
@@ -99,6 +96,40 @@ class LoopOnLines:
         else:
             w_P = response(self.w_P, at)
         return loop_curves(self.plant.form, at, G=G, K=response(self.K, at), w=w, w_P=w_P, W=W)
+
+    @cached_property
+    def curves(self) -> Curves:
+        """Curves on the lines, and between them around the modes of the controller, which is known
+        there, with the peaks and the crossings of the loop.
+        """
+        modes = controller_mode_lines(self.K, (self.omega[0], self.omega[-1]))
+        at = np.union1d(self.omega, modes)
+        found = self.curves_at(at)
+        if not modes.size:
+            return found
+        names = [
+            name
+            for name in ("rs", "half_disk", "S_worst", "np_", "rp")
+            if np.isfinite(getattr(found, name)).all()
+        ]
+
+        def stacked(of: Curves) -> np.ndarray:
+            return np.array([getattr(of, name) for name in names])
+
+        peaks = refine_peaks(
+            lambda omega: stacked(self.curves_at(omega)),
+            at,
+            values=stacked(found),
+            band=(at[0], at[-1]),
+        )
+        crossings = frequencies_of_crossings(
+            lambda omega: self.curves_at(omega).loop_gain, at, np.zeros(0)
+        )
+        places = np.setdiff1d(np.concatenate([[peak.omega for peak in peaks], crossings]), at)
+        # between two neighbouring lines without a mode nothing is looked at
+        k = np.searchsorted(at, places)
+        places = places[np.isin(at[k], modes) | np.isin(at[k - 1], modes)]
+        return found.merge(self.curves_at(places)) if places.size else found
 
 
 def assemble_on_lines(

@@ -130,13 +130,14 @@ def cluster_at_modes(sharp: np.ndarray, n: int) -> np.ndarray:
 
 
 def controller_mode_lines(K: control.StateSpace, band: tuple[float, float]) -> np.ndarray:
-    """Return frequencies [rad/s] of a band around every lightly damped pole of a controller, out to
-    where it fades.
+    """Return frequencies [rad/s] of a band around every lightly damped pole and zero of a controller,
+    out to where it fades.
 
     An FRF is unknown between its lines, but the controller is known there: no resonance of it may
-    fall between.
+    fall between, and no antiresonance, where |S| rises to one.
     """
-    return mode_lines(to_s_plane(poles(K), timebase(K)), band)
+    roots = np.concatenate([poles(K), zeros(K)])
+    return mode_lines(to_s_plane(roots, timebase(K)), band)
 
 
 def mode_lines(s: np.ndarray, band: tuple[float, float]) -> np.ndarray:

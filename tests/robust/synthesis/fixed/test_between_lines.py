@@ -185,3 +185,36 @@ def test_a_crossover_that_a_notch_could_meet():
     )
     assert design.met
     assert sensitivity(G, design.K, omega).max() < 1.7 * 1.01
+
+
+def test_check_on_lines_finds_peaks_beside_the_modes_of_the_controller():
+    """Of a light mode and a light zero of the controller: |S| was 15 where it is 50, and |w_P S|
+    0.79 where it is 1.10.
+    """
+    rng, seen, w_P = np.random.default_rng(3), 0, performance_weight(1.5, M_S=2, A=1e-2)
+    for _ in range(25):
+        at, zeta, ratio = 10 ** rng.uniform(-0.8, 1.8), 10 ** rng.uniform(-7, -1), 10.0
+        K = control.ss(
+            10 ** rng.uniform(-1, 1.5)
+            * control.tf(
+                [1, 2 * zeta * ratio ** rng.uniform(-2, 2) * at, at**2],
+                [1, 2 * zeta * at, at**2],
+            )
+        )
+        closed = control.feedback(control.ss(LAG) * K, 1).poles()
+        assert np.all(closed.real < 0)
+        report = check(FRF, K, w_P=w_P)
+        if not report.nominally_stable:  # the lines do not show it
+            continue
+        seen += 1
+        around = [np.geomspace(1e-3, 1e10, 1000) * sign for sign in (-1, 1)]
+        light = [p for p in (*K.poles(), *K.zeros(), *closed) if abs(p.real) < 0.5 * p.imag]
+        near = [p.imag + abs(p.real) * np.concatenate([*around, [0]]) for p in light]
+        for every, sign in ((LINES, 1), (np.geomspace(LINES[0], LINES[-1], 20_000), -1)):
+            omega = np.concatenate([every, *near])
+            omega = omega[(omega >= LINES[0]) & (omega <= LINES[-1])]
+            S = 1 / (1 + LAG(1j * omega) * K(1j * omega))
+            least = np.abs(S - 0.5).max(), np.abs(w_P(1j * omega) * S).max()
+            found = 1 / report.margins.disk, report.curves.np_.max()
+            assert np.all(sign * np.array(found) >= sign * (1 - 0.01 * sign) * np.array(least))
+    assert seen > 20
