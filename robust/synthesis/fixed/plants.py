@@ -39,6 +39,9 @@ _FAR, _N_FAR = 1e5, 31
 _PARTS, _NEAR_PEAK = 8, 0.7
 #: The last lines of an FRF are those above the last one divided by this.
 _LAST_LINES = 1.25
+#: Least distance of two frequencies of a parametric plant [log], above rounding: those around a light
+#: mode are far closer than its width.
+_DISTINCT = 1e-12
 #: Every such frequency below the first line of an FRF is a line of the demands.
 _BELOW = 3
 
@@ -367,7 +370,7 @@ def _design_grid(
     grids += [replace(loop, K=one).grid(lines) for one in K]
     omega = np.unique(np.concatenate(grids))
     omega = omega[(omega > 0) & (omega < loop.omega_max * (1 - 1e-9))]
-    distinct = np.concatenate([[True], np.diff(np.log(omega)) > 1e-6])
+    distinct = np.concatenate([[True], np.diff(np.log(omega)) > _DISTINCT])
     return omega[distinct | np.isin(omega, extra)]
 
 
