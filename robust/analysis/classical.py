@@ -15,7 +15,7 @@ from nlfrf._base.arguments import (
 from nlfrf._base.values import value
 from robust._base.types import AnySystem
 from robust.lti.connections import closed_loop
-from robust.lti.grids import NO_PEAK, Peak, structure_grid
+from robust.lti.grids import NO_PEAK, Peak, mode_lines, structure_grid
 from robust.lti.lti import poles, response, timebase, to_s_plane, zeros
 from robust.lti.realisation import state_space
 from robust.pages.section import Fact

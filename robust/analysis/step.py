@@ -21,6 +21,7 @@ from robust.lti.lti import (
     evaluate_transfer,
     is_constant,
     is_stable,
+    poles,
     timebase,
     to_s_plane,
 )
@@ -29,9 +30,12 @@ from robust.lti.sampling import delayed, sampled
 from robust.pages.section import Fact
 
 _SETTLING_BAND = 0.02  # of the final value
-_MAX_SAMPLES = 60_000  # samples of a sampled loop
+_MAX_SAMPLES = 60_000  # samples of a sampled loop; steps of a continuous one that rings
 _STEPS_PER_RADIAN = 50  # steps of a continuous loop in a radian of its fastest mode
 _STEPS_PER_SIZE = 500  # steps before their size doubles
+# Largest step in radians of a mode that still rings, up to the largest number of samples; and the
+# part of its beginning at which a mode has faded.
+_LARGEST_STEP, _FADED = 0.4, 1e-3
 
 
 @value
@@ -176,13 +180,18 @@ def _simulate_in_growing_steps(
     """Simulate a step of a continuous loop exactly, in growing steps that resolve a fast rise and a
     slow tail.
     """
-    t, x = [np.zeros(1)], [np.zeros((system.nstates, 1))]
+    t, x, p = [np.zeros(1)], [np.zeros((system.nstates, 1))], poles(system)
+    held, n_steps = sampled(system, step), 0
     while t[-1][-1] < horizon:
         n = int(np.clip(np.ceil((horizon - t[-1][-1]) / step), 1, _STEPS_PER_SIZE)) + 1
-        held = sampled(system, step)
         x.append(_propagate_states(held.A, held.B, x[-1][:, -1], n)[:, 1:])
         t.append(t[-1][-1] + step * np.arange(1, n))
-        step *= 2
+        n_steps += n - 1
+        rings = np.exp(p.real * t[-1][-1]) > _FADED
+        fastest = np.abs(p.imag[rings]).max(initial=0.0)
+        if 2 * step * fastest <= _LARGEST_STEP or n_steps > _MAX_SAMPLES:
+            step *= 2
+            held = sampled(system, step)
     return np.concatenate(t), np.hstack(x)
 
 

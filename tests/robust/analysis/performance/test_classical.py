@@ -286,3 +286,32 @@ def test_a_gain_margin_beside_a_light_mode():
                 seen += 1
                 assert unstable_poles(L, 0.999 * factor) != unstable_poles(L, 1.001 * factor)
     assert seen > 20
+
+
+@pytest.mark.parametrize(
+    ("lag", "modes", "gain"),
+    [
+        (5.155571, [(1.248228937, 3.365674526e-3, 0.155438557)], 1.623153499),
+        (
+            0.18077585,
+            [
+                (15.95867077, 1.219177741e-4, 0.01976296808),
+                (71.84921804, 1.626528691e-4, 0.01817807533),
+            ],
+            6.213178248,
+        ),
+    ],
+)
+def test_the_settling_time_of_a_mode_that_rings_long(lag, modes, gain):
+    """Steps grew until they were longer than its period: 444 s were said where it is 512 s."""
+    G = control.tf([1], [1 / lag, 1])
+    for at, zeta, part in modes:
+        G = G + control.tf([part * at**2], [1, 2 * zeta * at, at**2])
+    K = control.tf([gain, gain], [1, 0])
+    closed = control.ss(control.feedback(control.ss(G) * control.ss(K), 1))
+    p, V = np.linalg.eig(closed.A)
+    part = (closed.C @ V)[0] * np.linalg.solve(V, np.linalg.solve(closed.A, closed.B))[:, 0]
+    t = np.linspace(0, 600, 600_001)
+    away = np.abs(sum((c * np.exp(s * t)).real for c, s in zip(part, p, strict=True)))
+    settled = t[np.flatnonzero(away > 0.02)[-1]]
+    assert step_response(G, K).settling_time == pytest.approx(settled, rel=0.01)
