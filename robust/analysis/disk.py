@@ -24,7 +24,7 @@ from nlfrf._base.arguments import require_integer, require_real, short_form
 from nlfrf._base.values import value
 from robust._base.types import AnySystem, Controller
 from robust.lti.connections import block_diagonal, lower_lft, require_shape
-from robust.lti.grids import structure_grid
+from robust.lti.grids import lines_with_modes, structure_grid
 from robust.lti.low_frequency import read_below
 from robust.lti.lti import (
     common_sampling_time,
@@ -380,13 +380,14 @@ def _frf_broken_everywhere(
     omega = np.asarray(G.omega, dtype=float)
     require_sampling_time("K", K, reference="G", wanted=common_sampling_time(G))
     dt = timebase(K)
-    L = np.zeros((n_u + n_y, n_u + n_y, omega.size), dtype=complex)
     if dt and omega[-1] * dt > np.pi * (1 + 1e-9):
         raise ValueError(
             "K must have its Nyquist frequency above the lines of G, got a sampling time of"
             f" {dt:g} s"
         )
-    L[:n_u, n_u:], L[n_u:, :n_u] = response_by_channel(K, omega), -np.asarray(G.frdata)
+    omega, plant = lines_with_modes(omega, np.asarray(G.frdata), K)
+    L = np.zeros((n_u + n_y, n_u + n_y, omega.size), dtype=complex)
+    L[:n_u, n_u:], L[n_u:, :n_u] = response_by_channel(K, omega), -plant
     return control.FrequencyResponseData(L, omega)
 
 

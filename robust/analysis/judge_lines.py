@@ -27,7 +27,13 @@ from robust.analysis.findings import (
 from robust.analysis.performance import frequencies_of_crossings
 from robust.analysis.text import LINES_ADVICE, LINES_NOT_PROVED, LINES_PROVED, explain_lines
 from robust.lti.connections import require_shape
-from robust.lti.grids import controller_mode_lines, interpolate_frf, peak_of, refine_peaks
+from robust.lti.grids import (
+    controller_mode_lines,
+    interpolate_frf,
+    lines_with_modes,
+    peak_of,
+    refine_peaks,
+)
 from robust.lti.low_frequency import read_below
 from robust.lti.lti import (
     common_sampling_time,
@@ -163,6 +169,7 @@ class MatrixLoopOnLines:
     w_P: control.StateSpace | None  # performance weight
     delay: float  # computation delay [s] in addition to that of the FRF
     n_unstable: int  # unstable open-loop poles of the plant
+    n_lines: int  # number of measured lines; G has more at the modes of the controller
 
     @property
     def wanted(self) -> int:
@@ -194,7 +201,8 @@ def assemble_matrix_on_lines(
     delay = require_nonnegative("delay", delay)
     plant = lines_of_frf(G)
     _require_usable_frf(omega, plant.G, K, plant.dt or None)
-    seen = plant.G * plant.hold_and_delay_factor(omega, dt=timebase(K), delay=delay)
+    n_lines, (omega, G_at) = omega.size, lines_with_modes(omega, plant.G, K)
+    seen = G_at * plant.hold_and_delay_factor(omega, dt=timebase(K), delay=delay)
     return MatrixLoopOnLines(
         G=control.FrequencyResponseData(
             seen, omega, inputs=G.input_labels, outputs=G.output_labels
@@ -203,6 +211,7 @@ def assemble_matrix_on_lines(
         w_P=None if w_P is None else repeat_over_channels("w_P", w_P, G.noutputs),
         delay=delay,
         n_unstable=require_integer("n_unstable", n_unstable, least=0),
+        n_lines=n_lines,
     )
 
 
@@ -224,7 +233,7 @@ def judge_matrix_lines(loop: MatrixLoopOnLines, _: Effort) -> Findings:
         S = np.linalg.inv(one + L)
         peak = peak_of(omega, np.linalg.norm(S, 2, axis=(1, 2)))
         margins = Margins(peak_S=peak)
-        reason += f". The largest singular value of S on {omega.size} lines is {peak}"
+        reason += f". The largest singular value of S on {loop.n_lines} lines is {peak}"
         if loop.w_P is not None:
             weighted = np.moveaxis(response_by_channel(loop.w_P, omega), 2, 0) @ S
             np_ = np.linalg.norm(weighted, 2, axis=(1, 2))
@@ -239,7 +248,7 @@ def judge_matrix_lines(loop: MatrixLoopOnLines, _: Effort) -> Findings:
         proved=LINES_PROVED,
         not_proved=LINES_NOT_PROVED,
         context=(
-            f"{omega.size} lines, {format_hertz(omega[0])} to {format_hertz(omega[-1])}; controller"
+            f"{loop.n_lines} lines, {format_hertz(omega[0])} to {format_hertz(omega[-1])}; controller"
             f" {loop.K.nstates} states"
         ),
     )

@@ -136,8 +136,20 @@ def controller_mode_lines(K: control.StateSpace, band: tuple[float, float]) -> n
     An FRF is unknown between its lines, but the controller is known there: no resonance of it may
     fall between, and no antiresonance, where |S| rises to one.
     """
-    roots = np.concatenate([poles(K), zeros(K)])
+    roots = np.concatenate([poles(K), zeros(K) if K.ninputs == K.noutputs else np.zeros(0)])
     return mode_lines(to_s_plane(roots, timebase(K)), band)
+
+
+def lines_with_modes(
+    omega: np.ndarray, G: np.ndarray, K: control.StateSpace
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return lines and FRF (n_y, n_u, W), with lines at the modes of a controller, where every
+    channel of the FRF is interpolated.
+    """
+    at = np.union1d(omega, controller_mode_lines(K, (float(omega[0]), float(omega[-1]))))
+    if at.size == omega.size:
+        return omega, G
+    return at, np.array([[interpolate_frf(at, omega, one) for one in row] for row in G])
 
 
 def mode_lines(s: np.ndarray, band: tuple[float, float]) -> np.ndarray:

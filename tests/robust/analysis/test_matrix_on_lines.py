@@ -77,3 +77,24 @@ def test_hold_and_delay_are_put_in():
 def test_refusals(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+@pytest.mark.parametrize("zeta", [1e-2, 1e-4, 1e-6])
+@pytest.mark.parametrize("times", [50, -50, 0.5])
+def test_a_light_mode_of_the_controller_between_two_lines_is_counted(times, zeta):
+    """The loop with 1 - 50 times a mode is unstable, and was said to be stable on its lines."""
+    lines = np.geomspace(0.1, 100, 200)
+    at = float(np.sqrt(lines[120] * lines[121]))
+    mode = 1 - control.tf([2 * times * zeta * at, 0], [1, 2 * zeta * at, at**2])
+    G = control.ss(-np.eye(2), np.eye(2), [[1, 0.2], [0.1, 1]], np.zeros((2, 2)))
+    K = control.append(control.ss(5 * mode), control.ss([], [], [], [[2.0]]))
+    stable = bool(np.all(control.feedback(G * K, np.eye(2)).poles().real < 0))
+    frf = control.FrequencyResponseData(G(1j * lines), lines)
+    report, margins = robust.check(frf, K), robust.margins.disk_margins(frf, K)
+    assert report.nominally_stable == stable
+    assert (not margins.reason) == stable
+    if stable:
+        omega = np.union1d(lines, at * (1 + zeta * np.linspace(-100, 100, 4001)))
+        L = np.moveaxis(G(1j * omega), 2, 0) @ np.moveaxis(K(1j * omega), 2, 0)
+        S = np.linalg.norm(np.linalg.inv(np.eye(2) + L), 2, axis=(1, 2)).max()
+        assert report.margins.S_worst == pytest.approx(S, rel=0.02)
