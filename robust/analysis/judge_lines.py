@@ -13,6 +13,7 @@ from nlfrf._base.arguments import format_hertz, require_integer, require_nonnega
 from nlfrf._base.values import value
 from robust._base.states import Stability
 from robust._base.types import Controller, Weight
+from robust.analysis.classical import frequencies_of_crossings
 from robust.analysis.curves import Curves, loop_curves, margins_on_lines
 from robust.analysis.disk import LoopMargins, disk_margins, winding_of_matrix
 from robust.analysis.findings import (
@@ -24,7 +25,6 @@ from robust.analysis.findings import (
     ReportCurves,
     decide_verdict,
 )
-from robust.analysis.performance import frequencies_of_crossings
 from robust.analysis.text import LINES_ADVICE, LINES_NOT_PROVED, LINES_PROVED, explain_lines
 from robust.lti.connections import require_shape
 from robust.lti.grids import (
