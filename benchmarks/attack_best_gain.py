@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import time
 import warnings
+from functools import cache
 
 import control
 import numpy as np
@@ -81,6 +82,7 @@ def case(rng: np.random.Generator) -> Case:
     )
 
 
+@cache
 def lines(asked: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Frequencies dense about the modes, the bilinear s, the plant with hold and delay there, the
     weight.

@@ -20,6 +20,7 @@ import control
 import numpy as np
 
 import robust
+from tests.support.responses import response
 
 STRUCTURES = ("PI", "PID", "lead", "lead-lag", 2, 3, 4)
 ALLOWED = 1.01
@@ -54,9 +55,7 @@ def demands(rng: np.random.Generator, G: control.StateSpace, speed: float) -> di
 
 def missed(asked: dict[str, Any], design: Any, G: control.StateSpace, omega: np.ndarray) -> float:
     """By what factor gamma, or the worst limit, is missed on the loop of a design."""
-    dt = G.dt or 0
-    at = np.exp(1j * omega * dt) if dt else 1j * omega
-    g, k = G(at), design.K(at)
+    g, k = response(G, omega), response(design.K, omega)
     S = 1 / np.abs(1 + g * k)
     sizes = {
         "w_P": S,

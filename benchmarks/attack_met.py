@@ -35,6 +35,7 @@ import robust
 from robust._base.states import Stability
 from robust.lti.lti import poles, to_s_plane, zeros
 from tests.support.random_tunings import dense_frequencies, random_tuning, true_loop
+from tests.support.responses import at_points, response, response_by_channel
 
 KINDS = ("free", "sprung", "two", "two free", "lag", "two lags", "zero", "lag and integrator")
 STRUCTURES = ("PID", "PID", "PI", "PD", "P", "lead", 2)
@@ -77,8 +78,8 @@ class Machine:
     def response(self, omega: np.ndarray) -> np.ndarray:
         """(W,) response at omega [rad/s], the delay exact."""
         if self.dt:
-            return np.asarray(self.rational(np.exp(1j * omega * self.dt)))
-        return np.asarray(self.rational(1j * omega)) * np.exp(-1j * omega * self.delay)
+            return response(self.rational, omega)
+        return response(self.rational, omega) * np.exp(-1j * omega * self.delay)
 
     def is_unstable(self, K: control.StateSpace) -> bool:
         """Whether a pole of the loop lies outside, by its eigenvalues."""
@@ -273,7 +274,7 @@ def judged_tuning(seed: int) -> dict[str, Any]:
         elif one.limit.worst:
             continue
         else:
-            H = loop(np.exp(1j * omega * design.dt) if design.dt else 1j * omega, squeeze=False)
+            H = response_by_channel(loop, omega)
             gains = np.linalg.svd(np.moveaxis(H, 2, 0), compute_uv=False)[:, 0]
         over = max(over, float((gains * one.limit.factor(omega)).max()) / max(one.ratio, 1e-12))
     word = "met" if design.met else "missed"
@@ -291,7 +292,8 @@ def worst_gains(design: Any, plant: int, omega: np.ndarray) -> tuple[np.ndarray,
         if design.dt
         else control.tf(*control.pade(design.delay, 8))(at)
     )
-    G, w, k = model.nominal(at) * late, np.abs(model.weight(at)), K(at)
+    G, weight, k = (at_points(one, at)[0, 0] for one in (model.nominal, model.weight, K))
+    G, w = G * late, np.abs(weight)
     turns = np.exp(2j * np.pi * np.arange(360) / 360)[:, None]
     size = w / np.abs(G) if model.form == "additive" else w
     relative = 1 / (1 + size * turns) if model.form.startswith("inverse") else 1 + size * turns

@@ -39,6 +39,7 @@ from robust.io import export_c
 from robust.models import LpvModel
 from robust.scheduling import ScheduleProof
 from robust.tuning import Limit, Notch, Pid, Plants, TunedDesign
+from tests.support.responses import at_points
 
 _SUBSTEPS = 4  # of a sample, or of a step of a continuous trajectory
 _STEPS = 160  # of a continuous trajectory
@@ -228,13 +229,13 @@ def largest_errors(design: TunedDesign, K: LpvModel, loop: dict) -> tuple[float,
     points = np.exp(1j * np.minimum(omega * dt, np.pi)) if dt else 1j * omega
     for p in (*np.random.default_rng(0).uniform(-1, 1, 20), *design.plant.at):
         blocks = [block.at(float(p)).system(dt) for block in design.blocks.values()]
-        wanted = np.prod([block(points) for block in blocks], axis=0)
-        off = max(off, float(np.abs(K.at(p)(points) / wanted - 1).max()))
+        wanted = np.prod([at_points(block, points)[0, 0] for block in blocks], axis=0)
+        off = max(off, float(np.abs(at_points(K.at(p), points)[0, 0] / wanted - 1).max()))
     for one in design.limits:
         plant = loop["plant"].at(design.plant.at[one.plant])
-        G = (control.sample_system(plant, dt, "zoh") if dt else plant)(points)
+        G = at_points(control.sample_system(plant, dt, "zoh") if dt else plant, points)[0, 0]
         G = G * (points ** -round(delay / dt) if dt else 1)
-        d_to_u = 1 / (1 + G * K.at(design.plant.at[one.plant])(points))
+        d_to_u = 1 / (1 + G * at_points(K.at(design.plant.at[one.plant]), points)[0, 0])
         gain = np.abs(d_to_u * (G if one.limit.outputs == ("y",) else 1))
         excess = max(excess, float((gain * one.limit.factor(omega)).max() / one.ratio - 1))
     return off, excess

@@ -23,6 +23,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 import robust
+from tests.support.responses import response
 
 ROUNDING = 1e-6  # relative: a bound that a search exceeds by less is not exceeded
 N_DRAWN = 400
@@ -235,10 +236,9 @@ def norm_of(
     omega = np.concatenate(
         [[0], np.geomspace(size.min() / 1e3, size.max() * 1e3, 4000), size, *light]
     )
-    S = 1 / (1 + G(1j * omega) * K(1j * omega))
-    return float(
-        np.sqrt(np.abs(w_P(1j * omega) * S) ** 2 + np.abs(w_u * K(1j * omega) * S) ** 2).max()
-    )
+    k = response(K, omega)
+    S = 1 / (1 + response(G, omega) * k)
+    return float(np.sqrt(np.abs(w_P(1j * omega) * S) ** 2 + np.abs(w_u * k * S) ** 2).max())
 
 
 def compare_lags(seed: int) -> dict[str, float]:

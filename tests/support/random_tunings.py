@@ -7,6 +7,7 @@ import numpy as np
 
 import robust
 from robust import tuning
+from tests.support.responses import response_by_channel
 
 STRUCTURES = ("pid", "cascade", "lead", "state space", "matrix", "feedforward")
 
@@ -243,7 +244,7 @@ def violation(design):
         if one.limit.worst:
             continue
         omega = dense_frequencies(poles, design.dt, one.limit.band)
-        H = loop(np.exp(1j * omega * design.dt) if design.dt else 1j * omega, squeeze=False)
+        H = response_by_channel(loop, omega)
         gains = np.linalg.svd(np.moveaxis(H, 2, 0), compute_uv=False)[:, 0] * one.limit.factor(
             omega
         )

@@ -110,7 +110,7 @@ def largest_factor(response, G, w, form, T, delay, omega, S, KS, perturbation="L
             return 1 / np.nanmax(size * np.sqrt(with_tail(F**2)))
         return 1 / np.nanmax(size * with_tail(np.abs(hold) * F))
     low, high = -25.0, 25.0
-    for _ in range(45):
+    for _ in range(32):  # to 1e-8
         middle = (low + high) / 2
         fine = np.nanmin(smallest_distance(np.exp(middle), KS, hG, F)) > 0
         low, high = (middle, high) if fine else (low, middle)

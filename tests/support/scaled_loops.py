@@ -4,6 +4,7 @@ import control
 import numpy as np
 
 import robust
+from tests.support.responses import response_by_channel
 
 #: (rows, cols, kind) of each block.
 STRUCTURES = (
@@ -40,6 +41,6 @@ def bounds_on_grid(N, blocks):
     near = np.outer(np.abs(poles), np.linspace(0.8, 1.2, 21)).ravel()
     omega = np.unique(np.concatenate([near, np.geomspace(1e-3, 1e3, 200)]))
     omega = omega[omega <= np.pi / N.dt] if N.dt else omega
-    response = N(np.exp(1j * omega * N.dt) if N.dt else 1j * omega)
+    response = response_by_channel(N, omega)
     upper = robust.mu.upper(response, blocks).value.max()
     return upper, robust.mu.lower(response[:, :, ::10], blocks).value.max()

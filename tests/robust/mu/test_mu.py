@@ -12,6 +12,7 @@ from scipy.optimize import linprog, minimize
 import robust
 from robust.mu.scalings import bound_from_scalings
 from tests.support.distillation import BLOCKS, WITH_PERFORMANCE, controller, plant
+from tests.support.responses import response_by_channel
 
 SP_8_5 = np.array([[2, 2], [-1, -1]])[:, :, None]
 
@@ -21,7 +22,7 @@ def random_matrix(rng, shape, W):
 
 
 def along(N, omega):
-    return N(1j * omega, squeeze=False)
+    return response_by_channel(N, omega)
 
 
 def size(blocks):

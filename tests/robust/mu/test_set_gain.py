@@ -9,6 +9,7 @@ import pytest
 import robust
 from benchmarks.bounds import draw_set, try_family, try_set
 from robust.mu.set_gain import bound_set_gain
+from tests.support.responses import response_by_channel
 
 
 def loop_with_S(model, K):
@@ -27,7 +28,7 @@ def test_no_frequency_of_a_dense_grid_has_a_larger_bound(seed):
     poles = system.N.poles()
     near = (np.abs(poles)[:, None] + np.abs(poles.real)[:, None] * np.linspace(-6, 6, 61)).ravel()
     omega = np.concatenate([near[near > 0], np.geomspace(1e-3, 1e4, 60)])
-    dense = robust.mu.worst_gain(system.N(1j * omega, squeeze=False), system.structure).upper.max()
+    dense = robust.mu.worst_gain(response_by_channel(system.N, omega), system.structure).upper.max()
     assert found.is_proved
     assert dense <= found.upper * (1 + 1e-7)
     assert found.upper <= 1.0011 * found.lower
