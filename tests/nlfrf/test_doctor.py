@@ -121,7 +121,7 @@ def test_a_package_of_the_name_that_comes_first_on_the_path(place):
     assert (code, out.splitlines()[-1]) == (1, line)
 
 
-@pytest.mark.attack(every=3)
+@pytest.mark.attack(every=5)
 @pytest.mark.parametrize(
     ("name", "whose"),
     [

@@ -153,33 +153,37 @@ def imports(tree):
     return list(_iterate_imports(tree))
 
 
+def statements(tree, at_import=True):
+    """Yield every statement below a node with whether it runs on import: in no function, and not
+    for a type checker alone.
+    """
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.expr):
+            continue
+        yield node, at_import
+        late = isinstance(node, ast.FunctionDef) or (
+            at_import and isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+        )
+        yield from statements(node, at_import and not late)
+
+
 def _iterate_imports(tree):
-    late = {
-        node
-        for function in ast.walk(tree)
-        if isinstance(function, ast.FunctionDef)
-        for node in ast.walk(function)
-    }
-    blocks = [
-        n for n in ast.walk(tree) if isinstance(n, ast.If) and "TYPE_CHECKING" in ast.dump(n.test)
-    ]
-    typing_only = {node for block in blocks for node in ast.walk(block)}
-    for node in ast.walk(tree):
+    for node, at_import in statements(tree):
         if isinstance(node, ast.Import):
             for alias in node.names:
-                yield alias.name, [], node not in late and node not in typing_only
+                yield alias.name, [], at_import
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, "imports are absolute"
             names = [alias.name for alias in node.names]
             full = [f"{node.module}.{name}" for name in names]
             for module in full:
                 if module in modules():
-                    yield module, [], node not in late and node not in typing_only
+                    yield module, [], at_import
             rest = [
                 name for name, module in zip(names, full, strict=True) if module not in modules()
             ]
             if rest:
-                yield node.module, rest, node not in late and node not in typing_only
+                yield node.module, rest, at_import
 
 
 def is_lazy(tree):

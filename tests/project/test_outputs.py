@@ -262,6 +262,7 @@ def test_two_outputs_take_no_place_of_each_other(files):
     assert "files to write must have different names, got twice.svg twice" in err
 
 
+@pytest.mark.usefixtures("undrawn")  # of the report, which is written twice
 @pytest.mark.parametrize(
     ("command", "written"),
     [

@@ -125,8 +125,8 @@ class Page:
             self.ask("Page.printToPDF", printBackground=True, preferCSSPageSize=True)["data"]
         )
 
-    def screenshot(self, path, width=1300, height=2400):
-        """The page as a person sees it."""
+    def resize(self, width=1300, height=2400):
+        """Give the page the size of a screen."""
         self.ask(
             "Emulation.setDeviceMetricsOverride",
             width=width,
@@ -134,6 +134,10 @@ class Page:
             deviceScaleFactor=1,
             mobile=False,
         )
+
+    def screenshot(self, path, width=1300, height=2400):
+        """The page as a person sees it."""
+        self.resize(width, height)
         path.write_bytes(base64.b64decode(self.ask("Page.captureScreenshot")["data"]))
 
 

@@ -17,7 +17,9 @@ from benchmarks.drawn_files import KINDS, draw
 
 #: Kinds that are drawn often differ more among themselves.
 FILES = [
-    (name, seed) for name, (weight, _) in KINDS.items() for seed in range(2 if weight >= 5 else 1)
+    pytest.param(name, seed, marks=pytest.mark.attack if (name, seed) == ("FRF table", 1) else ())
+    for name, (weight, _) in KINDS.items()
+    for seed in range(2 if weight >= 5 else 1)
 ]
 
 
@@ -80,7 +82,7 @@ def test_a_seed_is_a_file():
     assert one.kind == again.kind
     assert one.file == again.file
     assert np.array_equal(one.run.y, again.run.y)
-    assert len({draw(seed).kind for seed in range(200)}) > 30
+    assert len({draw(seed).kind for seed in range(100)}) > 30
 
 
 def test_the_command_prints_counts_and_writes_one_file(tmp_path, capsys, monkeypatch):

@@ -86,7 +86,7 @@ def test_the_exact_limit_is_reached_by_a_plant_of_the_set():
     of it.
     """
     rng, seen = np.random.default_rng(3), 0
-    while seen < 4:
+    while seen < 2:
         case = above_nyquist(rng, form=str(rng.choice(["multiplicative", "additive"])))
         if not case["stable"]:
             continue
@@ -120,7 +120,7 @@ def test_operators_of_a_proved_set_never_destabilise(form):
     they are proved.
     """
     rng, proved, broken = np.random.default_rng(11), 0, 0
-    while proved < 6:
+    while proved < 4:
         case = sampled_operators(rng, form=form, delayed=False)
         if not case["stable"]:
             continue
@@ -322,7 +322,7 @@ def test_an_inverse_set_is_proved_up_to_its_limit_and_never_above(form, k, delay
     L = k * tf_response(hold_and_delay(G, T, delay), omega)
     S = 1 / (1 + L)
     limit = largest_factor(tf_response, G, gain(1.0), form, T, delay, omega, S, k * S)
-    for share, proved in ((0.99, True), (0.997, True), (1.003, False)):
+    for share, proved in ((0.997, True), (1.003, False)):
         report = check(the_set(G, gain(share * limit), form), K, delay=delay)
         assert report.proofs.robustly_stable == proved
 
@@ -330,10 +330,10 @@ def test_an_inverse_set_is_proved_up_to_its_limit_and_never_above(form, k, delay
 def test_performance_of_an_inverse_set_is_proved_up_to_its_limit_and_never_above():
     """The largest |w_P S_p| by brute force."""
     G, K, T = control.ss(control.tf([1], [1, 1])), gain(6.0, 0.1), 0.1
-    omega = np.linspace(1e-3, np.pi / T, 2000)
+    omega = np.linspace(1e-3, np.pi / T, 1000)
     S = 1 / (1 + 6 * tf_response(hold_and_delay(G, T, 0.03), omega))
     for form, size in (("inverse-multiplicative", 0.3), ("inverse-additive", 2.0)):
-        _, hG, F = alias_terms(tf_response, G, gain(size), form, T, 0.03, omega, 300)
+        _, hG, F = alias_terms(tf_response, G, gain(size), form, T, 0.03, omega, 60)
         worst = np.max(np.abs(S) / smallest_distance(1.0, 6 * S, hG, F))
         for share, proved in ((0.99, True), (1.01, False)):
             report = check(the_set(G, gain(size), form), K, w_P=gain(share / worst), delay=0.03)

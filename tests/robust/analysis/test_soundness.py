@@ -48,7 +48,7 @@ def test_poles_that_are_exact():
         assert (unstable_poles(case["in_loop"], case["K"]) > 0) == case["unstable"]
 
 
-@pytest.mark.attack(every=6)
+@pytest.mark.attack(every=10)
 @pytest.mark.parametrize("block", range(10))
 def test_never_robust_where_brute_force_finds_a_violation_and_robust_at_099(block):
     rng = np.random.default_rng(1000 + block)

@@ -207,7 +207,7 @@ def test_a_browser_shows_it(whole, tmp_path):
             assert height > 100
         # nothing is cut off at the side, on a desk or on a telephone
         for width in (1300, 390):
-            page.screenshot(tmp_path / f"{width}.png", width=width)
+            page.resize(width)
             assert page.run("document.documentElement.scrollWidth <= innerWidth + 1"), width
         # a picture is enlarged by a click, zoomed by keys, and put away
         page.run("document.querySelector('button.zoom').click()")
@@ -336,7 +336,7 @@ def test_the_command_with_a_proof_for_friction(undrawn, tmp_path, monkeypatch, c
 
 
 @pytest.mark.filterwarnings("ignore")  # of the models, which are not looked at
-def test_no_name_of_a_file_becomes_a_part_of_the_page(tmp_path):
+def test_no_name_of_a_file_becomes_a_part_of_the_page(undrawn, tmp_path):
     """Names, units, source and title, all hostile: as many scripts as without, no handler, no
     image.
     """

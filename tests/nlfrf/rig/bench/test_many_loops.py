@@ -45,7 +45,7 @@ def same(these, those):
 
 
 def test_processes_give_the_same_as_threads(here):
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as executor:
         assert same(run_loops(**arguments(), executor=executor), here)
 
 

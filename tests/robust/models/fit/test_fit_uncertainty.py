@@ -62,6 +62,7 @@ def test_standard_deviations_are_those_of_many_fits(dt):
     rng = np.random.default_rng(0)
     exact = fitted(true(), dt=dt).response  # of the model's own kind, so that only scatter is left
     fits = [fitted(exact + noise(rng), dt=dt) for _ in range(120)]
+    truth = fitted(exact, dt=dt)
     for name in ("poles", "zeros"):
         roots = np.array([getattr(fit.uncertainty, name) for fit in fits])
         told = np.sqrt(
@@ -71,7 +72,7 @@ def test_standard_deviations_are_those_of_many_fits(dt):
             np.std(roots, axis=0), told, rtol=0.3
         )  # 120 draws: 4 sigmas are 26 %
         real = getattr(fits[0].uncertainty, name).imag == 0
-        held = np.array([inside(fit, name, fitted(exact, dt=dt)) for fit in fits])
+        held = np.array([inside(fit, name, truth) for fit in fits])
         for these in (real, ~real):  # pairs are one draw: 4 sigmas of 120
             assert not these.any() or abs(held[:, these].mean() - 0.95) < 4 * np.sqrt(
                 0.95 * 0.05 / 120

@@ -153,6 +153,7 @@ def test_more_order_never_costs_more_than_a_little():
         assert np.all(excess[1:] <= best[:-1] + 0.5)
 
 
+@pytest.mark.attack(every=2)
 @pytest.mark.parametrize("dt", [0.0, 1e-4])
 @pytest.mark.parametrize("shape", [*SHAPES, "flat"])
 def test_every_state_of_a_chosen_order_pays(shape, dt):
@@ -203,6 +204,7 @@ def modes(rng, omega, n):
     return radius * np.exp(0.06 * rng.normal(size=omega.size))
 
 
+@pytest.mark.attack(every=3)
 @pytest.mark.parametrize("omega", [OMEGA, LINES], ids=["log", "lines of a special-odd grid"])
 @pytest.mark.parametrize("rng", range(4))
 def test_a_spiky_radius_is_followed_below_three_decibels(omega, rng):

@@ -48,8 +48,8 @@ def holds(proof, part):
     return ALIASES in proof.again(replace(proof.claim, dt=T, parts=(part,))).proved
 
 
-def folded_sum(weight, omega, n=2000):
-    """Brute force: sum over 2 n + 1 aliases of |h_k w(omega_k)|."""
+def folded_sum(weight, omega, n=200):
+    """Brute force: sum over 2 n + 1 aliases of |h_k w(omega_k)|, which fall with k^-4."""
     at = omega[:, None] + 2 * np.pi / T * np.arange(-n, n + 1)
     hold = np.abs(np.sinc(omega * T / 2 / np.pi)[:, None] * omega[:, None] / at)
     return (
