@@ -1,5 +1,6 @@
 """Fits made once: to fit the same measurement again takes seconds and gives the same."""
 
+import inspect
 import pickle
 import warnings
 from functools import wraps
@@ -14,11 +15,13 @@ def made_once(function):
 
     What was made before of the same arguments is taken from memory.
     """
-    made = {}
+    made, signature = {}, inspect.signature(function)
 
     @wraps(function)
     def once(*given, **how):
-        key = sha256(pickle.dumps((given, sorted(how.items())))).digest()
+        asked = signature.bind(*given, **how)
+        asked.apply_defaults()
+        key = sha256(pickle.dumps(sorted(asked.arguments.items()))).digest()
         if key not in made:
             with warnings.catch_warnings(record=True) as seen:
                 warnings.simplefilter("always")

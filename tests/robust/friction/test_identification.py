@@ -46,7 +46,18 @@ from tests.support.linear_axis import frictionless
 THREE = {"stiffness": [1.2e6, 0.6e6, 0.2e6], "strength": [20 / 3] * 3}
 
 
-def levels(rms, *, mass=1.0, spring=80e3, damping=5.0, seed=0, law=None, noise=0.002, n_periods=3):
+def levels(
+    rms,
+    *,
+    mass=1.0,
+    spring=80e3,
+    damping=5.0,
+    seed=0,
+    law=None,
+    noise=0.002,
+    n_periods=3,
+    n_samples=2048,
+):
     """Records of a machine at several levels, with noise on the position."""
     rng = np.random.default_rng(seed)
     law = law or nlfrf.friction.VaryingSliders(
@@ -56,7 +67,8 @@ def levels(rms, *, mass=1.0, spring=80e3, damping=5.0, seed=0, law=None, noise=0
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         for i, level in enumerate(rms):
-            grid = {"fs": 1024, "n_samples": 2048, "f_min": 2, "f_max": 200, "rng": 10 * seed + i}
+            grid = {"fs": 1024, "n_samples": n_samples, "f_min": 2, "f_max": 200}
+            grid["rng"] = 10 * seed + i
             ms = nlfrf.multisine("special-odd", rms=level, **grid)
             record = nlfrf.simulate(rig, ms, n_periods=n_periods, n_discard=4, oversampling=8)
             y = record.y + noise * np.std(record.y) * rng.standard_normal(record.y.shape)
@@ -224,7 +236,7 @@ def sprung():
 @pytest.fixture(scope="module")
 def motor():
     """The linear motor preset at rest, in closed loop with delay, lag, an encoder and stiction."""
-    plan = replace(AT_REST["linear motor"], rms=(1, 15, 30, 60), n_samples=4000)
+    plan = replace(AT_REST["linear motor"], rms=(1, 15, 60), n_samples=4000)
     return robust.friction.identify_friction(
         measure_at_rest(nlfrf.servo_axis("linear motor"), plan, 3), free=True
     )
