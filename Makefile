@@ -14,7 +14,7 @@ export PYTHONDONTWRITEBYTECODE :=
 
 help:
 	@echo "make demo           the main job on the built-in rig: files and pictures in demo/"
-	@echo "make test           format, lint, types and the tests: of long statistics a part, of the examples five"
+	@echo "make test           format, lint, types and the tests: of long statistics a part, of the examples four"
 	@echo "make attack         what make test leaves out of the statistics, the random families and the slowest fits"
 	@echo "make docs           every example, guide and reference as pages in build/docs/index.html, and their tests"
 	@echo "make pages          the pages alone, without their tests"

@@ -235,7 +235,6 @@ FIRST = {
         "03_identify_one_record",
         "09_pid_from_the_frf",
     ),
-    "18_proof_with_friction",
 }
 EACH = [pytest.param(name, marks=() if name in FIRST else pytest.mark.docs) for name in names()]
 

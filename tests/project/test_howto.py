@@ -37,6 +37,7 @@ SLOW = {
     "extend",
     "from_matlab",
     "servo_axis",
+    "schedule",
 }
 
 

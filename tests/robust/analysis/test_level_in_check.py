@@ -70,13 +70,15 @@ def test_a_plant_on_its_lines_has_no_level(model):
         robust.check(model, 1.0, signals=LoopSignals(noise=NoiseSignal(0.1, 8.9, 9.1)))
 
 
+@pytest.mark.filterwarnings("ignore:a nominal model of 2 poles does not fit")  # behind its hold
 def test_the_commands_name_signals_too(tmp_path, undrawn, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     bla = nlfrf.identify(record_of(1, 1, 0.1))
-    model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2))
-    K = control.ss([], [], [], [[0.5]], 0.005)
+    model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2, dt=1 / bla.fs))
+    K = control.ss([], [], [], [[0.5]], 1 / bla.fs)
     robust.save(model, "m.json")
     robust.save(K, "K.json")
+    robust.save(plant_set(), "c.json")
     robust.save(0.5, "continuous.json")
 
     def told(command):
@@ -105,7 +107,7 @@ def test_the_commands_name_signals_too(tmp_path, undrawn, monkeypatch, capsys):
     code, _, _ = told("report m.json K.json --disturbance 0.1 -o r.html")
     assert (code, ">level</th>" in (tmp_path / "r.html").read_text(encoding="utf-8")) == (0, True)
     for command, message in (
-        ("check m.json continuous.json --noise 0.1", "noise must have a highest frequency"),
+        ("check c.json continuous.json --noise 0.1", "noise must have a highest frequency"),
         ("check m.json K.json --noise -1", "noise must be zero or positive"),
         ("check m.json K.json --noise 1 --up-to 0", "up-to must be positive"),
     ):

@@ -65,7 +65,7 @@ def test_the_worst_plant_of_a_sampled_set_puts_every_alias_in_phase(size, stable
     and it is met.
     """
     w1 = 2 * np.pi * 16
-    nominal = LAG + control.ss(control.tf([0.15 * w1**2], [1, 0.02 * w1, w1**2]))
+    nominal = LAG + control.ss(control.tf([0.45 * w1**2], [1, 0.06 * w1, w1**2]))
     K = control.ss([], [], [], [[0.5]], 0.05)
     set_ = model(nominal=nominal, weight=control.ss([], [], [], [[size]]))
     worst, report = worst_case(set_, K), check(set_, K)
