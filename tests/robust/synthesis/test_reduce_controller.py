@@ -206,7 +206,7 @@ def test_a_plant_of_several_channels_alone():
     assert_words_of_a_plant(found.report)
 
 
-@pytest.mark.attack(every=2)
+@pytest.mark.attack
 @pytest.mark.parametrize("tall", [True, False])
 def test_a_plant_that_is_not_square(tall):
     """The set that a plant alone stands for was one at its inputs, which such a plant cannot

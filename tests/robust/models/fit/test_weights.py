@@ -268,7 +268,7 @@ def test_an_importance_that_is_none_is_refused(importance):
     order=st.one_of(st.none(), st.integers(0, 7)),
     dt=st.sampled_from([0.0, 1e-3]),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_random_radii_are_covered_everywhere(rng, n, scatter, order, dt):
     """Lines at any distance, walks with scatter on them; against a dense grid of our own."""
     rng = np.random.default_rng(rng)
