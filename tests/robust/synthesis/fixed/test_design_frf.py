@@ -121,6 +121,7 @@ def test_every_limit_holds_where_it_was_asked_for():
         M_T=1.2,
         M_u=control.tf([0.02, 20], [0.01, 1]),
         omega_c=(8, 60),
+        n_iterations=10,
     )
     assert design.met, design.reason
     w = np.geomspace(1e-3, 1e4, 5000)
