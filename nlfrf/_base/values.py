@@ -284,7 +284,9 @@ def _plain_int(thing: int, most: float = np.inf) -> Json:
 
 @to_plain.register(float)
 def _plain_float(thing: float, most: float = np.inf) -> Json:
-    return thing if np.isfinite(thing) else None
+    if np.isfinite(thing):
+        return thing
+    return None
 
 
 @to_plain.register(complex)

@@ -135,7 +135,9 @@ class LoopOnLines:
         # between two neighbouring lines without a mode nothing is looked at
         k = np.searchsorted(at, places)
         places = places[np.isin(at[k], modes) | np.isin(at[k - 1], modes)]
-        return found.merge(self.curves_at(places)) if places.size else found
+        if places.size:
+            return found.merge(self.curves_at(places))
+        return found
 
 
 def assemble_on_lines(

@@ -110,7 +110,9 @@ class _SignalLevel:
 
     def beyond_rms(self, name: str) -> float:
         """Return a number of the noise by name; nan for a step."""
-        return float("nan") if self.noise is None else float(getattr(self.noise, name))
+        if self.noise is None:
+            return float("nan")
+        return float(getattr(self.noise, name))
 
 
 @value

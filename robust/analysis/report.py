@@ -144,7 +144,9 @@ class RobustnessReport(Findings):
         """Crossover, phase margin, gain margin and bandwidth of the nominal loop; nan for an
         unstable loop.
         """
-        return self.curves.classical if self.nominally_stable else ClassicalMargins()
+        if self.nominally_stable:
+            return self.curves.classical
+        return ClassicalMargins()
 
     @property
     def better_gain(self) -> str:
@@ -167,7 +169,9 @@ class RobustnessReport(Findings):
         """The text of `thin_margins`, followed by a remedy."""
         thin = self.thin_margins
         cure = thin and self.curves.cure_of_peak
-        return f"{thin}. To lower |S|: {cure}" if cure else thin
+        if cure:
+            return f"{thin}. To lower |S|: {cure}"
+        return thin
 
     @property
     def performance(self) -> Demand | None:

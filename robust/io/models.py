@@ -119,7 +119,9 @@ def _encode_frf(frf: control.FrequencyResponseData) -> JsonObject:
 
 
 def _encode_clock(system: control.StateSpace | control.FrequencyResponseData) -> float | None:
-    return None if system.dt is None else float(system.dt)
+    if system.dt is None:
+        return None
+    return float(system.dt)
 
 
 def decode_system(content: JsonObject) -> control.StateSpace | control.FrequencyResponseData:

@@ -144,7 +144,9 @@ class _Task(NamedTuple):
     @property
     def begin(self) -> ArrayLike:
         """Initial position and velocity."""
-        return (0.0, 0.0) if self.initial is None else self.initial
+        if self.initial is None:
+            return (0.0, 0.0)
+        return self.initial
 
     def require_samples(self) -> ArrayLike:
         """Return the signal; refuse named set points."""

@@ -229,7 +229,9 @@ class _Readings:
 
     @property
     def _finest(self) -> float:
-        return COARSE if self.two else FINE
+        if self.two:
+            return COARSE
+        return FINE
 
 
 def _search_machine(

@@ -190,7 +190,9 @@ class _ScalarDelta:
 
     @property
     def shaping(self) -> control.StateSpace:
-        return in_series(*self.scaling) if self.scaling else state_space("shaping", 1.0)
+        if self.scaling:
+            return in_series(*self.scaling)
+        return state_space("shaping", 1.0)
 
     def radius_shape(self, n_lines: int) -> tuple[int, ...]:
         return (n_lines,)
@@ -232,7 +234,9 @@ class _ScalarDelta:
     def counted_roots(self, plant: control.StateSpace) -> int:
         row = self._block_row
         # for coprime factors the number of roots is no condition
-        return 0 if row is None else right_roots(plant, inverse=row.inverse)
+        if row is None:
+            return 0
+        return right_roots(plant, inverse=row.inverse)
 
     def deviations(
         self, G: control.StateSpace, plant: control.StateSpace, omega: np.ndarray

@@ -166,11 +166,11 @@ def _regular_outside(plant: Plant, below: int, above: int) -> list[Plant]:
         problem = map_region(plant, -a, -b)
     if hidden_mode(problem):
         return []
-    lacking = (
-        (_REGULARISATIONS[0] * 10.0**-below, _REGULARISATIONS[1])
-        if problem.region
-        else (10.0**-below,)
-    )
+    lacking: tuple[float, ...]
+    if problem.region:
+        lacking = (_REGULARISATIONS[0] * 10.0**-below, _REGULARISATIONS[1])
+    else:
+        lacking = (10.0**-below,)
     sizes = (0.0,) if all(has_full_ranks(problem)) else lacking
     regular = [normalise_plant(regularise_plant(problem, size)) for size in sizes]
     return [
