@@ -3,6 +3,7 @@ packages late.
 """
 
 import ast
+import json
 import subprocess
 import sys
 from functools import cache
@@ -426,6 +427,16 @@ def test_the_library_never_prints():
                 if isinstance(n, ast.Call) and getattr(n.func, "id", "") == "print"
             ]
             assert not calls, f"{name} prints"
+
+
+@pytest.mark.parametrize("schema", ["robust-model", "robust-matrix-model"])
+def test_a_schema_has_every_form(schema):
+    """A form that it lacks is saved, and its file is not loaded."""
+    from robust.models.sets.forms import FORMS, MATRIX_FORMS
+
+    wanted = {"robust-model": FORMS, "robust-matrix-model": MATRIX_FORMS}[schema]
+    text = (ROOT / "robust" / f"{schema}.schema.json").read_text(encoding="utf-8")
+    assert set(json.loads(text)["properties"]["form"]["enum"]) == set(wanted)
 
 
 def test_forms_are_named_in_one_module():
