@@ -15,7 +15,7 @@ from nlfrf._base.arguments import (
 from nlfrf._base.values import value
 from robust._base.types import AnySystem
 from robust.lti.connections import closed_loop
-from robust.lti.grids import NO_PEAK, Peak, mode_lines, structure_grid
+from robust.lti.grids import BELOW_NYQUIST, NO_PEAK, Peak, mode_lines, structure_grid
 from robust.lti.lti import poles, response, timebase, to_s_plane, zeros
 from robust.lti.realisation import state_space
 from robust.pages.section import Fact
@@ -26,11 +26,10 @@ _BETWEEN = 8  # subdivisions between two frequencies of the grid of a system
 USUAL_PEAK = 2.0
 #: Phase margin [deg] below which a loop is close to instability (SP 2.4.3).
 USUAL_PHASE_MARGIN = 30.0
-# The first or last value of a loop gain counts as a negative number if |Im L / Re L| is below the
-# first number there and in one of two cases. It is below the second number, relative to the next
-# value (just below Nyquist). Or it is proportional to the distance from zero or infinite frequency
-# within the third, relative, and the slope of |L| is below the fourth. The next value is that at the
-# last number from the end [log], or farther.
+# When the first or the last value of a loop gain counts as a negative number. The next value is at
+# least _APART away [log]. |Im L / Re L| at the end must be below _NEARLY_REAL, and one of two: it is
+# _SMALLER times that of the next value (just below Nyquist); or it is _PROPORTIONAL to the distance
+# from zero or infinite frequency [relative error], and the slope of |L| is below _FLAT.
 _NEARLY_REAL, _SMALLER, _PROPORTIONAL, _FLAT, _APART = 0.05, 0.1, 0.1, 0.05, 1e-4
 # Rounds in which the intervals with a crossing are divided, and parts of each interval.
 _N_DIVISIONS, _PARTS = 4, 16
@@ -225,9 +224,9 @@ def classical_margins(
     )
     real = [_zero_crossings(x, phase - (2 * n + 1) * np.pi) for n in turns]
     # at zero, infinite or the Nyquist frequency the phase ends, and crosses nothing
-    real += [x[:1]] * _tends_to_negative_number(x, L) + [x[-1:]] * _tends_to_negative_number(
-        -x[::-1], L[::-1]
-    )
+    for end, inwards, values in ((x[:1], x, L), (x[-1:], -x[::-1], L[::-1])):
+        if _tends_to_negative_number(inwards, values):
+            real.append(end)
     at = np.unique(np.concatenate([np.zeros(0), *real]))
     factor = np.exp(-np.interp(at, x, size))
     found = replace(
@@ -249,30 +248,37 @@ def _tends_to_negative_number(x: np.ndarray, L: np.ndarray) -> bool:
     k = int(np.searchsorted(x, x[0] + _APART))
     if L[0].real >= 0 or k == x.size:
         return False
-    aside = [one.imag / one.real if one.real else np.inf for one in (L[0], L[k])]
-    proportional = aside[0] * np.exp(x[k] - x[0])
-    tends = abs(aside[1] - proportional) <= _PROPORTIONAL * abs(proportional) and abs(
-        np.log(np.abs(L[k] / L[0]))
-    ) < _FLAT * (x[k] - x[0])
-    return bool(
-        abs(aside[0]) < _NEARLY_REAL and (tends or abs(aside[0]) < _SMALLER * abs(aside[1]))
-    )
+    # Im L / Re L at the end and at the next value
+    end, next_ = (one.imag / one.real if one.real else np.inf for one in (L[0], L[k]))
+    expected = end * np.exp(x[k] - x[0])
+    is_proportional = abs(next_ - expected) <= _PROPORTIONAL * abs(expected)
+    is_flat = abs(np.log(np.abs(L[k] / L[0]))) < _FLAT * (x[k] - x[0])
+    falls = abs(end) < _SMALLER * abs(next_)
+    return bool(abs(end) < _NEARLY_REAL and (falls or (is_proportional and is_flat)))
 
 
 def frequencies_of_crossings(
-    loop_gain: Callable[[np.ndarray], np.ndarray], omega: np.ndarray, roots: np.ndarray
+    loop_gain: Callable[[np.ndarray], np.ndarray],
+    omega: np.ndarray,
+    L: np.ndarray,
+    *,
+    roots: np.ndarray,
 ) -> np.ndarray:
     """Return frequencies [rad/s] close to each side of every crossover of a loop gain, of every
     crossing of the negative real axis and of |S| = 1/sqrt(2), so that `classical_margins` may
     interpolate between them.
 
-    Beside a light mode a grid in the logarithm of frequency is too coarse: |L| falls with the
-    distance from the mode. `roots` : poles and zeros of the loop in the s plane.
+    Near a light mode a grid in the logarithm of frequency is too coarse: |L| falls with the
+    distance from the mode.
+
+    L : (W,) loop gain on the grid omega (W,).
+    roots : poles and zeros of the loop in the s plane.
     """
-    at = np.union1d(omega, mode_lines(roots, (float(omega[0]), float(omega[-1]))))
+    modes = np.setdiff1d(mode_lines(roots, (float(omega[0]), float(omega[-1]))), omega)
+    at, L = np.concatenate([omega, modes]), np.concatenate([L, loop_gain(modes)])
+    at, L = at[np.argsort(at)], L[np.argsort(at)]
     found, parts = np.zeros(0), np.linspace(0, 1, _PARTS + 1)
-    for _ in range(_N_DIVISIONS):
-        L = loop_gain(at)
+    for left in reversed(range(_N_DIVISIONS)):
         known = np.isfinite(L) & (L != 0)
         at, L = at[known], L[known]
         above, reached = np.abs(L) > 1, np.abs(1 + L) < np.sqrt(2)
@@ -282,7 +288,9 @@ def frequencies_of_crossings(
             | (np.abs(np.diff(np.angle(L))) > np.pi)
         )
         found = np.union1d(at[k], at[k + 1])
-        at = np.unique(at[k, None] * (at[k + 1] / at[k])[:, None] ** parts)
+        if left:
+            at = np.unique(at[k, None] * (at[k + 1] / at[k])[:, None] ** parts)
+            L = loop_gain(at)
     return found
 
 
@@ -310,11 +318,12 @@ def _loop_gain_of(L: object) -> tuple[np.ndarray, np.ndarray]:
         np.interp(np.arange(0, grid.size - 1 + 1e-9, 1 / _BETWEEN), np.arange(grid.size), grid)
     )
     if dt:
-        omega = np.unique(np.minimum(omega, np.pi / dt * (1 - 1e-9)))
+        omega = np.unique(np.minimum(omega, np.pi / dt * BELOW_NYQUIST))
     roots = to_s_plane(np.concatenate([poles(system), zeros(system), poles(closed)]), dt)
-    omega = np.union1d(
-        omega, frequencies_of_crossings(lambda at: response(system, at), omega, roots)
+    crossings = frequencies_of_crossings(
+        lambda at: response(system, at), omega, response(system, omega), roots=roots
     )
+    omega = np.union1d(omega, crossings)
     return omega, response(system, omega)
 
 

@@ -53,8 +53,8 @@ def judge_exact(loop: Loop, effort: Effort) -> Findings:
             band=loop.band,
         )
     places = np.array([peak.omega for peak in peaks if peak is not None])
-    places = np.concatenate([places, crossings_of(loop, omega)])
     curves = curves.merge(loop.curves(places)).in_band(omega[0], omega[-1])
+    curves = curves.merge(loop.curves(crossings_of(loop, curves)))
     proofs = prove_set_by(loop, curves, margins.largest_rs, effort)
     folding = _rs_breakdown_at_peak(loop, margins)
     if (

@@ -129,7 +129,10 @@ class LoopOnLines:
             band=(at[0], at[-1]),
         )
         crossings = frequencies_of_crossings(
-            lambda omega: self.curves_at(omega).loop_gain, at, np.zeros(0)
+            lambda omega: self.curves_at(omega).loop_gain,
+            at,
+            found.loop_gain,
+            roots=np.zeros(0),  # `at` has the modes
         )
         places = np.setdiff1d(np.concatenate([[peak.omega for peak in peaks], crossings]), at)
         # between two neighbouring lines without a mode nothing is looked at

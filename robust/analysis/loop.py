@@ -273,7 +273,7 @@ class Loop:
         return find_peak(curve, omega, band=band, top=self.omega_max)
 
 
-def crossings_of(loop: Loop, omega: np.ndarray) -> np.ndarray:
+def crossings_of(loop: Loop, curves: Curves) -> np.ndarray:
     """Return frequencies [rad/s] close to each side of every crossing of the nominal loop gain that
     a classical margin is read from, as `frequencies_of_crossings`.
     """
@@ -281,7 +281,10 @@ def crossings_of(loop: Loop, omega: np.ndarray) -> np.ndarray:
     for part in (loop.G, loop.K):
         roots.append(to_s_plane(np.concatenate([poles(part), zeros(part)]), loop.dt))
     return frequencies_of_crossings(
-        lambda at: loop.plant_response(at) * loop.responders["K"](at), omega, np.concatenate(roots)
+        lambda at: loop.plant_response(at) * loop.responders["K"](at),
+        curves.omega,
+        curves.loop_gain,
+        roots=np.concatenate(roots),
     )
 
 

@@ -11,7 +11,7 @@ from nlfrf._base.arguments import (
 from nlfrf._base.values import value
 from robust._base.types import Controller
 from robust.lti.connections import lower_lft
-from robust.lti.grids import structure_grid
+from robust.lti.grids import BELOW_NYQUIST, structure_grid
 from robust.lti.lti import (
     is_stable,
     response_by_channel,
@@ -124,7 +124,7 @@ def loop_gains(G: Controller, K: Controller, *, omega: np.ndarray | None = None)
         lines = require_real_array("omega", omega, ndim=1)
     at = np.union1d(structure_grid(closed)[1:], lines)
     if timebase(closed):
-        at = at[at * timebase(closed) < np.pi * (1 - 1e-9)]
+        at = at[at * timebase(closed) < np.pi * BELOW_NYQUIST]
     plant, controller = (np.moveaxis(response_by_channel(part, at), 2, 0) for part in (G, K))
     L = plant @ controller
     S = np.linalg.inv(one + L)

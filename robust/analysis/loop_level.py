@@ -463,7 +463,7 @@ def _squared_gains(curves: Curves, form: str, name: str) -> np.ndarray:
 
 def encoder_noise(loop: Loop) -> float:
     """Return the rms of u over the step of an encoder that rounds y [unit of u over y]; nan for a
-    continuous loop and for a loop beside the stability boundary.
+    continuous loop and for a loop near the stability boundary.
 
     While y moves over many steps, rounding is white noise of rms step / sqrt(12) (Widrow & Kollár,
     *Quantization Noise*, 2008), filtered by K S. The Gramian of a sampled loop is that of its
@@ -485,7 +485,7 @@ def encoder_noise(loop: Loop) -> float:
             X = np.zeros((0, 0))
     power = float((system.C @ X @ system.C.T + system.D @ system.D.T)[0, 0])
     if not power >= 0:
-        return float("nan")  # beside the boundary rounding is larger than the Gramian
+        return float("nan")  # near the boundary rounding is larger than the Gramian
     return float(np.sqrt(power / 12))
 
 

@@ -23,8 +23,9 @@ _NEARLY, _MOST_MAXIMA = 0.9, 40
 #: Distance of the first point from the peak of a mode in half-widths; points a decade; least
 #: half-width [relative].
 _FROM_PEAK, _A_DECADE, _NARROWEST = 0.1, 8, 1e-12
-#: Last frequency of a sampled loop over Nyquist, where a response has no more than its real part.
-_BELOW_NYQUIST = 1 - 1e-9
+#: Last frequency of the grid of a sampled loop, relative to Nyquist: the response there is real
+#: within about 1e-9.
+BELOW_NYQUIST = 1 - 1e-9
 #: Number of refinements of the brackets of maxima, each to a fourth or less.
 _N_ZOOMS = 5
 
@@ -48,7 +49,7 @@ def loop_grid(
     """
     if dt:
         top = np.pi / dt
-        ends = [top * _BELOW_NYQUIST]
+        ends = [top * BELOW_NYQUIST]
     else:
         top, ends = np.inf, []
     roots = [to_s_plane(loop_poles, dt)]
@@ -82,7 +83,7 @@ def loop_grid(
     omega = np.concatenate(
         [omega[(omega >= low) & (omega <= high)], np.outer(far, _MODE_OFFSETS).ravel(), ends]
     )
-    return np.unique(omega[(omega > 1e-150) & (omega <= min(1e150, top * _BELOW_NYQUIST))])
+    return np.unique(omega[(omega > 1e-150) & (omega <= min(1e150, top * BELOW_NYQUIST))])
 
 
 def structure_grid(N: control.StateSpace) -> np.ndarray:

@@ -172,7 +172,7 @@ class _IntervalSearch:
         A = search.matrices[0]
         sizes = [1 if kind == "full" else rows for rows, _, kind in blocks]
         with warnings.catch_warnings():
-            # beside the boundary it may prove nothing: exact arithmetic decides
+            # near the boundary it may prove nothing: exact arithmetic decides
             warnings.simplefilter("ignore", RuntimeWarning)
             stability = solve_continuous_lyapunov(A.T, -np.eye(len(A)))
         none, *nothing = (ComplexMatrix.of(np.zeros((size, size))) for size in (len(A), *sizes))

@@ -168,17 +168,19 @@ def fit_matrix(
         )
 
     ratio, p_value = judge(model, tau)
+    unlikelihood = ratio * measured.size
     if p_value < UNLIKELY_COST:
-        found = _fit_with_class_error(sought, model, tau, free=estimated and not dt)
-        # the descent may have ended in a minimum that is not the lowest: the class is then right
-        again = sought.fit_behind_delays(found[2], found[1])[0]
-        again_ratio, again_p = judge(again, found[2])
-        if again_p < UNLIKELY_COST:
-            sought, model, tau, unlikelihood = found
+        wider, likeliest, delays, negative_log = _fit_with_class_error(
+            sought, model, tau, free=estimated and not dt
+        )
+        # the descent may have ended in a minimum that is not the lowest: a second one starts here
+        again = sought.fit_behind_delays(delays, likeliest)[0]
+        ratio, probability = judge(again, delays)
+        p_value = max(p_value, probability)
+        if p_value < UNLIKELY_COST:
+            sought, model, tau, unlikelihood = wider, likeliest, delays, negative_log
         else:
-            model, tau, ratio, p_value = again, found[2], again_ratio, again_p
-    if p_value >= UNLIKELY_COST or np.isnan(p_value):
-        unlikelihood = ratio * measured.size
+            model, tau, unlikelihood = again, delays, ratio * measured.size
     residual = np.moveaxis(sought.error(model, tau), 0, 2)
     whitened = replace(sought.metric, epsilon=0.0).whiten(sought.error(model, tau))
     G = with_names(model.state_space(), frm.inputs, frm.outputs)

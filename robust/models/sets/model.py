@@ -118,7 +118,7 @@ from robust.models.sets.records import (
 )
 
 _SET_TOLERANCE = 1e-6  # relative excess over the radius that still counts as inside
-_BESIDE = 1e-9  # relative step away from a line on which plant and nominal are infinite
+_NEXT_TO_POLE = 1e-9  # relative step away from a line on which plant and nominal are infinite
 _MAX_TRIALS = (
     20  # draws for each plant that is wanted: rounding may take a realisation out of its set
 )
@@ -594,9 +594,9 @@ class UncertaintyModel:
         omega, G, nominal = self._responses(plant, self.omega)
         poles = ~np.isfinite(G + nominal).reshape(omega.size, -1).all(axis=1)
         if poles.any() and not isinstance(plant, control.FrequencyResponseData):
-            # both are infinite at an undamped pole of both: the distance is that beside it
-            beside = np.where(poles, (1 + _BESIDE) * omega, omega)
-            omega, G, nominal = self._responses(plant, beside)
+            # at an undamped pole of both, both are infinite; their distance is continuous there
+            near = np.where(poles, (1 + _NEXT_TO_POLE) * omega, omega)
+            omega, G, nominal = self._responses(plant, near)
         return self.normalized_distance(omega, G, nominal)
 
     def _responses(

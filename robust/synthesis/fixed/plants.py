@@ -14,7 +14,7 @@ from nlfrf._base.arguments import format_hertz
 from nlfrf._base.values import value
 from robust._base.types import AnySystem
 from robust.analysis.loop import Loop, assemble_loop
-from robust.lti.grids import controller_mode_lines, interpolate_frf, plant_features
+from robust.lti.grids import BELOW_NYQUIST, controller_mode_lines, interpolate_frf, plant_features
 from robust.lti.low_frequency import Reading, radius_below, read_below
 from robust.lti.lti import response
 from robust.lti.realisation import state_space
@@ -253,7 +253,7 @@ def _modelled_lines(
     omega = _design_grid(loop, plant.omega, extra=extra, weights=weights, K=K)
     band = float(omega[0]), float(omega[-1])
     above = np.geomspace(1, _FAR, _N_FAR)[1:] * band[1]
-    omega = np.concatenate([omega, above[above < loop.omega_max * (1 - 1e-9)]])
+    omega = np.concatenate([omega, above[above < loop.omega_max * BELOW_NYQUIST]])
     G = loop.plant_response(omega)
     # a line on an undamped mode has no response
     omega = omega[np.isfinite(G)]
@@ -369,7 +369,7 @@ def _design_grid(
         grids.append(replace(loop, w_P=w).grid(lines) if w is None or w.nstates else np.zeros(0))
     grids += [replace(loop, K=one).grid(lines) for one in K]
     omega = np.unique(np.concatenate(grids))
-    omega = omega[(omega > 0) & (omega < loop.omega_max * (1 - 1e-9))]
+    omega = omega[(omega > 0) & (omega < loop.omega_max * BELOW_NYQUIST)]
     distinct = np.concatenate([[True], np.diff(np.log(omega)) > _DISTINCT])
     return omega[distinct | np.isin(omega, extra)]
 
