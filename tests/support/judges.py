@@ -210,7 +210,7 @@ def one_channel(loop) -> bool:
 
 
 def rational(loop) -> bool:
-    """Whether it is a state space as it stands: no delay beside it, no aliases."""
+    """Whether it is a state space as it stands: no separate delay, no aliases."""
     return isinstance(loop, Loop) and loop.kind != "sampled" and not loop.delay
 
 

@@ -82,7 +82,7 @@ class Loop:
 
     @property
     def rounds(self) -> bool:
-        """Whether G and K joined in doubles have another pole than the loop: beside z = 1."""
+        """Whether G and K joined in doubles have another pole than the loop: near z = 1."""
         return self.dt > 0 and self.stable and np.abs(self.poles).max() > 1 - 1e-12
 
     def grown(self, factor: float) -> Loop:
@@ -231,7 +231,7 @@ def _margin(loop: Loop) -> float:
     """The factor on the set at which it is just not stable."""
     if loop.kind != "sampled" or "inverse" not in loop.form:
         return 1 / _largest(lambda at: loop.curve("rs", at), loop.omega)[0]
-    omega = loop.omega[loop.curve("S", loop.omega) != 0]  # beside the poles of the plant
+    omega = loop.omega[loop.curve("S", loop.omega) != 0]  # away from the poles of the plant
     S, K = loop.curve("S", omega), tf_response(control.ss(loop.K), omega)
     G, w = control.ss(loop.G), control.ss(loop.weight)
     of = (loop.form, loop.dt, loop.delay, omega, S, K * S)
@@ -332,7 +332,7 @@ def with_mode_above_nyquist():
     return Loop(G, tf(0.5, dt=0.05), tf(0.2), tolerance=2e-3)
 
 
-# ---- Closed loops on the stability boundary, beside it, and unstable where the response looks fine.
+# ---- Closed loops on the stability boundary, close to it, and unstable where the response looks fine.
 
 
 ON_THE_BOUNDARY = Truth(stable=False, words="on the stability boundary or beyond it")
@@ -352,7 +352,7 @@ def beside_the_boundary(dt, inside):
 
 
 def oscillator(damping):
-    """The plant alone, its mode on the axis or beside it."""
+    """The plant alone, its mode on the axis or next to it."""
     G = control.ss([[0.0, 1.0], [-1.0, -damping]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
     known = Truth(stable=True) if damping else ON_THE_BOUNDARY
     return Loop(G, tf(0.0), tf(1e-17), stable=known.stable, known=known)
@@ -536,7 +536,7 @@ def turned(rng, A, B, C):
 
 
 def slow_pole(seed, share=1.0):
-    """s + a - r1 d1 - r2 d2 - ..., with a = r1 + r2 + ..., beside faster modes: all parameters at
+    """s + a - r1 d1 - r2 d2 - ..., with a = r1 + r2 + ..., with faster modes: all parameters at
     one put s = 0.
     """
     rng = np.random.default_rng(seed)

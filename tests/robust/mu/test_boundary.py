@@ -1,4 +1,4 @@
-"""A bound of mu beside one."""
+"""A bound of mu close to one."""
 
 import control
 

@@ -254,7 +254,7 @@ def test_a_gain_margin_may_stand_where_the_frequencies_end(L, gain, reduction):
 
 
 def beside_a_light_mode(seed):
-    """A loop with an integrator and two light modes with zeros beside them; None if it is
+    """A loop with an integrator and two light modes with zeros near them; None if it is
     unstable.
     """
     rng = np.random.default_rng(seed)
@@ -273,7 +273,7 @@ def unstable_poles(L, gain):
 
 def test_a_gain_margin_beside_a_light_mode():
     """A pole crosses the axis at the gain margin: said to be 27 dB where it is 21 dB, between two
-    points of the grid beside the mode.
+    points of the grid near the mode.
     """
     seen = 0
     for seed in range(60):

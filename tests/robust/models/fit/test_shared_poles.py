@@ -228,7 +228,7 @@ def test_refusals():
 
 def test_a_descent_into_another_minimum_is_no_error_of_the_class():
     """A linear plant of the class with noise of 0.2 %: of seed 0 the first descent ends at a cost
-    of 1e5 times the expected one, and the fit had p = 0 beside a cost below it.
+    of 1e5 times the expected one, and the fit had p = 0 with a cost below it.
     """
     ms = nlfrf.multisine("random-odd", fs=256, n_samples=512, f_min=1, f_max=60, n_inputs=2, rng=1)
     line, u = np.fft.rfftfreq(512, 1 / 256), np.repeat(ms.u[:, :, None], 2, axis=2)

@@ -150,7 +150,7 @@ def test_systems_of_several_channels_beside_frfs_are_held_between_their_lines():
 
 
 @pytest.mark.parametrize("form", ["multiplicative", "additive", "inverse-multiplicative"])
-def test_a_line_on_an_undamped_pole_of_the_nominal_is_compared_beside_it(form):
+def test_a_line_on_an_undamped_pole_of_the_nominal_is_compared_next_to_it(form):
     """G_p = 1.01 G and G are infinite at 1 rad/s; their ratio is not."""
     G, omega = control.tf([1.0], [1.0, 0.0, 1.0]), np.array([0.5, 1.0, 2.0])
     model = robust.UncertaintyModel(
